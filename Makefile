@@ -1,0 +1,33 @@
+# Every target sets up what it needs: Python 3.12 and apt are all the machine must have.
+.PHONY: setup demo test faults bench report lint lock clean
+PYTHON := .venv/bin/python
+
+help:
+	@echo "make demo | test | faults | bench | report | lint | setup | lock | clean"
+
+setup:
+	@tools/setup.sh
+
+demo: setup
+	@$(PYTHON) -m pam_sim.demo
+
+test: setup
+	@tools/test.sh
+
+faults: setup
+	@$(PYTHON) -m pam_sim.fault_campaign
+
+bench: setup
+	@for file in benchmarks/*_bench.py; do $(PYTHON) $$file || exit 1; done
+
+report: setup
+	@$(PYTHON) -m pam_gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report
+
+lint: setup
+	@tools/lint.sh
+
+lock: setup
+	@tools/lock.sh
+
+clean:
+	rm -rf .venv .cache out build install log htmlcov .coverage*

@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# Rewrites requirements.lock from requirements.in: all versions, all hashes, no index address.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+.venv/bin/pip-compile --quiet --generate-hashes --allow-unsafe --no-strip-extras --no-header \
+  --no-emit-index-url --no-emit-find-links --no-emit-trusted-host \
+  --output-file requirements.lock requirements.in "$@"

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# The whole test suite: style, types, unit, property and process tests, then the SocketCAN tests on vcan.
+# Runs everything even when a part fails; the last line has the totals.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
+out=out/test
+rm -rf "$out"
+mkdir -p "$out"
+failed=()
+
+tools/lint.sh || failed+=("lint")
+
+.venv/bin/python -m pytest -q -m "not vcan" --durations=10 --junitxml="$out/bus-free.xml" \
+  --cov --cov-report=term:skip-covered --cov-report=html:"$out/coverage" || failed+=("tests")
+
+# only the files that have such tests: an emulated processor takes minutes to read the others
+mapfile -t vcan_files < <(grep -rlw vcan tests --include='test_*.py')
+tools/with_vcan.sh "$out" .venv/bin/python -m pytest -v -m vcan -p no:cacheprovider \
+  --durations=10 --junitxml="$out/vcan.xml" "${vcan_files[@]}" || failed+=("vcan tests")
+
+.venv/bin/python tools/test_totals.py "$out"/bus-free.xml "$out"/vcan.xml || failed+=("totals")
+if ((${#failed[@]})); then
+  echo "make test: FAILED in: ${failed[*]}" >&2
+  exit 1
+fi
