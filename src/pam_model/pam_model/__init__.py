@@ -1,0 +1,1 @@
+"""Pneumatic muscle models, gas, joints, the rig file and a node."""

@@ -1,0 +1,1 @@
+"""Muscles that bend instead of changing length: one file per model."""

@@ -1,0 +1,192 @@
+"""What the models of a braided cylinder share: thread geometry, and force from volume.
+
+Source: equations (2), (5), (6), (23) of "A Review of Design and Modeling of Pneumatic Artificial
+Muscle"; forces from virtual work, F = -P dV/dL; trapped gas from P_abs (V + dead)^exponent.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pam_model.errors import DomainError
+
+NEUTRAL_ANGLE = math.acos(1.0 / math.sqrt(3.0))
+"""Thread angle at which an ideal braid neither contracts nor extends, 54.7356 degrees [rad]."""
+
+
+def diameter_at_90_degrees(thread_length: float, turns: float) -> float:
+    """D90 = b/(n pi): the diameter at a thread angle of 90 degrees [m]."""
+    return thread_length / (turns * math.pi)
+
+
+def thread_angle(thread_length: float, length: Any) -> Any:
+    """Angle between thread and axis, arccos(L/b) [rad], for lengths in [m]."""
+    if isinstance(length, float):
+        return math.acos(length / thread_length)
+    return np.arccos(np.asarray(length) / thread_length)
+
+
+def braid_diameter(thread_length: float, turns: float, length: Any) -> Any:
+    """(23): D = sqrt(b^2 - L^2)/(n pi) [m], for lengths in [m]."""
+    square = thread_length * thread_length - length * length
+    if isinstance(square, float):
+        return math.sqrt(square) / (turns * math.pi)
+    return np.sqrt(square) / (turns * math.pi)
+
+
+def require_positive(**quantities: float) -> None:
+    """Check constants that must be finite and above zero.
+
+    Raises
+    ------
+    DomainError
+        Naming the first that is not.
+    """
+    for quantity, value in quantities.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise DomainError(f"{quantity} = {value:g} must be above 0")
+
+
+def require_length(length: Any, low: float, high: float, reason: str) -> None:
+    """Check that all lengths lie in (low, high] [m].
+
+    Raises
+    ------
+    DomainError
+        Naming the bounds, and `reason` for the upper one.
+    """
+    if isinstance(length, float):
+        if low < length <= high:
+            return
+        worst = length
+    else:
+        lengths = np.asarray(length, dtype=float)
+        outside = lengths[~((lengths > low) & (lengths <= high))]
+        if outside.size == 0:
+            return
+        worst = float(outside.flat[0])
+    raise DomainError(f"length {worst:g} m is outside ({low:g}, {high:g}] m, {reason}")
+
+
+def trapped_gas_slope(
+    pressure: Any,
+    volume: Any,
+    volume_slope: Any,
+    *,
+    dead_volume: float,
+    ambient_pressure: float,
+    exponent: float,
+) -> Any:
+    """dP/dL [Pa/m] of a shut chamber: P_abs (V + dead_volume)^exponent stays constant."""
+    return -exponent * (pressure + ambient_pressure) * volume_slope / (volume + dead_volume)
+
+
+class AffineMuscle:
+    """Force, stiffness and closed stiffness of a model with F = pressure * A(L) + B(L).
+
+    A model derived from this offers `coefficients`, `coefficient_slopes`, `volume` and
+    `volume_slope`.
+    """
+
+    name: ClassVar[str]
+
+    def coefficients(self, length: Any) -> tuple[Any, Any]:
+        """A(L) [m^2] and B(L) [N]."""
+        raise NotImplementedError
+
+    def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
+        """dA/dL [m] and dB/dL [N/m]."""
+        raise NotImplementedError
+
+    def volume(self, length: Any) -> Any:
+        """Gas volume [m^3], without the rig's dead volume."""
+        raise NotImplementedError
+
+    def volume_slope(self, length: Any) -> Any:
+        """dV/dL [m^2]."""
+        raise NotImplementedError
+
+    def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
+        """Pull [N] at gauge pressure [Pa] and length [m]; speed plays no part."""
+        scale, passive = self.coefficients(length)
+        return pressure * scale + passive
+
+    def stiffness(self, pressure: Any, length: Any) -> Any:
+        """dF/dL at constant pressure [N/m]."""
+        scale, passive = self.coefficient_slopes(length)
+        return pressure * scale + passive
+
+    def closed_stiffness(
+        self,
+        pressure: Any,
+        length: Any,
+        *,
+        dead_volume: float,
+        ambient_pressure: float,
+        exponent: float,
+    ) -> Any:
+        """dF/dL [N/m] with the gas shut in: constant-pressure stiffness plus A dP/dL."""
+        gas = trapped_gas_slope(
+            pressure,
+            self.volume(length),
+            self.volume_slope(length),
+            dead_volume=dead_volume,
+            ambient_pressure=ambient_pressure,
+            exponent=exponent,
+        )
+        return self.stiffness(pressure, length) + self.coefficients(length)[0] * gas
+
+
+class ThinCylinder(AffineMuscle):
+    """The ideal braid as a volume: V = L (b^2 - L^2)/(4 pi n^2), and the force it does work by.
+
+    Parameters
+    ----------
+    thread_length : float
+        b [m].
+    turns : float
+        n [-].
+
+    Raises
+    ------
+    DomainError
+        For b or n not above zero; by the methods for a length outside (0, b].
+    """
+
+    def __init__(self, thread_length: float, turns: float) -> None:
+        require_positive(thread_length=thread_length, turns=turns)
+        self.thread_length = thread_length
+        self.turns = turns
+        self._square = thread_length * thread_length
+        self._scale = 1.0 / (4.0 * math.pi * turns * turns)
+
+    @property
+    def length_bounds(self) -> tuple[float, float]:
+        """(0, b): a thread cannot be longer than it is [m]."""
+        return 0.0, self.thread_length
+
+    def _check(self, length: Any) -> None:
+        require_length(length, 0.0, self.thread_length, "the thread length")
+
+    def coefficients(self, length: Any) -> tuple[Any, Any]:
+        """A = (3 L^2 - b^2)/(4 pi n^2) [m^2] and B = 0 [N]."""
+        self._check(length)
+        return (3.0 * length * length - self._square) * self._scale, 0.0 * length
+
+    def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
+        """dA/dL = 6 L/(4 pi n^2) [m] and 0 [N/m]."""
+        self._check(length)
+        return 6.0 * length * self._scale, 0.0 * length
+
+    def volume(self, length: Any) -> Any:
+        """(5): V = L (b^2 - L^2)/(4 pi n^2) [m^3]."""
+        self._check(length)
+        return length * (self._square - length * length) * self._scale
+
+    def volume_slope(self, length: Any) -> Any:
+        """dV/dL = (b^2 - 3 L^2)/(4 pi n^2) [m^2]."""
+        self._check(length)
+        return (self._square - 3.0 * length * length) * self._scale

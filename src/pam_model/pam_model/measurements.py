@@ -1,0 +1,298 @@
+"""Measured points of one muscle, and the tables they are read from.
+
+A CSV with a header row and SI units: `pressure` [Pa gauge], `force` [N, pull positive] and either
+`length` [m] or, where only a displacement was measured, `shortening` [m] from an unknown rest
+length. Optional: `velocity` [m/s, lengthening positive], `block` (a number or name for each run
+or cycle: held-out errors leave out one block at a time) and `branch` (a name: rising, falling;
+branches are fitted apart). Rows that start with # are skipped.
+
+Also read: the pressure staircase of a platform on several muscles, a table that begins with
+WEIGHT; see `load_staircase`.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_model.errors import PamError
+
+STANDARD_GRAVITY = 9.80665
+NOMINAL_SPEED = 1e-3
+"""Speed given to a quasi-static branch, so that dry friction knows its direction [m/s]."""
+_STAIRCASE_HEADER = ("WEIGHT", "STEPS", "mb per step", "CYCLES")
+_FIRST_DISPLACEMENT = 4
+_LEAST_PRESSURE = 1e3
+_LARGEST_LENGTH = 10.0
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Measurements:
+    """Points of one muscle; all arrays have one entry per point.
+
+    Attributes
+    ----------
+    name : str
+        Where they are from, for messages and figures.
+    pressure : array
+        Gauge [Pa].
+    position : array
+        Length [m], or shortening from an unknown rest length [m].
+    force : array
+        Pull [N].
+    velocity : array
+        Lengthening speed [m/s].
+    block : array of str
+        Run or cycle; held out one at a time.
+    cluster : array of int
+        Points that share their errors (one moment, one stop), for intervals and the bootstrap.
+    branch : array of str
+        "" or the name of the branch.
+    is_shortening : bool
+        Whether `position` is a shortening.
+    assumptions : tuple of str
+        What was assumed in reading them.
+    """
+
+    name: str
+    pressure: Array
+    position: Array
+    force: Array
+    velocity: Array
+    block: npt.NDArray[np.str_]
+    cluster: npt.NDArray[np.int64]
+    branch: npt.NDArray[np.str_]
+    is_shortening: bool
+    assumptions: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.pressure.size)
+
+    def select(self, mask: npt.NDArray[np.bool_]) -> Measurements:
+        """The points where the mask is true."""
+        return Measurements(
+            self.name,
+            self.pressure[mask],
+            self.position[mask],
+            self.force[mask],
+            self.velocity[mask],
+            self.block[mask],
+            self.cluster[mask],
+            self.branch[mask],
+            self.is_shortening,
+            self.assumptions,
+        )
+
+    def branches(self) -> dict[str, Measurements]:
+        """The points of each branch, in order of first appearance."""
+        names = list(dict.fromkeys(str(b) for b in self.branch))
+        return {name: self.select(self.branch == name) for name in names}
+
+    def with_pressure_blocks(self, number: int) -> Measurements:
+        """The same points with pressure bands as blocks: held out, they test extrapolation.
+
+        Raises
+        ------
+        PamError
+            For fewer different pressures than bands, or fewer than 2 bands.
+        """
+        levels = np.unique(self.pressure)
+        if not 2 <= number <= levels.size:
+            raise PamError(
+                f"{self.name}: {number} pressure bands, expected 2 to {levels.size}, "
+                "the number of different pressures"
+            )
+        bands = np.array_split(levels, number)
+        edges = [float(band[-1]) for band in bands[:-1]]
+        block = np.searchsorted(edges, self.pressure, side="left").astype(np.str_)
+        return Measurements(
+            self.name,
+            self.pressure,
+            self.position,
+            self.force,
+            self.velocity,
+            block,
+            self.cluster,
+            self.branch,
+            self.is_shortening,
+            self.assumptions,
+        )
+
+
+def load_measurements(
+    path: str | Path, *, load_share: int = 6, gravity: float = STANDARD_GRAVITY
+) -> Measurements:
+    """Read either kind of table.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    load_share : int
+        For a staircase: how many muscles carry the weight.
+    gravity : float
+        For a staircase [m/s^2].
+
+    Raises
+    ------
+    PamError
+        For a file that cannot be read or used, naming file, line, column and what was expected;
+        also where all pressures are below 1 kPa or a length is above 10 m: other units.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise PamError(f"{path}: cannot be read: {error}") from error
+    rows = [row for row in csv.reader(text.splitlines()) if not (row and row[0].startswith("#"))]
+    if rows and rows[0] and rows[0][0] == _STAIRCASE_HEADER[0]:
+        return load_staircase(path, rows, load_share=load_share, gravity=gravity)
+    return _load_points(path, rows)
+
+
+def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
+    rows = [row for row in rows if any(cell.strip() for cell in row)]
+    if not rows:
+        raise PamError(f"{path}: empty; expected a header row and points")
+    header = [cell.strip() for cell in rows[0]]
+    position = [name for name in ("length", "shortening") if name in header]
+    missing = [name for name in ("pressure", "force") if name not in header]
+    if missing or len(position) != 1:
+        raise PamError(
+            f"{path}: header has {', '.join(header)}; expected pressure [Pa], force [N] and "
+            "either length [m] or shortening [m], optionally velocity [m/s], block, branch"
+        )
+
+    def column(name: str, default: str | None = None) -> list[str]:
+        if name not in header:
+            assert default is not None
+            return [default] * (len(rows) - 1)
+        at = header.index(name)
+        short = [i for i, row in enumerate(rows[1:], 2) if len(row) <= at]
+        if short:
+            raise PamError(f"{path}: row {short[0]} has no {name}")
+        return [row[at].strip() for row in rows[1:]]
+
+    def numbers(name: str, default: str | None = None) -> Array:
+        values = []
+        for row, cell in enumerate(column(name, default), 2):
+            values.append(_number(cell, f"{path}: row {row}, {name}"))
+        return np.array(values)
+
+    count = len(rows) - 1
+    if not count:
+        raise PamError(f"{path}: has a header row but no points")
+    pressure, place = numbers("pressure"), numbers(position[0])
+    # Other units would give a fit, and a wrong one.
+    if 0.0 < (largest := float(np.max(np.abs(pressure)))) < _LEAST_PRESSURE:
+        raise PamError(
+            f"{path}: largest pressure is {largest:g}; expected Pa gauge (1 bar is 1e5 Pa)"
+        )
+    if (longest := float(np.max(np.abs(place)))) > _LARGEST_LENGTH:
+        raise PamError(f"{path}: largest {position[0]} is {longest:g}; expected m")
+    return Measurements(
+        path.name,
+        pressure,
+        place,
+        numbers("force"),
+        numbers("velocity", "0"),
+        np.array(column("block", "1"), dtype=np.str_),
+        np.arange(count, dtype=np.int64),
+        np.array(column("branch", ""), dtype=np.str_),
+        position[0] == "shortening",
+    )
+
+
+def load_staircase(
+    path: Path, rows: list[list[str]], *, load_share: int, gravity: float
+) -> Measurements:
+    """A platform's weight, then cycle, direction (0 up, 1 down), step, mbar, mm of each muscle.
+
+    Every muscle is a point. The weight is taken as mass [kg] shared evenly and carried along the
+    muscles; the displacement as shortening from a rest length the table does not give.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    rows : list of list of str
+        The table's cells.
+    load_share : int
+        How many muscles carry the weight.
+    gravity : float
+        [m/s^2].
+
+    Raises
+    ------
+    PamError
+        For a table that is not of this kind, or a share or gravity not above 0.
+    """
+    if load_share < 1 or not (math.isfinite(gravity) and gravity > 0.0):
+        raise PamError(f"load share {load_share} and gravity {gravity} m/s^2 must be above 0")
+    head = {row[0]: row[1] for row in rows[:4] if len(row) > 1}
+    for key in _STAIRCASE_HEADER:
+        if key not in head:
+            raise PamError(f"{path}: no line {key}, expected {', '.join(_STAIRCASE_HEADER)}")
+    weight = _number(head["WEIGHT"], f"{path}: WEIGHT")
+    start = next((i for i, row in enumerate(rows) if row and row[0] == "cycle"), None)
+    if start is None:
+        raise PamError(f"{path}: no header line that begins with cycle")
+    header = rows[start]
+    muscles = [i for i, name in enumerate(header) if name.startswith("d") and name[1:].isdigit()]
+    pressure, shortening, rising, block, cluster = [], [], [], [], []
+    stops: dict[tuple[str, str, str], int] = {}
+    for line, row in enumerate(rows[start + 1 :], start + 2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) <= max(muscles, default=_FIRST_DISPLACEMENT):
+            raise PamError(f"{path}: line {line} is short, expected {len(header)} columns")
+        if row[1] not in ("0", "1"):
+            raise PamError(f"{path}: line {line}, dir = {row[1]!r}, expected 0 (up) or 1 (down)")
+        stop = stops.setdefault((row[0], row[1], row[2]), len(stops))
+        for muscle in muscles:
+            where = f"{path}: line {line}, {header[muscle]}"
+            pressure.append(100.0 * _number(row[3], f"{path}: line {line}, pressure"))
+            shortening.append(1e-3 * _number(row[muscle], where))
+            rising.append(row[1] == "0")
+            block.append(f"cycle {row[0]}")
+            cluster.append(stop)
+    if not pressure:
+        raise PamError(f"{path}: no points")
+    up = np.array(rising)
+    force = weight * gravity / load_share
+    return Measurements(
+        path.name,
+        np.array(pressure),
+        np.array(shortening),
+        np.full(len(pressure), force),
+        np.where(up, -NOMINAL_SPEED, NOMINAL_SPEED),
+        np.array(block, dtype=np.str_),
+        np.array(cluster, dtype=np.int64),
+        np.where(up, "pressure rising", "pressure falling"),
+        True,
+        (
+            f"WEIGHT {weight:g} is kg, shared evenly by {load_share} muscles and carried along "
+            f"them: {force:.1f} N each (a fitted diameter grows with the root of this)",
+            "displacement is shortening from the rest length, in mm, and cannot fall below 0 "
+            "(the platform rests on its stop)",
+            f"each stop was reached at {1e3 * NOMINAL_SPEED:g} mm/s in the direction of its branch",
+            "muscle geometry is not in the table: rest length, braid angle and diameter are fitted",
+        ),
+    )
+
+
+def _number(cell: str, where: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        raise PamError(f"{where} = {cell!r} is not a number") from None
+    if not math.isfinite(value):
+        raise PamError(f"{where} = {cell!r} is not finite")
+    return value

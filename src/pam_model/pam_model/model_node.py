@@ -1,0 +1,129 @@
+"""Estimates muscle forces, joint torques and stiffness, and publishes them.
+
+`ros2 run pam_model model_node --ros-args --params-file config/elbow.yaml`
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+
+from pam_model.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
+from pam_model.joint_estimator import JointEstimator
+from pam_model.node_parameters import NodeParameters, Parameter
+from pam_model.spin_node import spin_node
+
+PARAMETERS = (
+    Parameter("publish_rate", 100.0, "Hz", 1.0, 1000.0, "how often estimates are published"),
+    Parameter("max_age", 0.1, "s", 0.001, 10.0, "an older measurement counts as missing", True),
+    Parameter(
+        "closed_chambers", False, "-", 0, 0, "stiffness with shut valves instead of fixed pressure"
+    ),
+)
+_LATEST = QoSProfile(depth=1)
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+class ModelNode(Node):  # type: ignore[misc]
+    """Topics in and out around a JointEstimator."""
+
+    def __init__(self) -> None:
+        super().__init__("pam_model", automatically_declare_parameters_from_overrides=True)
+        self._parameters = NodeParameters(self, PARAMETERS, self._change)
+        self._rig = self._parameters.rig
+        self._estimator = JointEstimator(
+            self._rig,
+            self._parameters.number("max_age"),
+            closed_chambers=bool(self._parameters["closed_chambers"]),
+        )
+        self._messages = 0
+        self._problems: list[str] = []
+        self._muscle_states = self.create_publisher(JointState, "muscle_states", _LATEST)
+        self._joint_estimates = self.create_publisher(JointState, "joint_estimates", _LATEST)
+        self._joint_stiffness = self.create_publisher(Float64MultiArray, "joint_stiffness", _LATEST)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_subscription(JointState, "pressure_states", self._take_pressures, _LATEST)
+        self.create_subscription(JointState, "joint_states", self._take_positions, _LATEST)
+        self.create_timer(1.0 / self._parameters.number("publish_rate"), self._publish)
+        self.create_timer(1.0, self._report)
+
+    def _change(self, changes: Any) -> None:
+        self._estimator.max_age = float(changes["max_age"])
+
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _stamp(self, message: Any) -> float:
+        stamp = _seconds(message.header.stamp)
+        return stamp if stamp > 0.0 else self._now()
+
+    def _take_pressures(self, message: Any) -> None:
+        self._messages += 1
+        self._estimator.take_pressures(self._stamp(message), message.name, message.effort)
+
+    def _take_positions(self, message: Any) -> None:
+        self._messages += 1
+        self._estimator.take_positions(
+            self._stamp(message), message.name, message.position, message.velocity
+        )
+
+    def _publish(self) -> None:
+        now = self._now()
+        estimate = self._estimator.estimate(now)
+        self._problems = estimate.problems
+        # where nothing is known, that is what is known now
+        at = now if estimate.stamp is None else estimate.stamp
+        stamp = Time(nanoseconds=round(at * 1e9)).to_msg()
+        muscles = JointState(
+            name=self._rig.muscle_names,
+            position=estimate.muscle_lengths,
+            velocity=estimate.muscle_speeds,
+            effort=estimate.muscle_forces,
+        )
+        joints = JointState(name=self._rig.joint_names, effort=estimate.joint_torques)
+        muscles.header.stamp = joints.header.stamp = stamp
+        self._muscle_states.publish(muscles)
+        self._joint_estimates.publish(joints)
+        stiffness = Float64MultiArray(data=estimate.joint_stiffnesses)
+        count = len(estimate.joint_stiffnesses)
+        stiffness.layout.dim = [
+            MultiArrayDimension(
+                label="joint: " + ",".join(self._rig.joint_names), size=count, stride=count
+            )
+        ]
+        self._joint_stiffness.publish(stiffness)
+
+    def _report(self) -> None:
+        messages, self._messages = self._messages, 0
+        if not messages:
+            level, text = STALE, "no measurements arrive"
+        elif self._problems:
+            level, text = WARN, self._problems[0]
+        else:
+            level, text = OK, "estimating"
+        values = {
+            "measurements per second": messages,
+            "problems": len(self._problems),
+            **{f"problem {index}": line for index, line in enumerate(self._problems)},
+        }
+        status = diagnostic_status(f"{self.get_name()}: estimates", level, text, values)
+        self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), status))
+
+
+def main() -> int:
+    """Run the node until it is told to stop."""
+    return spin_node(ModelNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,204 @@
+"""A node's parameters, written down once: declared with unit and range, checked when set.
+
+A node is made with `automatically_declare_parameters_from_overrides=True`, so that everything in
+its parameter files is seen: the rig, the node's own parameters, and keys that nobody knows, which
+ROS would drop in silence and which are refused here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+
+from pam_model.errors import PamError
+from pam_model.rig import Rig, rig_from_parameters
+
+Value = bool | int | float | str
+_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter of a node.
+
+    Attributes
+    ----------
+    name : str
+        As in a parameter file.
+    default : bool, int, float or str
+        Its type is the parameter's.
+    unit : str
+        SI, "-" for none.
+    low, high : float
+        Bounds of a number; ignored for text and switches.
+    description : str
+        One line.
+    changeable : bool
+        Whether it may change while the node runs.
+    """
+
+    name: str
+    default: Value
+    unit: str
+    low: float
+    high: float
+    description: str
+    changeable: bool = False
+
+    def check(self, value: object) -> Value:
+        """The value in the parameter's type.
+
+        Raises
+        ------
+        PamError
+            Naming parameter, value, unit and what was expected.
+        """
+        kind = type(self.default)
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if type(value) is not kind:
+            expected = {float: "a number", int: "a whole number", bool: "true or false"}
+            raise PamError(
+                f"{self.name} = {value!r}: must be {expected.get(kind, 'text')}"
+                + (f" in {self.unit}" if self.unit != "-" else "")
+            )
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            if not math.isfinite(value):
+                raise PamError(f"{self.name} = {value} {self.unit}: must be a finite number")
+            if not self.low <= value <= self.high:
+                raise PamError(
+                    f"{self.name} = {value:g} {self.unit}: must be from {self.low:g} to "
+                    f"{self.high:g} {self.unit}"
+                )
+        assert isinstance(value, bool | int | float | str)
+        return value
+
+    def descriptor(self) -> Any:
+        """What `ros2 param describe` shows: text, unit and range."""
+        descriptor = ParameterDescriptor(
+            name=self.name,
+            description=f"{self.description} [{self.unit}]",
+            read_only=not self.changeable,
+        )
+        if type(self.default) is float:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(self.low), to_value=float(self.high))
+            ]
+        elif type(self.default) is int:
+            descriptor.integer_range = [
+                IntegerRange(from_value=int(self.low), to_value=int(self.high))
+            ]
+        return descriptor
+
+
+class NodeParameters:
+    """The parameters of a running node, and the rig it was started with.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Made with `automatically_declare_parameters_from_overrides=True`.
+    table : sequence of Parameter
+        All the node has, beside the rig.
+    on_change : callable, optional
+        Takes a mapping of the values that change, after they were checked; a PamError it raises
+        refuses the change.
+    needs_rig : bool, optional
+        Without a rig the node's keys are checked against the table alone.
+
+    Raises
+    ------
+    RigError
+        With one line for every problem of the rig, unknown keys included.
+    PamError
+        For a parameter that is out of bounds or of another type.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        table: Sequence[Parameter],
+        on_change: Callable[[Mapping[str, Value]], None] | None = None,
+        *,
+        needs_rig: bool = True,
+    ) -> None:
+        self._table = {parameter.name: parameter for parameter in table}
+        self._on_change = on_change
+        self._rig: Rig | None = None
+        given = {name: entry.value for name, entry in node.get_parameters_by_prefix("").items()}
+        others = {
+            name: value
+            for name, value in given.items()
+            if name not in self._table and name.split(".")[0] not in _OF_ROS
+        }
+        if needs_rig:
+            if "joints" not in others and "supply_pressure" not in others:
+                raise PamError("no rig: start the node with --ros-args --params-file <rig file>")
+            self._rig = rig_from_parameters(others, other_keys=tuple(self._table))
+        elif others:
+            name = next(iter(others))
+            close = get_close_matches(name, self._table, 1)
+            hint = f"; did you mean {close[0]}?" if close else ""
+            raise PamError(f"{name}: unknown parameter{hint}")
+        self._values: dict[str, Value] = {
+            name: parameter.check(given.get(name, parameter.default))
+            for name, parameter in self._table.items()
+        }
+        for name, parameter in self._table.items():
+            # what a file brought was declared without unit and range, perhaps as an integer
+            if name in given:
+                node.undeclare_parameter(name)
+            node.declare_parameter(
+                name, self._values[name], parameter.descriptor(), ignore_override=True
+            )
+        node.add_on_set_parameters_callback(self._set)
+
+    @property
+    def rig(self) -> Rig:
+        """The rig of the node's parameter file.
+
+        Raises
+        ------
+        PamError
+            For a node that was made without one.
+        """
+        if self._rig is None:
+            raise PamError("this node has no rig")
+        return self._rig
+
+    def __getitem__(self, name: str) -> Value:
+        return self._values[name]
+
+    def number(self, name: str) -> float:
+        """The value of a numeric parameter as a float."""
+        return float(self._values[name])
+
+    def _set(self, requested: Sequence[Any]) -> Any:
+        changes: dict[str, Value] = {}
+        try:
+            for entry in requested:
+                parameter = self._table.get(entry.name)
+                if parameter is None:
+                    if entry.name.split(".")[0] in _OF_ROS:
+                        continue
+                    raise PamError(f"{entry.name}: is of the rig file, which a restart reads")
+                value = parameter.check(entry.value)
+                if not parameter.changeable:
+                    raise PamError(f"{entry.name}: only a restart changes it")
+                changes[entry.name] = value
+            if changes and self._on_change is not None:
+                self._on_change(changes)
+        except PamError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._values.update(changes)
+        return SetParametersResult(successful=True)

@@ -1,0 +1,157 @@
+"""A thread that calls one function at absolute deadlines on the monotonic clock.
+
+A missed deadline is counted and skipped, never caught up with in a burst, and lateness does not
+add up: deadlines stay on the grid of the first one. `time.sleep` sleeps to the deadline by
+clock_nanosleep; nothing spins, since a spin would take the processor from what is waited for.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pam_model.errors import PamError
+
+
+@dataclass(frozen=True, slots=True)
+class LoopStatistics:
+    """How well a loop kept time since its start.
+
+    Attributes
+    ----------
+    cycles : int
+        Calls made.
+    late : int
+        Calls that began more than half a period after their deadline.
+    skipped : int
+        Deadlines that passed while a call was running.
+    worst_lateness : float
+        Largest time from deadline to call [s].
+    """
+
+    cycles: int
+    late: int
+    skipped: int
+    worst_lateness: float
+
+
+class PeriodicLoop:
+    """Calls `step(now)` every `period` seconds in one thread.
+
+    An exception in `step` ends the loop; it is kept and raised by the next call of `check` or
+    `stop`.
+
+    Parameters
+    ----------
+    step : callable
+        Takes the time of the call on `time.monotonic` [s].
+    period : float
+        [s].
+    name : str, optional
+        Of the thread.
+
+    Raises
+    ------
+    PamError
+        For a period that is not above zero.
+    """
+
+    def __init__(
+        self, step: Callable[[float], object], period: float, name: str = "periodic"
+    ) -> None:
+        if not 0.0 < period < float("inf"):
+            raise PamError(f"period = {period} s must be above 0")
+        self.period = period
+        self._step = step
+        self._name = name
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._error: BaseException | None = None
+        self._raised = False
+        self._cycles = self._late = self._skipped = 0
+        self._worst = 0.0
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread is alive."""
+        return self._thread is not None and self._thread.is_alive()
+
+    @property
+    def statistics(self) -> LoopStatistics:
+        """How well it has kept time since its start."""
+        return LoopStatistics(self._cycles, self._late, self._skipped, self._worst)
+
+    def start(self) -> None:
+        """Begin; the first call is at once.
+
+        Raises
+        ------
+        PamError
+            If it is running already.
+        """
+        if self.running:
+            raise PamError(f"{self._name} is running already")
+        self._stopping.clear()
+        self._error, self._raised = None, False
+        self._cycles = self._late = self._skipped = 0
+        self._worst = 0.0
+        self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+        self._thread.start()
+
+    def check(self) -> None:
+        """Raise what ended the loop, if anything did."""
+        if self._error is not None:
+            self._raised = True
+            raise self._error
+
+    def stop(self, timeout: float = 2.0) -> None:
+        """End the loop and wait for its thread; safe to call twice, and from the loop itself.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            How long a call in progress may take [s].
+
+        Raises
+        ------
+        TimeoutError
+            If `step` does not return in time.
+        BaseException
+            What ended the loop, unless `check` has raised it before.
+        """
+        self._stopping.set()
+        thread = self._thread
+        if thread is not None and thread is not threading.current_thread():
+            thread.join(timeout)
+            if thread.is_alive():
+                raise TimeoutError(f"{self._name} did not end within {timeout:g} s")
+        if not self._raised:
+            self.check()
+
+    def _run(self) -> None:
+        period = self.period
+        deadline = time.monotonic()
+        try:
+            while not self._stopping.is_set():
+                now = time.monotonic()
+                lateness = now - deadline
+                self._cycles += 1
+                self._worst = max(self._worst, lateness)
+                if lateness > 0.5 * period:
+                    self._late += 1
+                self._step(now)
+                deadline += period
+                now = time.monotonic()
+                if now > deadline:
+                    missed = int((now - deadline) / period) + 1
+                    self._skipped += missed
+                    deadline += missed * period
+                # a long period must not hold up stop()
+                if deadline - now > 0.1:
+                    self._stopping.wait(deadline - now)
+                else:
+                    time.sleep(max(0.0, deadline - now))
+        except BaseException as error:
+            self._error = error

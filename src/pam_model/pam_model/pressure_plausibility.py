@@ -1,0 +1,256 @@
+"""Whether measured pressures can be true: the gas of each muscle, the torques at each joint.
+
+Pressure: an observer of the nominal gas (ISO 6358 valve, polytropic chamber) driven by the valve
+command and slowly pulled to the measurement. What it is off by is the sum of what the nominal
+physics misses within its memory: a leak, a burst, a stuck valve, a stuck or swapped sensor.
+
+Joint: the two muscles against each other. Torque of the measured pressures less what inertia,
+friction and gravity take, low-passed; a pressure sensor that drifts shows here, since the pressure
+observer follows it. At the end stops nothing is said.
+
+The observer is a Luenberger observer with one gain (D. G. Luenberger, IEEE Trans. Military
+Electronics 8, 1964); judging by its residual: R. J. Patton, P. M. Frank, R. N. Clark, Fault
+Diagnosis in Dynamic Systems, 1989.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from pam_model.errors import PamError
+from pam_model.gas import pressure_rate, valve_flow
+from pam_model.rig import Joint, Muscle, Rig
+
+OBSERVER_GAIN: Final = 5.0  # 1/s
+TORQUE_MEMORY: Final = 0.15  # s
+_END_STOP: Final = 0.03  # rad; so near a limit its stop may carry torque
+_VOLUME_POINTS: Final = 16
+_TORQUE_EVERY: Final = 5  # updates
+
+
+class Deviation(NamedTuple):
+    """How far a measurement is from what it should be.
+
+    Attributes
+    ----------
+    kind : str
+        "pressure_implausible" or "torque_implausible".
+    subject : str
+        Muscle or joint.
+    size : float
+        Over the limit of the rig file; 1 and above is a fault.
+    text : str
+        One line for a person.
+    """
+
+    kind: str
+    subject: str
+    size: float
+    text: str
+
+
+class _MuscleObserver:
+    """The gas of one muscle."""
+
+    def __init__(self, rig: Rig, muscle: Muscle, period: float) -> None:
+        self.muscle = muscle
+        self.residual = 0.0
+        joint = rig.joint_of(muscle.name)
+        self.joint = None if joint is None else rig.joints.index(joint)
+        sign = 0.0 if joint is None else -1.0 if joint.agonist == muscle.name else 1.0
+        self._lever = 0.0 if joint is None else sign * joint.pulley_radius
+        self._limits = (0.0, 0.0) if joint is None else joint.position_limits
+        model = rig.force_model(muscle.name)
+        spread = np.linspace(*self._limits, _VOLUME_POINTS) if joint else np.zeros(1)
+        lengths = muscle.neutral_length + self._lever * spread
+        volumes = [float(model.volume(float(length))) for length in lengths]
+        # a cubic is exact for a cylindrical braid and near enough for the others
+        fit = np.polyfit(lengths, volumes, 3 if joint else 0)
+        self._volume = tuple(float(c) for c in np.concatenate([np.zeros(4 - len(fit)), fit]))
+        valve = muscle.valve
+        self._is_flow = valve.kind == "flow"
+        self._ambient = rig.gas.ambient_pressure
+        self._supply = rig.supply_pressure
+        self._exponent, self._temperature = rig.gas.polytropic_exponent, rig.gas.temperature
+        self._keep = math.exp(-period / valve.time_constant)
+        self._period = period
+        self._command = -1.0 if self._is_flow else 0.0
+        self._pressure = math.nan
+
+    def update(
+        self, command: float, pressure: float, position: float, velocity: float, supply: float
+    ) -> None:
+        measured = pressure + self._ambient
+        if not math.isfinite(measured):
+            self._pressure = math.nan
+            self.residual = 0.0
+            return
+        if not self._pressure > 0.0:
+            self._pressure = max(measured, 1.0)
+        low, high = self._limits
+        length_rate = self._lever * velocity if low < position < high else 0.0
+        length = self.muscle.neutral_length + self._lever * min(max(position, low), high)
+        a, b, c, d = self._volume
+        volume = ((a * length + b) * length + c) * length + d + self.muscle.dead_volume
+        volume_rate = ((3.0 * a * length + 2.0 * b) * length + c) * length_rate
+        self._command = command + self._keep * (self._command - command)
+        valve, inside = self.muscle.valve, self._pressure
+        if self._is_flow:
+            opening = min(max(self._command, -1.0), 1.0)
+        else:
+            target = self._command * (valve.full_scale or 0.0) + self._ambient
+            # fully open until close to its set point
+            opening = min(max((target - inside) / 2e4, -1.0), 1.0)
+        flow = valve_flow(
+            opening,
+            inside,
+            supply_pressure=self._supply if math.isnan(supply) else supply,
+            ambient_pressure=self._ambient,
+            conductance=valve.sonic_conductance,
+            critical_ratio=valve.critical_ratio,
+            temperature=self._temperature,
+        )
+        rate = float(
+            pressure_rate(
+                flow,
+                inside,
+                volume,
+                volume_rate,
+                temperature=self._temperature,
+                exponent=self._exponent,
+            )
+        )
+        self.residual = measured - inside
+        inside += self._period * (rate + OBSERVER_GAIN * self.residual)
+        self._pressure = max(inside, 1e3)
+
+
+class _JointBalance:
+    """The torques at one joint."""
+
+    def __init__(self, rig: Rig, joint: Joint, period: float) -> None:
+        self.joint = joint
+        self.imbalance = 0.0
+        self.muscles = tuple(rig.muscle_names.index(name) for name in joint.muscles)
+        self._models = tuple(rig.force_model(name) for name in joint.muscles)
+        self._neutral = tuple(rig.muscle(name).neutral_length for name in joint.muscles)
+        highest = rig.muscle(joint.agonist).max_pressure
+        self.scale = joint.pulley_radius * float(self._models[0].force(highest, self._neutral[0]))
+        self._weight = 1.0 - math.exp(-period / TORQUE_MEMORY)
+        self._velocity = math.nan
+        self._settled = 0.0
+
+    def update(self, pressures: Sequence[float], position: float, velocity: float) -> None:
+        joint = self.joint
+        low, high = joint.position_limits
+        first, second = (max(pressures[index], 0.0) for index in self.muscles)
+        if not low + _END_STOP < position < high - _END_STOP or math.isnan(first + second):
+            self.imbalance = self._settled = 0.0
+            self._velocity = math.nan
+            return
+        if self._velocity != self._velocity:
+            self._velocity = velocity
+        radius = joint.pulley_radius
+        try:
+            torque = radius * float(
+                self._models[0].force(first, self._neutral[0] - radius * position)
+            ) - radius * float(self._models[1].force(second, self._neutral[1] + radius * position))
+        except PamError:  # a length the model has no answer for
+            self.imbalance = 0.0
+            return
+        # the low pass of the acceleration, without differentiating
+        acceleration = (velocity - self._velocity) / TORQUE_MEMORY
+        self._velocity += self._weight * (velocity - self._velocity)
+        rest = (
+            torque
+            - joint.viscous_friction * velocity
+            - joint.gravity_torque * math.sin(position - joint.gravity_angle)
+        )
+        self._settled += self._weight * (rest - self._settled)
+        self.imbalance = self._settled - joint.inertia * acceleration
+
+
+class PressurePlausibility:
+    """Judges the measurements of a rig by its nominal physics.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its `plausibility` holds the limits.
+    period : float
+        Between updates [s].
+
+    Attributes
+    ----------
+    period : float
+        The same.
+    """
+
+    def __init__(self, rig: Rig, period: float) -> None:
+        self.period = period
+        self._limits = rig.plausibility
+        self._muscles = tuple(_MuscleObserver(rig, muscle, period) for muscle in rig.muscles)
+        self._joints = tuple(
+            _JointBalance(rig, joint, period * _TORQUE_EVERY) for joint in rig.joints
+        )
+        self._count = 0
+
+    def update(
+        self,
+        commands: Sequence[float],
+        pressures: Sequence[float],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+        supply_pressures: Sequence[float],
+    ) -> None:
+        """Go on by one period.
+
+        Parameters
+        ----------
+        commands : sequence of float
+            By muscle, what its valve was last told: fraction of full scale; a vent is -1 for a
+            flow valve and 0 for a regulator.
+        pressures : sequence of float
+            By muscle [Pa gauge], NaN if not known: its observer begins anew.
+        positions, velocities : sequence of float
+            By joint [rad], [rad/s].
+        supply_pressures : sequence of float
+            By muscle [Pa absolute]; NaN: as in the rig file.
+        """
+        for index, muscle in enumerate(self._muscles):
+            place = muscle.joint
+            position = 0.0 if place is None else positions[place]
+            velocity = 0.0 if place is None else velocities[place]
+            if math.isnan(position + velocity):
+                position, velocity = 0.0, 0.0
+            muscle.update(
+                commands[index], pressures[index], position, velocity, supply_pressures[index]
+            )
+        self._count += 1
+        if self._count % _TORQUE_EVERY == 0:
+            for joint, position, velocity in zip(self._joints, positions, velocities, strict=True):
+                joint.update(pressures, position, velocity)
+
+    def deviations(self) -> Iterator[Deviation]:
+        """What is off by more than the warning share of its limit."""
+        limits = self._limits
+        for muscle in self._muscles:
+            size = abs(muscle.residual) / limits.pressure_residual
+            if size > limits.warning_share:
+                text = (
+                    f"pressure is {muscle.residual:+.0f} Pa off what the valve should give "
+                    f"(limit {limits.pressure_residual:.0f} Pa): leak, valve or sensor"
+                )
+                yield Deviation("pressure_implausible", muscle.muscle.name, size, text)
+        for joint in self._joints:
+            size = abs(joint.imbalance) / (limits.torque_share * joint.scale)
+            if size > limits.warning_share:
+                text = (
+                    f"pressures and motion disagree by {joint.imbalance:+.2f} N m "
+                    f"(limit {limits.torque_share * joint.scale:.2f} N m): sensor or load"
+                )
+                yield Deviation("torque_implausible", joint.joint.name, size, text)

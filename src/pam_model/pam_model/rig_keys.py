@@ -1,0 +1,206 @@
+"""The keys of a rig file: their units and bounds, and reading them with every problem kept."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+# YAML 1.1 takes 2e-05, without a point, for text; ROS takes it for a number
+_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A number in a rig file: its unit, bounds, and its default unless it is required."""
+
+    unit: str
+    low: float
+    high: float
+    default: float | None = None
+
+
+TURN = 2.0 * math.pi
+NUMBERS: Mapping[str, Mapping[str, Key]] = {
+    "": {
+        "supply_pressure": Key("Pa absolute", 1.05e5, 2.5e6),
+        "parameter_tolerance": Key("-", 0.0, 0.5, 0.02),
+    },
+    "gas": {
+        "temperature": Key("K", 200.0, 400.0, 293.15),
+        "ambient_pressure": Key("Pa absolute", 3e4, 1.3e5, 101325.0),
+        "polytropic_exponent": Key("-", 1.0, 1.4, 1.0),
+    },
+    "joint": {
+        "pulley_radius": Key("m", 1e-3, 0.5),
+        "inertia": Key("kg m^2", 1e-8, 1e3),
+        "viscous_friction": Key("N m s/rad", 0.0, 1e3, 0.0),
+        "gravity_torque": Key("N m", -1e4, 1e4, 0.0),
+        "gravity_angle": Key("rad", -TURN, TURN, 0.0),
+    },
+    "muscle": {
+        "thread_length": Key("m", 5e-3, 10.0),
+        "turns": Key("-", 1e-2, 1e3),
+        "wall_thickness": Key("m", 0.0, 0.02, 0.0),
+        "rest_length": Key("m", 5e-3, 10.0),
+        "neutral_length": Key("m", 5e-3, 10.0),
+        "dead_volume": Key("m^3", 0.0, 0.01, 0.0),
+        "max_pressure": Key("Pa gauge", 1e4, 2.5e6),
+    },
+    "valve": {
+        "sonic_conductance": Key("m^3/(s Pa)", 1e-12, 1e-5),
+        "critical_ratio": Key("-", 0.0, 0.99, 0.3),
+        "time_constant": Key("s", 1e-5, 2.0, 0.005),
+        "full_scale": Key("Pa gauge", 1e4, 2.5e6),
+    },
+    "plausibility": {
+        "pressure_residual": Key("Pa", 1e3, 2.5e6, 100e3),
+        "torque_share": Key("-", 0.01, 100.0, 0.25),
+        "warning_share": Key("-", 0.05, 1.0, 0.5),
+        "pressure_noise": Key("Pa", 10.0, 2.5e6, 10e3),
+        "position_noise": Key("rad", 1e-4, 10.0, 0.02),
+        "position_jump": Key("rad", 1e-3, 10.0, 0.2),
+        "position_margin": Key("rad", 0.0, 10.0, 0.05),
+        "pressure_rate": Key("Pa/s", 1e4, 1e9, 5e6),
+        "supply_share": Key("-", 0.0, 1.0, 0.5),
+    },
+}
+"""Every number of a rig file by section ("" is the top)."""
+
+_PRESSURES = (("bar", 1e5), ("kPa", 1e3), ("MPa", 1e6), ("psi", 6894.757))
+_SCALES: Mapping[str, tuple[tuple[str, float], ...]] = {
+    "Pa absolute": _PRESSURES,
+    "Pa gauge": _PRESSURES,
+    "m": (("mm", 1e-3), ("cm", 1e-2)),
+    "m^3": (("cm^3 or ml", 1e-6), ("litres", 1e-3)),
+    "rad": (("deg", math.pi / 180.0),),
+    "s": (("ms", 1e-3),),
+    "m^3/(s Pa)": (("L/(s bar)", 1e-8), ("L/(min bar)", 1e-8 / 60.0)),
+}
+
+
+def _looks_like(value: float, key: Key) -> str:
+    """The units in which an impossible value would be a sensible one."""
+    if key.unit == "K" and key.low <= value + 273.15 <= key.high:
+        return "; looks like deg C"
+    units = [
+        unit for unit, scale in _SCALES.get(key.unit, ()) if key.low <= value * scale <= key.high
+    ]
+    return f"; looks like {' or '.join(units)}, {key.unit.split()[0]} expected" if units else ""
+
+
+class Problems:
+    """Everything wrong with one file."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.lines: list[str] = []
+
+    def add(self, key: str, text: str) -> None:
+        """Note a problem with a key of the file; `text` follows the key."""
+        self.lines.append(f"{self.source}: {key}{text}" if key else f"{self.source}: {text}")
+
+
+class Section:
+    """One mapping of the file, read key by key; what nobody asked for is unknown."""
+
+    def __init__(self, tree: Any, path: str, problems: Problems) -> None:
+        self.path = path
+        self.problems = problems
+        if not isinstance(tree, Mapping):
+            problems.add(path, f" = {tree!r}: must be a mapping of keys")
+            tree = {}
+        self.tree = tree
+        self.asked: list[str] = []
+
+    def key(self, name: str) -> str:
+        """The full key of `name` in the file."""
+        return f"{self.path}.{name}" if self.path else name
+
+    def add(self, name: str, text: str) -> None:
+        """Note a problem with the key `name`; `text` follows the key."""
+        self.problems.add(self.key(name), text)
+
+    def get(self, name: str) -> Any:
+        """The value of a key, None if it is not there."""
+        self.asked.append(name)
+        return self.tree.get(name)
+
+    def section(self, name: str) -> Section:
+        """The mapping under a key, an empty one if it is not there."""
+        tree = self.get(name)
+        return Section({} if tree is None else tree, self.key(name), self.problems)
+
+    def check(self, name: str, value: Any, key: Key) -> float | None:
+        """A value as a number within its bounds; None, with a problem noted, if it is not."""
+        if isinstance(value, str) and _EXPONENT.fullmatch(value):
+            value = float(value)
+        unit = "" if key.unit == "-" else f" {key.unit}"
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.add(name, f" = {value!r}: must be a number{unit and ' in' + unit}")
+            return None
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            self.add(name, f" = {number}{unit}: must be a finite number")
+            return None
+        if not key.low <= number <= key.high:
+            self.add(
+                name,
+                f" = {number:g}{unit}: must be from {key.low:g} to {key.high:g}{unit}"
+                + _looks_like(number, key),
+            )
+            return None
+        return number
+
+    def number(self, name: str, key: Key, *, optional: bool = False) -> float | None:
+        """The number under a key, its default, or None with a problem noted."""
+        value = self.get(name)
+        if value is None:
+            if key.default is None and not optional:
+                unit = "" if key.unit == "-" else f" in {key.unit}"
+                self.add(name, f": missing; a number{unit} is needed")
+            return key.default
+        return self.check(name, value, key)
+
+    def integer(self, name: str, count: int, default: int | None = None) -> int | None:
+        """A whole number from 0 to below `count`, its default, or None with a problem noted."""
+        value = self.get(name)
+        if value is None:
+            return default
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < count:
+            self.add(name, f" = {value!r}: must be a whole number from 0 to {count - 1}")
+            return None
+        return value
+
+    def names(self, name: str) -> list[str] | None:
+        """A list of names, or None with a problem noted."""
+        value = self.get(name)
+        if isinstance(value, str) or not isinstance(value, Sequence):
+            what = ": missing" if value is None else f" = {value!r}"
+            self.add(name, f"{what}; must be a list of names, as [a, b]")
+            return None
+        for entry in value:
+            if not isinstance(entry, str) or not _NAME.fullmatch(entry):
+                self.add(name, f": {entry!r} is no name (letters, digits and _, a letter first)")
+                return None
+        return [str(entry) for entry in value]
+
+    def finish(self, allowed: Collection[str] = ()) -> None:
+        """Note every key that nobody asked for and that is not `allowed`."""
+        known = [*self.asked, *allowed]
+        for name in self.tree:
+            if name not in known:
+                close = get_close_matches(str(name), known, 1)
+                hint = f"; did you mean {close[0]}?" if close else ""
+                nobody = not self.path and isinstance(self.tree[name], Mapping)
+                self.add(
+                    str(name),
+                    f"{': no joint or muscle has this name' if nobody else ': unknown key'}{hint}",
+                )

@@ -1,0 +1,85 @@
+"""The first-law chamber: pressure and temperature of a muscle's gas that exchanges heat.
+
+Derived here from the energy balance of an ideal gas:
+dP/dt = (g R/V)(m_in T_in - m_out T) - g P V'/V + (g - 1) Q/V,
+dT/dt = [m_in (cp T_in - cv T) - m_out R T - P V' + Q]/(m cv), Q = h A (T_wall - T).
+Use the same V(L) here as in the force F = -P dV/dL, else the joint creates energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pam_model.domain import require
+from pam_model.gas import GAS_CONSTANT
+from pam_model.gas import HEAT_CAPACITY_RATIO as HEAT_RATIO
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalChamber:
+    """What the wall does.
+
+    Attributes
+    ----------
+    heat_transfer : float
+        h [W/(m^2 K)]; 10-60 for a muscle.
+    wall_area : float
+        A [m^2].
+    wall_temperature : float
+        T_wall [K].
+
+    Raises
+    ------
+    DomainError
+        For h or A below 0 or a temperature not above 0; by `rates` for a volume, pressure or
+        temperature not above 0 and flows below 0.
+    """
+
+    heat_transfer: float
+    wall_area: float
+    wall_temperature: float
+
+    def __post_init__(self) -> None:
+        require("heat_transfer [W/(m^2 K)]", self.heat_transfer, 0.0)
+        require("wall_area [m^2]", self.wall_area, 0.0)
+        require("wall_temperature [K]", self.wall_temperature, 0.0, open_low=True)
+
+    def rates(
+        self,
+        pressure: float,
+        temperature: float,
+        *,
+        volume: float,
+        volume_rate: float,
+        inflow: float,
+        inflow_temperature: float,
+        outflow: float,
+    ) -> tuple[float, float]:
+        """Rate of absolute pressure [Pa/s] and of temperature [K/s].
+
+        Parameters
+        ----------
+        pressure : float
+            Absolute [Pa].
+        temperature : float
+            Of the gas [K].
+        volume, volume_rate : float
+            Gas volume with its dead volume [m^3] and dV/dt [m^3/s].
+        inflow, outflow : float
+            Mass flows, neither below 0 [kg/s].
+        inflow_temperature : float
+            Of the gas that enters [K].
+        """
+        require("pressure [Pa abs]", pressure, 0.0, open_low=True)
+        require("temperature [K]", temperature, 0.0, open_low=True)
+        require("volume [m^3]", volume, 0.0, open_low=True)
+        require("inflow [kg/s]", inflow, 0.0)
+        require("outflow [kg/s]", outflow, 0.0)
+        heat = self.heat_transfer * self.wall_area * (self.wall_temperature - temperature)
+        enthalpy = HEAT_RATIO * GAS_CONSTANT * (inflow * inflow_temperature - outflow * temperature)
+        work = HEAT_RATIO * pressure * volume_rate
+        pressure_rate = (enthalpy - work + (HEAT_RATIO - 1.0) * heat) / volume
+        # T = P V/(m R), so its rate follows from those of P, V and m.
+        mass = pressure * volume / (GAS_CONSTANT * temperature)
+        relative = pressure_rate / pressure + volume_rate / volume - (inflow - outflow) / mass
+        return pressure_rate, temperature * relative

@@ -1,0 +1,179 @@
+"""List, show, design, gallery and the bank of muscles."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pam_model.__main__ import main
+from pam_model.braid import NEUTRAL_ANGLE
+from pam_model.catalogue import FAMILIES, catalogue, resolve
+from pam_model.design import design, jam_angle
+from pam_model.errors import DomainError
+from pam_model.force_model import MuscleGeometry, create_force_model, registered_models
+from pam_model.gallery import draw_row
+from pam_model.models.gaylord import Gaylord
+from pam_model.muscle_bank import MuscleBank, quadratic_coefficients
+
+ROWS = catalogue()
+MODELS = registered_models()
+BANK = MuscleBank(
+    [
+        create_force_model("gaylord", MuscleGeometry(0.25, 2.0, 0.23)),
+        create_force_model("tondu_lopez", MuscleGeometry(0.25, 2.0, 0.235), {"k": 1.2}),
+        create_force_model("three_element", MuscleGeometry(0.25, 2.0, 0.235)),
+    ]
+)
+
+
+def test_catalogue_is_complete() -> None:
+    keys = [row.key for row in ROWS]
+    assert len(set(keys)) == len(keys)
+    named = [name for row in ROWS for name in row.models]
+    assert sorted(named) == sorted(MODELS)  # each registered model in one row, and no other name
+    for row in ROWS:
+        assert row.family in FAMILIES
+        assert row.models or row.objects, row.key
+        for text in (row.equations, row.status, row.domain, row.use, row.avoid):
+            assert text, row.key
+        for path in row.objects:
+            assert resolve(path) is not None
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.key)
+def test_each_row_has_a_picture_with_something_on_it(row: object) -> None:
+    figure = draw_row(row)  # type: ignore[arg-type]
+    for axis in figure.axes:
+        drawn = [np.asarray(line.get_ydata(), dtype=float) for line in axis.get_lines()]
+        assert any(np.count_nonzero(np.isfinite(y)) > 1 for y in drawn)
+
+
+def test_list_names_every_model(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    shown = capsys.readouterr().out
+    for name in MODELS:
+        assert name in shown
+    assert "planned" not in shown
+
+
+def test_show_writes_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "muscle.svg"
+    assert main(["show", "tondu_lopez", "--set", "k=1.3", "--output", str(out)]) == 0
+    assert out.read_text(encoding="utf-8").startswith("<?xml")
+    assert main(["show", "nothing", "--output", str(out)]) == 2
+    assert main(["show", "gaylord", "--turns", "2", "--output", str(out)]) == 2
+    assert main(["show", "gaylord", "--output", str(tmp_path / "muscle.xyz")]) == 2
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 3
+    assert all(line.startswith("error: ") for line in errors)
+
+
+def test_fit_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = create_force_model("tondu_lopez", MuscleGeometry(0.25, 2.0, 0.235), {"k": 1.25})
+    lines = ["pressure,force,length,block"]
+    for i in range(24):
+        pressure, length = 1e5 * (1 + i % 4), 0.18 + 0.002 * i
+        lines.append(f"{pressure},{model.force(pressure, length)},{length},{i // 12}")
+    points, report = tmp_path / "points.csv", tmp_path / "fit.json"
+    points.write_text("\n".join(lines), encoding="utf-8")
+    muscle = ["--thread-length", "0.25", "--turns", "2", "--rest-length", "0.235"]
+    plot = tmp_path / "fit.png"
+    command = ["fit", "tondu_lopez", str(points), *muscle]
+    assert main([*command, "--json", str(report), "--plot", str(plot)]) == 0
+    assert "k                                  1.25" in capsys.readouterr().out
+    assert plot.stat().st_size > 5000
+    (saved,) = json.loads(report.read_text(encoding="utf-8"))
+    assert saved["constants"]["k"] == pytest.approx(1.25)
+    assert main(["fit", "colbrunn", str(points), *muscle]) == 2
+
+
+@given(
+    force=st.floats(1.0, 2000.0),
+    stroke=st.floats(0.005, 0.3),
+    pressure=st.floats(1e5, 8e5),
+    contraction=st.floats(0.02, 0.24),
+)
+def test_design_does_what_was_asked(
+    force: float, stroke: float, pressure: float, contraction: float
+) -> None:
+    made = design(force, stroke, pressure, contraction=contraction, strands=48)
+    muscle = Gaylord(made.thread_length, made.turns)
+    assert made.rest_length - made.end_length == pytest.approx(stroke, rel=1e-9)
+    assert made.end_force == pytest.approx(muscle.force(pressure, made.end_length), rel=1e-9)
+    assert made.end_force >= force * (1.0 - 1e-9)
+    assert made.rest_force > made.end_force
+    assert made.end_stiffness == pytest.approx(muscle.stiffness(pressure, made.end_length))
+    assert made.gas_volume == pytest.approx(muscle.volume(made.end_length))
+    assert made.jam_angle < made.rest_angle < made.end_angle < NEUTRAL_ANGLE
+    assert made.rest_length < made.longest_length
+    strand_gap = made.diameter_90 * math.pi / 48.0 * math.sin(2.0 * made.jam_angle)
+    assert strand_gap == pytest.approx(0.3e-3, rel=1e-9)
+
+
+@given(strands=st.integers(10, 200), width=st.floats(1e-4, 4e-4))
+def test_more_and_wider_strands_jam_earlier(strands: int, width: float) -> None:
+    assert jam_angle(width, strands + 1, 0.04) > jam_angle(width, strands, 0.04)
+    assert jam_angle(1.1 * width, strands, 0.04) > jam_angle(width, strands, 0.04)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"contraction": 0.45}, "free contraction"),
+        ({"largest_length": 0.05}, "free contraction"),
+        ({"largest_diameter": 0.01}, "largest_diameter"),
+        ({"strand_strength": 1.0}, "strand_strength"),
+        ({"strands": 0}, "strands"),
+        ({"contraction": 0.1, "largest_length": 0.1}, "rest length"),
+    ],
+)
+def test_design_says_what_limits_it(options: dict[str, float], message: str) -> None:
+    with pytest.raises(DomainError, match=message):
+        design(300.0, 0.04, 3e5, **options)  # type: ignore[arg-type]
+
+
+def test_many_strands_limit_a_thin_muscle() -> None:
+    assert "jam" in design(20.0, 0.04, 4e5, strands=200, strand_width=0.4e-3).limited_by
+
+
+@given(
+    pressures=st.lists(st.floats(0.0, 8e5), min_size=3, max_size=3),
+    lengths=st.lists(st.floats(0.12, 0.25), min_size=3, max_size=3),
+)
+def test_bank_agrees_with_its_models(pressures: list[float], lengths: list[float]) -> None:
+    forces, stiffnesses = BANK.evaluate(pressures, lengths)
+    for i, model in enumerate(BANK.models):
+        size = 1e-9 * (1.0 + pressures[i])
+        assert forces[i] == pytest.approx(model.force(pressures[i], lengths[i]), rel=1e-9, abs=size)
+        expected = model.stiffness(pressures[i], lengths[i])
+        assert stiffnesses[i] == pytest.approx(expected, rel=1e-9, abs=size)
+
+
+def test_bank_refuses() -> None:
+    with pytest.raises(DomainError, match=r"muscle 1: length 0.3 m"):
+        BANK.evaluate([1e5] * 3, [0.2, 0.3, 0.2])
+    with pytest.raises(DomainError, match="muscle 0"):
+        BANK.evaluate([1e5] * 3, [math.nan, 0.2, 0.2])
+    with pytest.raises(DomainError, match="2 lengths given for 3 muscles"):
+        BANK.evaluate([1e5] * 3, [0.2, 0.2])
+    with pytest.raises(DomainError, match="at least one"):
+        MuscleBank([])
+    geometry = MuscleGeometry(0.25, 2.0, 0.235, 1e-3)
+    for name, why in (("wickramatunge", "affine"), ("chou_hannaford", "quadratic")):
+        with pytest.raises(DomainError, match=why):
+            quadratic_coefficients(create_force_model(name, geometry))
+
+
+def test_compiled_bank_agrees() -> None:
+    pytest.importorskip("numba")
+    tick, other = BANK.compile(), BANK.compile()
+    tick.inputs[:] = [[1e5, 2e5, 3e5], [0.2, 0.21, 0.3]]
+    tick.run()
+    expected = BANK.evaluate([1e5, 2e5, 3e5], [0.2, 0.21, 0.22])
+    assert tick.outputs[:, :2] == pytest.approx(np.array(expected)[:, :2], rel=1e-12)
+    assert np.all(np.isnan(tick.outputs[:, 2]))
+    assert np.all(np.isnan(other.outputs))  # nothing is shared, and nothing known before inputs
