@@ -1,0 +1,1 @@
+"""CAN bus driver for the valve boards of pneumatic muscles."""

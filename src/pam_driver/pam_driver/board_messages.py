@@ -1,0 +1,94 @@
+"""What the valve boards and the driver say to each other, in SI units.
+
+`codec` turns these into frames and back; docs/can_protocol.md says what a board does with them.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+from typing import Final, NamedTuple
+
+CHANNELS: Final = 2
+
+
+class BoardCode(IntEnum):
+    """What a `BoardCommand` asks for."""
+
+    VENT = 1
+    CLEAR_FAULTS = 2
+
+
+class BoardState(IntEnum):
+    """State of a board; air is let into a muscle in `ACTIVE` only."""
+
+    BOOT = 0
+    VENTED = 1
+    ACTIVE = 2
+    FAULT = 3
+
+
+class BoardFault(IntFlag):
+    """Latched faults of a board, one bit each in `Status`."""
+
+    WATCHDOG = 1
+    CRC = 2
+    OVER_PRESSURE = 4
+    SENSOR = 8
+    SUPPLY = 16
+    VALVE = 32
+    TEMPERATURE = 64
+    INTERNAL = 128
+
+
+class BoardCommand(NamedTuple):
+    """Vent at once, or clear latched faults."""
+
+    code: BoardCode
+    argument: int = 0
+
+
+class ValveCommand(NamedTuple):
+    """Both valves of a board for one cycle.
+
+    Attributes
+    ----------
+    valves : tuple of float
+        Fraction of full scale per channel, -1 to 1.
+    enable : tuple of bool
+        False vents the channel whatever `valves` says.
+    counter : int
+        0 to 255, one more than in the frame before.
+    """
+
+    valves: tuple[float, float]
+    enable: tuple[bool, bool]
+    counter: int
+
+
+class Measurement(NamedTuple):
+    """One sample of a board: gauge pressures [Pa] and joint angle [rad], NaN if not available."""
+
+    pressures: tuple[float, float]
+    position: float
+    counter: int
+
+
+class Status(NamedTuple):
+    """State of a board; supply pressure in Pa absolute, NaN if not available."""
+
+    state: BoardState
+    faults: BoardFault
+    command_counter: int
+    supply_pressure: float
+    rejected_frames: int
+
+
+class Heartbeat(NamedTuple):
+    """Sign of life: time since power-up [s] and versions."""
+
+    uptime: float
+    protocol_version: int
+    firmware_version: int
+
+
+BoardMessage = BoardCommand | ValveCommand | Measurement | Status | Heartbeat

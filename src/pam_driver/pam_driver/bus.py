@@ -1,0 +1,329 @@
+"""A CAN bus that never blocks and never throws once it is open.
+
+python-can reaches the hardware. What it raises while running becomes counts, a state and a name
+for the diagnostics: a full transmit queue drops the frame, a bus that is down is used again when
+it is up, error frames tell the controller's state. Sources: Linux `linux/can/error.h`, ISO 11898-1.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+from collections import Counter, deque
+from collections.abc import Sequence
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import can
+
+from pam_model.errors import PamError
+
+DEFAULT_BITRATE: Final = 1_000_000
+# A flood must not keep the caller: what is left is fetched in the next cycle.
+MAX_FRAMES_PER_CALL: Final = 256
+_REOPEN_PERIOD: Final = 1.0
+_ARPHRD_CAN: Final = 280
+_GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF})
+_FULL: Final = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.ENOMEM})
+_NET: Final = Path("/sys/class/net")
+
+# linux/can/error.h: class bits in the identifier, controller bits in data[1]
+_ERR_TX_TIMEOUT, _ERR_CONTROLLER, _ERR_NO_ACK = 0x001, 0x004, 0x020
+_ERR_BUS_OFF, _ERR_RESTARTED = 0x040, 0x100
+_CONTROLLER_OVERFLOW, _CONTROLLER_WARNING, _CONTROLLER_PASSIVE = 0x03, 0x0C, 0x30
+_CONTROLLER_ACTIVE = 0x40
+
+
+class BusError(PamError):
+    """A bus that cannot be opened; the message names it and says what to do."""
+
+
+class BusState(IntEnum):
+    """State of the CAN controller, as its error frames tell; `DOWN` if nothing can be sent."""
+
+    ERROR_ACTIVE = 0
+    ERROR_WARNING = 1
+    ERROR_PASSIVE = 2
+    BUS_OFF = 3
+    DOWN = 4
+
+
+class SendOutcome(IntEnum):
+    """What became of a frame that was to be sent."""
+
+    SENT = 0
+    QUEUE_FULL = 1
+    BUS_DOWN = 2
+
+
+class ReceivedFrame(NamedTuple):
+    """A classic data frame with 11 bit identifier; `stamp` is wall-clock time [s]."""
+
+    frame_id: int
+    data: bytes
+    stamp: float
+
+
+class CanPort:
+    """One open bus; made by `open_bus`.
+
+    Attributes
+    ----------
+    counts : Counter
+        What happened how often, by name.
+    last_offender : dict
+        By the same names, the last frame or error that was counted.
+    bits : int
+        Bits seen on the bus, sent and received, without stuff bits: for its load.
+    """
+
+    def __init__(self, options: dict[str, Any], bus: can.BusABC) -> None:
+        self.counts: Counter[str] = Counter()
+        self.last_offender: dict[str, str] = {}
+        self.bits = 0
+        self._options = options
+        self._bus: can.BusABC | None = bus
+        # a multicast group also hears its own frames
+        self._hears_itself = options["interface"] == "udp_multicast"
+        self._sent_ids: set[int] = set()
+        self._sent: deque[tuple[int, bytes]] = deque(maxlen=1024)
+        self._controller = BusState.ERROR_ACTIVE
+        self._down = False
+        self._gone = False
+        self._reopen_at = 0.0
+
+    @property
+    def name(self) -> str:
+        """Interface and channel."""
+        return _bus_name(self._options)
+
+    @property
+    def state(self) -> BusState:
+        """State of the bus as far as errors have told."""
+        return BusState.DOWN if self._down else self._controller
+
+    def receive_all(self, now: float) -> list[ReceivedFrame]:
+        """All frames that wait, oldest first; does not wait for any.
+
+        Parameters
+        ----------
+        now : float
+            Monotonic time [s].
+        """
+        if self._gone:
+            self._reopen(now)
+        bus = self._bus
+        frames: list[ReceivedFrame] = []
+        if bus is None:
+            return frames
+        for _ in range(MAX_FRAMES_PER_CALL):
+            try:
+                message = bus.recv(0.0)
+            except (can.CanError, OSError, ValueError) as error:
+                number = _errno(error)
+                if number is None:  # python-can could not make sense of a packet
+                    self._count("malformed", str(error))
+                    continue
+                self._lost(error, number, now)
+                break
+            if message is None:
+                break
+            if message.is_error_frame:
+                self._error_frame(message)
+                continue
+            data = bytes(message.data)
+            if message.arbitration_id in self._sent_ids and self._is_echo(
+                (message.arbitration_id, data)
+            ):
+                continue
+            self.bits += 47 + 8 * len(data)
+            if message.is_extended_id or message.is_remote_frame or message.is_fd:
+                kind = "extended_id" if message.is_extended_id else "remote_or_fd"
+                self._count(kind, f"0x{message.arbitration_id:X}")
+                continue
+            if self._controller is BusState.BUS_OFF:  # who hears frames is back on the bus
+                self._controller = BusState.ERROR_ACTIVE
+            frames.append(ReceivedFrame(message.arbitration_id, data, message.timestamp))
+        else:
+            self.counts["receive_backlog"] += 1
+        return frames
+
+    def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
+        """Hand a frame to the bus, or drop it if that cannot be done at once."""
+        bus = self._bus
+        if bus is None or self._gone:
+            self.counts["send_bus_down"] += 1
+            return SendOutcome.BUS_DOWN
+        message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=False)
+        try:
+            bus.send(message, timeout=0.0)
+        except (can.CanError, OSError, ValueError) as error:
+            number = _errno(error)
+            if number is None or number in _FULL:
+                self._count("send_queue_full", f"0x{frame_id:X}")
+                return SendOutcome.QUEUE_FULL
+            self.counts["send_bus_down"] += 1
+            self._lost(error, number, now)
+            return SendOutcome.BUS_DOWN
+        self._down = False
+        if self._hears_itself:
+            self._sent_ids.add(frame_id)
+            self._sent.append((frame_id, data))
+        self.bits += 47 + 8 * len(data)
+        return SendOutcome.SENT
+
+    def close(self) -> None:
+        """Give the bus back; may be called twice."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            with contextlib.suppress(can.CanError, OSError):
+                bus.shutdown()
+
+    def _count(self, kind: str, offender: str) -> None:
+        self.counts[kind] += 1
+        self.last_offender[kind] = offender
+
+    def _is_echo(self, frame: tuple[int, bytes]) -> bool:
+        if frame not in self._sent:
+            return False
+        self._sent.remove(frame)
+        return True
+
+    def _lost(self, error: Exception, number: int, now: float) -> None:
+        """The interface is down, or gone for good."""
+        if not self._down:
+            self._count("bus_down", str(error))
+        self._down = True
+        if number in _GONE and not self._gone:
+            self._gone = True
+            self._reopen_at = now + _REOPEN_PERIOD
+
+    def _reopen(self, now: float) -> None:
+        """An adapter that was unplugged comes back as a new interface."""
+        if now < self._reopen_at:
+            return
+        self._reopen_at = now + _REOPEN_PERIOD
+        try:
+            bus = _open(self._options)
+        except BusError as error:
+            self.last_offender["bus_down"] = str(error)
+            return
+        self.close()
+        self._bus = bus
+        self._gone = False
+        self._controller = BusState.ERROR_ACTIVE
+        self.counts["reopened"] += 1
+
+    def _error_frame(self, message: can.Message) -> None:
+        kind = message.arbitration_id
+        detail = message.data[1] if len(message.data) > 1 else 0
+        self._count("error_frames", f"class 0x{kind:X}, data {message.data.hex()}")
+        if kind & _ERR_NO_ACK:
+            self.counts["no_acknowledge"] += 1
+        if kind & _ERR_TX_TIMEOUT:
+            self.counts["transmit_timeout"] += 1
+        if kind & _ERR_RESTARTED:
+            self._controller = BusState.ERROR_ACTIVE
+        if kind & _ERR_CONTROLLER:
+            if detail & _CONTROLLER_OVERFLOW:
+                self.counts["controller_overflow"] += 1
+            if detail & _CONTROLLER_PASSIVE:
+                self._controller = BusState.ERROR_PASSIVE
+                self.counts["error_passive"] += 1
+            elif detail & _CONTROLLER_WARNING:
+                self._controller = BusState.ERROR_WARNING
+            elif detail & _CONTROLLER_ACTIVE:
+                self._controller = BusState.ERROR_ACTIVE
+        if kind & _ERR_BUS_OFF:
+            self._controller = BusState.BUS_OFF
+            self.counts["bus_off"] += 1
+
+
+def open_bus(
+    interface: str,
+    channel: str,
+    *,
+    bitrate: int = DEFAULT_BITRATE,
+    accept: Sequence[int] = (),
+    **options: Any,
+) -> CanPort:
+    """Open a CAN bus by python-can.
+
+    Parameters
+    ----------
+    interface : str
+        "socketcan", "udp_multicast", "virtual" or another interface of python-can.
+    channel : str
+        "can0", a multicast group, a name.
+    bitrate : int
+        [bit/s]; SocketCAN has its own from `ip link` and ignores it.
+    accept : sequence of int
+        Identifiers to hear where the kernel can filter (SocketCAN); all if empty.
+    **options
+        Further options of that interface, as python-can names them.
+
+    Raises
+    ------
+    BusError
+        If there is no such bus, or it is not up.
+    """
+    arguments: dict[str, Any] = {**options, "interface": interface, "channel": channel}
+    if interface == "udp_multicast":
+        arguments["hop_limit"] = 0  # never leaves this machine
+    elif interface == "socketcan":
+        if accept:
+            # python-can filters in software elsewhere, and `recv(0)` then ends at a foreign frame
+            arguments["can_filters"] = [
+                {"can_id": frame_id, "can_mask": 0x7FF, "extended": False} for frame_id in accept
+            ]
+    else:
+        arguments["bitrate"] = bitrate
+    return CanPort(arguments, _open(arguments))
+
+
+def _bus_name(arguments: dict[str, Any]) -> str:
+    return f"{arguments['interface']} {arguments['channel']}"
+
+
+def _open(arguments: dict[str, Any]) -> can.BusABC:
+    name = _bus_name(arguments)
+    if arguments["interface"] == "socketcan":
+        _check_socketcan(str(arguments["channel"]))
+    try:
+        return can.Bus(**arguments)
+    except Exception as error:  # each backend has its own kinds
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise BusError(
+            f"CAN bus {name} cannot be opened: {reason}; check bus.interface and bus.channel"
+        ) from error
+
+
+def _check_socketcan(channel: str) -> None:
+    """Say in words what the kernel would say by number."""
+    folder = _NET / channel
+    up = f"sudo ip link set {channel} up type can bitrate {DEFAULT_BITRATE}"
+    if "/" in channel or not channel or not folder.exists():
+        known = sorted(path.name for path in _NET.glob("*can*"))
+        raise BusError(
+            f"CAN bus socketcan {channel}: no such interface"
+            f" (there {'are ' + ', '.join(known) if known else 'is none'});"
+            f" plug the adapter in, or set bus.interface and bus.channel"
+        )
+    if int((folder / "type").read_text()) != _ARPHRD_CAN:
+        raise BusError(f"CAN bus socketcan {channel}: is no CAN interface; set bus.channel")
+    if not int((folder / "flags").read_text(), 16) & 1:
+        raise BusError(f"CAN bus socketcan {channel}: interface is down; try: {up}")
+
+
+def _errno(error: BaseException) -> int | None:
+    """The system's error number under python-can's error, if there is one."""
+    code = getattr(error, "error_code", None)
+    if isinstance(code, int):
+        return code
+    for cause in (error, error.__cause__):
+        if isinstance(cause, OSError) and cause.errno is not None:
+            return cause.errno
+        if isinstance(cause, ValueError) and "descriptor" in str(cause):
+            return errno.EBADF
+    return None

@@ -1,0 +1,162 @@
+"""Checks valve commands by name, field, value and age; a bad one is refused whole.
+
+The command before a refused one stays valid until it is too old, so a stream of refused commands
+ends vented.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from pam_model.errors import PamError
+from pam_model.rig import Muscle, Rig
+
+# Rounding of a controller's own limits; clipped, not refused.
+_ROUNDING: Final = 1e-6
+# A stamp may be ahead of the receiver's clock by what clocks of one machine disagree.
+_FUTURE: Final = 0.01
+
+
+class CommandError(PamError):
+    """A valve command that is refused; `kind` is the name it is counted under."""
+
+    def __init__(self, kind: str, text: str) -> None:
+        super().__init__(text)
+        self.kind = kind
+
+
+class NamedCommand(NamedTuple):
+    """A valve command as a JointState brings it.
+
+    Attributes
+    ----------
+    names : sequence of str
+        Every muscle of the rig once, in any order.
+    position, velocity, effort : sequence of float
+        Spool -1..1 of flow valves in `position`, Pa gauge of regulators in `effort`; a field that
+        no muscle uses is empty, and NaN where a muscle does not use it.
+    age : float
+        Since the command was computed [s].
+    """
+
+    names: Sequence[str]
+    position: Sequence[float] = ()
+    velocity: Sequence[float] = ()
+    effort: Sequence[float] = ()
+    age: float = 0.0
+
+
+class CommandIntake:
+    """Turns named commands in their units into fractions of full scale, in the rig's order.
+
+    Attributes
+    ----------
+    rejected : Counter
+        Refused commands by kind.
+    last_rejection : str
+        Why the last one was refused.
+    accepted : int
+        Commands taken.
+    """
+
+    def __init__(self, rig: Rig, timeout: float) -> None:
+        self.timeout = timeout
+        self.rejected: Counter[str] = Counter()
+        self.last_rejection = ""
+        self.accepted = 0
+        self._muscles = rig.muscles
+        self._index = {name: index for index, name in enumerate(rig.muscle_names)}
+        self._scale = tuple(_scale(muscle) for muscle in rig.muscles)
+        self._newest = -math.inf
+
+    def take(self, command: NamedCommand, now: float) -> tuple[float, ...]:
+        """Fractions of full scale by muscle.
+
+        Parameters
+        ----------
+        command : NamedCommand
+            As received.
+        now : float
+            Monotonic time [s].
+
+        Raises
+        ------
+        CommandError
+            Naming what is wrong; the command is counted and must not be used.
+        """
+        try:
+            values = self._checked(command, now)
+        except CommandError as error:
+            self.rejected[error.kind] += 1
+            self.last_rejection = str(error)
+            raise
+        self._newest = now - command.age
+        self.accepted += 1
+        return values
+
+    def _checked(self, command: NamedCommand, now: float) -> tuple[float, ...]:
+        self._check_age(command.age, now)
+        names, position, velocity, effort, _ = command
+        count = len(self._index)
+        if len(names) != count:
+            raise CommandError("size", f"{len(names)} names, expected {count}: every muscle once")
+        for field, values in (("position", position), ("velocity", velocity), ("effort", effort)):
+            if len(values) not in {0, count}:
+                raise CommandError("size", f"{len(values)} values in {field}, expected {count}")
+        fractions = [math.nan] * count
+        for place, name in enumerate(names):
+            index = self._index.get(name)
+            if index is None:
+                raise CommandError("name", f"no muscle called {name[:64]!r}")
+            if fractions[index] == fractions[index]:
+                raise CommandError("name", f"{name} stands there twice")
+            muscle = self._muscles[index]
+            flow = muscle.valve.kind == "flow"
+            used, unused = (position, effort) if flow else (effort, position)
+            for other in (unused, velocity):
+                if other and not math.isnan(other[place]):
+                    raise CommandError("field", _wrong_field(muscle))
+            if not used:
+                raise CommandError("field", _wrong_field(muscle))
+            fractions[index] = self._fraction(index, used[place])
+        return tuple(fractions)
+
+    def _check_age(self, age: float, now: float) -> None:
+        if not age >= -_FUTURE:
+            raise CommandError("stamp", f"stamped {-age:.3f} s in the future")
+        if age > self.timeout:
+            raise CommandError("old", f"{age:.3f} s old, command_timeout is {self.timeout:g} s")
+        if now - age < self._newest - _FUTURE:
+            raise CommandError("out_of_order", "older than the command before it")
+
+    def _fraction(self, index: int, value: float) -> float:
+        name = self._muscles[index].name
+        if not math.isfinite(value):
+            raise CommandError("not_finite", f"{name}: {value} is not a finite number")
+        lowest, highest, scale, unit = self._scale[index]
+        rounding = _ROUNDING * scale
+        if not lowest - rounding <= value <= highest + rounding:
+            raise CommandError(
+                "out_of_range",
+                f"{name}: {value:g} {unit}, expected {lowest:g} to {highest:g} {unit}",
+            )
+        return min(max(value, lowest), highest) / scale
+
+
+def _scale(muscle: Muscle) -> tuple[float, float, float, str]:
+    """Lowest, highest and full-scale command of a muscle, with its unit."""
+    valve = muscle.valve
+    if valve.kind == "flow":
+        return -1.0, 1.0, 1.0, "of full opening"
+    if valve.full_scale is None or not valve.full_scale > 0.0:
+        raise PamError(f"{muscle.name}.valve.full_scale: a pressure regulator needs it [Pa gauge]")
+    return 0.0, min(valve.full_scale, muscle.max_pressure), valve.full_scale, "Pa"
+
+
+def _wrong_field(muscle: Muscle) -> str:
+    if muscle.valve.kind == "flow":
+        return f"{muscle.name}: a flow valve takes position (-1 to 1), and no other field"
+    return f"{muscle.name}: a pressure regulator takes effort (Pa gauge), and no other field"

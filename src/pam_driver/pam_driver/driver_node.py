@@ -1,0 +1,392 @@
+"""The driver as a ROS 2 lifecycle node: valve boards on a CAN bus to topics and back.
+
+configure opens the bus and measures, activate lets valves move, deactivate vents. A fault vents,
+is latched, and takes the node back to inactive. See docs/driver.md.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import signal
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rcl
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import FluidPressure, JointState
+from std_srvs.srv import Trigger
+
+from pam_driver.bus import CanPort, open_bus
+from pam_driver.codec import BoardCodec, Heartbeat, Measurement, Status
+from pam_driver.command_intake import CommandError, NamedCommand
+from pam_driver.driver import Driver, Snapshot
+from pam_driver.driver_diagnostics import DriverDiagnostics
+from pam_driver.driver_parameters import TABLE, bus_options, settings_of
+from pam_driver.rig_wiring import RigWiring
+from pam_driver.safety_state import SafetyState
+from pam_model.diagnostics import diagnostic_array
+from pam_model.errors import PamError
+from pam_model.node_parameters import NodeParameters
+from pam_model.periodic import PeriodicLoop
+from pam_model.pressure_plausibility import PressurePlausibility
+
+_SUCCESS = TransitionCallbackReturn.SUCCESS
+_FAILURE = TransitionCallbackReturn.FAILURE
+_MOVING = frozenset({SafetyState.READY, SafetyState.ACTIVE})
+_WATCH_PERIOD = 0.05
+# The last words are said several times: a frame may be lost, and the bus goes next.
+_LAST_VENTS = 5
+_USERS_MISTAKE = 2  # exit code, as of the other nodes
+
+
+class DriverNode(LifecycleNode):  # type: ignore[misc]
+    """Parameters in, messages in, one call into `Driver` per cycle, messages out.
+
+    Raises
+    ------
+    PamError
+        For parameters or a rig that cannot be used.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("pam_driver", automatically_declare_parameters_from_overrides=True)
+        self.failure = ""
+        self._values = NodeParameters(self, TABLE)
+        self._rig = self._values.rig
+        bus_options(str(self._values["bus.options"]))
+        self._port: CanPort | None = None
+        self._driver: Driver | None = None
+        self._loop: PeriodicLoop | None = None
+        self._diagnostics: DriverDiagnostics | None = None
+        self._snapshot: Snapshot | None = None
+        self._active = False
+        self._activate_until: float | None = None
+        self._fault_reported = False
+        self._refuse_impossible_transitions()
+
+        self._pressure_states = self.create_publisher(JointState, "pressure_states", 10)
+        self._joint_states = self.create_publisher(JointState, "joint_states", 10)
+        self._fluid_pressures = [
+            self.create_publisher(FluidPressure, f"{name}/pressure", 10)
+            for name in self._rig.muscle_names
+        ]
+        self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_subscription(
+            JointState, "valve_commands", self._on_valve_commands, QoSProfile(depth=1)
+        )
+        self.create_service(Trigger, "~/vent", self._on_vent)
+        self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
+        self.create_timer(_WATCH_PERIOD, self._watch)
+        self.create_timer(1.0, self._publish_diagnostics)
+        rate = self._values.number("fluid_pressure_rate")
+        self.create_timer(1.0 / rate, self._publish_fluid_pressures)
+
+    def autostart(self) -> bool:
+        """Configure now, and activate when every board has answered; False if that failed."""
+        if not self._values["autostart"]:
+            return True
+        if self.trigger_configure() != _SUCCESS:
+            return False
+        self._activate_until = time.monotonic() + self._values.number("startup_timeout")
+        return True
+
+    def on_configure(self, state: Any) -> TransitionCallbackReturn:
+        """Open the bus and start to measure; every valve vents."""
+        try:
+            dbc = str(self._values["bus.dbc"])
+            codec = BoardCodec.from_dbc(Path(dbc) if dbc else None)
+            wiring = RigWiring(self._rig, codec.board_count)
+            port = self._open_bus(codec, wiring)
+        except PamError as error:
+            return self._fail(str(error))
+        self._port = port
+        try:
+            plausibility = None
+            if self._values["plausibility"]:
+                period = 1.0 / self._values.number("rate")
+                plausibility = PressurePlausibility(self._rig, period)
+            settings = settings_of(self._values)
+            self._driver = Driver(self._rig, codec, port, settings, plausibility)
+        except PamError as error:
+            self._close()
+            return self._fail(str(error))
+        self._diagnostics = DriverDiagnostics(
+            self._driver, port, self._values.number("bus.bitrate")
+        )
+        self._loop = PeriodicLoop(
+            partial(self._cycle, self._driver), 1.0 / self._values.number("rate"), "bus I/O"
+        )
+        self._loop.start()
+        self.get_logger().info(f"measuring on {port.name}, valves vented")
+        return _SUCCESS
+
+    def on_activate(self, state: Any) -> TransitionCallbackReturn:
+        """Let valves move from the next command on, if all is well."""
+        if self._driver is None:
+            return _FAILURE
+        try:
+            self._driver.activate(time.monotonic())
+        except PamError as error:
+            return self._fail(f"not activated: {error}")
+        self._active = True
+        self.get_logger().info("active: valves follow valve_commands")
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
+        """Vent."""
+        self._active = False
+        if self._driver is not None:
+            self._driver.deactivate(time.monotonic())
+        self.get_logger().info("inactive: valves vented")
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
+        """Vent and give the bus back."""
+        self._close()
+        return _SUCCESS
+
+    def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
+        """Vent and give the bus back."""
+        self._close()
+        return _SUCCESS
+
+    def on_error(self, state: Any) -> TransitionCallbackReturn:
+        """Vent and give the bus back; the node may be configured again."""
+        self._close()
+        return _SUCCESS
+
+    def close(self) -> None:
+        """Vent and give the bus back, whatever the state."""
+        self._close()
+
+    def check(self) -> None:
+        """Raise what ended the I/O thread, if anything did."""
+        if self._loop is not None:
+            self._loop.check()
+
+    def _open_bus(self, codec: BoardCodec, wiring: RigWiring) -> CanPort:
+        values = self._values
+        interface = str(values["bus.interface"])
+        options = bus_options(str(values["bus.options"]))
+        if interface == "udp_multicast":
+            options["port"] = values["bus.port"]
+        accept = [
+            codec.frame_id(kind, board)
+            for board in wiring.boards
+            for kind in (Measurement, Status, Heartbeat)
+        ]
+        return open_bus(
+            interface,
+            str(values["bus.channel"]),
+            bitrate=int(values.number("bus.bitrate")),
+            accept=accept if values["bus.filter"] else (),
+            **options,
+        )
+
+    def _fail(self, reason: str) -> TransitionCallbackReturn:
+        self.failure = reason
+        if not self._values["autostart"] or self._activate_until is not None:
+            self.get_logger().error(reason)
+        return _FAILURE
+
+    def _close(self) -> None:
+        """Stop the thread, say vent several times, close the bus; safe to call twice."""
+        loop, self._loop = self._loop, None
+        driver, self._driver = self._driver, None
+        port, self._port = self._port, None
+        self._diagnostics = self._snapshot = self._activate_until = None
+        self._active = False
+        try:
+            if loop is not None:
+                loop.stop(timeout=1.0)
+        except Exception as error:  # whatever ended the thread must not keep the valves open
+            self.get_logger().error(f"I/O thread: {error}")
+        finally:
+            if driver is not None:
+                for _ in range(_LAST_VENTS):
+                    driver.vent(time.monotonic())
+                    time.sleep(0.002)
+                driver.close(time.monotonic())
+            if port is not None:
+                port.close()
+
+    def _cycle(self, driver: Driver, now: float) -> None:
+        """One cycle, in the I/O thread."""
+        wall_now = time.time()
+        snapshot = driver.cycle(now, wall_now)
+        self._snapshot = snapshot
+        message = JointState(name=self._rig.muscle_names, effort=snapshot.pressures)
+        message.header.stamp = _stamp(snapshot.pressure_stamp or wall_now)
+        self._pressure_states.publish(message)
+        if snapshot.positions:
+            message = JointState(
+                name=self._rig.joint_names,
+                position=snapshot.positions,
+                velocity=snapshot.velocities,
+            )
+            message.header.stamp = _stamp(snapshot.joint_stamp or wall_now)
+            self._joint_states.publish(message)
+
+    def _on_valve_commands(self, message: Any) -> None:
+        driver = self._driver
+        if driver is None:
+            return
+        stamp = message.header.stamp
+        seconds = stamp.sec + 1e-9 * stamp.nanosec
+        # a stamp of zero means "now", as in other ROS interfaces
+        age = time.time() - seconds if seconds else 0.0
+        command = NamedCommand(
+            message.name, message.position, message.velocity, message.effort, age
+        )
+        try:
+            driver.set_commands(command, time.monotonic())
+        except CommandError as error:
+            self.get_logger().warning(f"valve_commands refused: {error}", throttle_duration_sec=1.0)
+
+    def _refuse_impossible_transitions(self) -> None:
+        """Answer no to a transition that the state does not have; rclpy's node would end by it."""
+        service = self._service_change_state
+        change_state = service.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change_state(request, response)
+            except _rcl.RCLError:
+                asked = request.transition.label or request.transition.id
+                self.get_logger().warning(f"transition {asked} refused: not possible now")
+                response.success = False
+                return response
+
+        service.callback = answer
+
+    def _on_vent(self, request: Any, response: Any) -> Any:
+        if self._driver is None:
+            response.success, response.message = False, "not configured: the bus is not open"
+            return response
+        self._driver.vent(time.monotonic())
+        response.success, response.message = True, "vented; activate again to move"
+        return response
+
+    def _on_clear_faults(self, request: Any, response: Any) -> Any:
+        driver = self._driver
+        if driver is None:
+            response.success, response.message = False, "not configured: the bus is not open"
+            return response
+        driver.clear_faults(time.monotonic())
+        self._fault_reported = False
+        response.success = driver.state is not SafetyState.FAULT
+        response.message = f"{driver.state.value}; activate to move"
+        return response
+
+    def _watch(self) -> None:
+        """What the I/O thread found out becomes lifecycle and log."""
+        driver = self._driver
+        if driver is None:
+            return
+        if driver.state is SafetyState.FAULT and not self._fault_reported:
+            self._fault_reported = True
+            reasons = "; ".join(str(fault) for fault in driver.faults)
+            self.get_logger().error(f"vented, latched until ~/clear_faults: {reasons}")
+        if self._active and driver.state not in _MOVING:
+            self.trigger_deactivate()
+        if self._active:
+            self._activate_until = None
+        if self._activate_until is not None:
+            now = time.monotonic()
+            problem = driver.activation_problem(now)
+            if not problem:
+                self.trigger_activate()
+                self._activate_until = None
+            elif now > self._activate_until:
+                # no robot starts by itself when someone plugs it in later
+                self.get_logger().error(
+                    f"not activated: {problem}; when it is mended: ros2 lifecycle set "
+                    f"{self.get_fully_qualified_name()} activate"
+                )
+                self._activate_until = None
+
+    def _publish_fluid_pressures(self) -> None:
+        snapshot = self._snapshot
+        if snapshot is None:
+            return
+        stamp = _stamp(snapshot.pressure_stamp or time.time())
+        ambient = self._rig.gas.ambient_pressure
+        for muscle, publisher, pressure in zip(
+            self._rig.muscle_names, self._fluid_pressures, snapshot.pressures, strict=True
+        ):
+            message = FluidPressure(fluid_pressure=pressure + ambient)
+            message.header.stamp = stamp
+            message.header.frame_id = muscle
+            publisher.publish(message)
+
+    def _publish_diagnostics(self) -> None:
+        if self._diagnostics is None or self._loop is None:
+            return
+        self._diagnostics.commanders = self.count_publishers("valve_commands")
+        statuses = self._diagnostics.statuses(self._loop.statistics, time.monotonic())
+        self._diagnostics_topic.publish(
+            diagnostic_array(self.get_clock().now().to_msg(), *statuses)
+        )
+
+
+def _stamp(seconds: float) -> Any:
+    whole = int(seconds)
+    return Time(sec=whole, nanosec=int((seconds - whole) * 1e9))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run until SIGINT or SIGTERM; returns the exit code."""
+    stopping = False
+
+    def stop(*_: object) -> None:
+        nonlocal stopping
+        stopping = True
+
+    logging.getLogger("can").setLevel(logging.ERROR)
+    sys.setswitchinterval(0.0005)  # the I/O thread must not wait 5 ms for the executor's
+    # rclpy's own handlers would close the context under the thread that has to vent
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except (_rcl.RCLError, _rcl.UnknownROSArgsError) as error:
+        # a parameter file that is not there, or is none; rcl adds its source lines
+        reason = " ".join(str(error).split(", at /")[0].split())
+        print(f"pam_driver: {reason}", file=sys.stderr)
+        return _USERS_MISTAKE
+    node: DriverNode | None = None
+    try:
+        node = DriverNode()
+        if not node.autostart():
+            print(f"pam_driver: {node.failure}", file=sys.stderr)
+            return _USERS_MISTAKE
+        executor = EventsExecutor()
+        executor.add_node(node)
+        gc.collect()
+        gc.freeze()
+        while not stopping and rclpy.ok():
+            executor.spin_once(timeout_sec=0.1)
+            node.check()
+    except PamError as error:
+        print(f"pam_driver: {error}", file=sys.stderr)
+        return _USERS_MISTAKE
+    finally:
+        if node is not None:
+            node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

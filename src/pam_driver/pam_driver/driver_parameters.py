@@ -1,0 +1,91 @@
+"""The driver node's parameters: name, default, unit, range, text."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from pam_driver.bus import DEFAULT_BITRATE
+from pam_driver.driver_settings import DriverSettings
+from pam_model.errors import PamError
+from pam_model.node_parameters import NodeParameters, Parameter
+
+_D = DriverSettings()
+
+TABLE: Final = (
+    Parameter("autostart", True, "-", 0, 1, "configure and activate by itself at start-up"),
+    Parameter(
+        "startup_timeout", 10.0, "s", 0.1, 600.0, "how long autostart waits for all boards"
+    ),
+    Parameter("rate", 500.0, "Hz", 1.0, 1000.0, "cycles of the I/O thread"),
+    Parameter("bus.interface", "socketcan", "-", 0, 0, "python-can's name of the interface"),
+    Parameter("bus.channel", "can0", "-", 0, 0, "network interface, multicast group or device"),
+    Parameter(
+        "bus.bitrate", DEFAULT_BITRATE, "bit/s", 10_000, 1_000_000, "for the bus load; sets the "
+        "bitrate where python-can does (SocketCAN: ip link sets it)"
+    ),
+    Parameter("bus.port", 43113, "-", 1024, 65535, "UDP port, for udp_multicast alone"),
+    Parameter(
+        "bus.options", "", "-", 0, 0, "further options of the interface: name=value, name=value"
+    ),
+    Parameter(
+        "bus.filter", False, "-", 0, 1, "SocketCAN: hear the rig's boards alone; saves time on a "
+        "shared bus, hides other drivers"
+    ),
+    Parameter("bus.dbc", "", "-", 0, 0, "DBC file of the boards; empty: the one of this package"),
+    Parameter(
+        "command_timeout", _D.command_timeout, "s", 0.005, 1.0, "an older command vents, latched"
+    ),
+    Parameter(
+        "sensor_timeout", _D.sensor_timeout, "s", 0.005, 1.0, "an older pressure or angle is NaN, "
+        "and vents while air may move"
+    ),
+    Parameter(
+        "board_timeout", _D.board_timeout, "s", 0.15, 5.0, "a board silent for longer is lost"
+    ),
+    Parameter(
+        "over_pressure_margin", _D.over_pressure_margin, "Pa", 0.0, 100_000.0, "how far above "
+        "max_pressure a sample may lie, for noise"
+    ),
+    Parameter(
+        "plausibility", True, "-", 0, 1, "hold measurements against the rig's physics, and vent "
+        "when they cannot be true; the limits are the rig file's"
+    ),
+    Parameter(
+        "velocity_bandwidth", _D.velocity_bandwidth, "Hz", 1.0, 500.0, "low pass of the "
+        "differentiated joint angle, -3 dB"
+    ),
+    Parameter("fluid_pressure_rate", 10.0, "Hz", 0.1, 100.0, "rate of <muscle>/pressure"),
+)  # fmt: skip
+
+
+def settings_of(values: NodeParameters) -> DriverSettings:
+    """The part that the pure driver takes."""
+    return DriverSettings(
+        command_timeout=values.number("command_timeout"),
+        sensor_timeout=values.number("sensor_timeout"),
+        board_timeout=values.number("board_timeout"),
+        over_pressure_margin=values.number("over_pressure_margin"),
+        velocity_bandwidth=values.number("velocity_bandwidth"),
+    )
+
+
+def bus_options(text: str) -> dict[str, Any]:
+    """Options for python-can from "name=value, name=value"; numbers and true/false are converted.
+
+    Raises
+    ------
+    PamError
+        For a part that is not name=value.
+    """
+    options: dict[str, Any] = {}
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not name.isidentifier():
+            raise PamError(f"bus.options: {part!r} must be name=value")
+        if value.lower() in {"true", "false"}:
+            options[name] = value.lower() == "true"
+        elif value.lstrip("-").isdecimal():
+            options[name] = int(value)
+        else:
+            options[name] = value
+    return options

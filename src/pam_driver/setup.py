@@ -1,0 +1,28 @@
+"""Installs pam_driver the way ament_python expects it."""
+
+from setuptools import find_packages, setup
+
+NAME = "pam_driver"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={"": ["py.typed", "*.dbc"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="PAM suite maintainers",
+    maintainer_email="pam-suite@example.org",
+    description="CAN bus driver for the valve boards of pneumatic muscles.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "driver_node = pam_driver.driver_node:main",
+        ]
+    },
+)

@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pam_driver.bus import CanPort, open_bus
+from pam_driver.codec import BoardCodec
+from pam_model.rig import Rig, load_rig
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="session")
+def codec() -> BoardCodec:
+    return BoardCodec.from_dbc()
+
+
+@pytest.fixture(scope="session")
+def rig() -> Rig:
+    return load_rig(ROOT / "config/elbow.yaml")
+
+
+@pytest.fixture
+def ports() -> Iterator[tuple[CanPort, CanPort]]:
+    """Two ends of a bus inside this process."""
+    channel = uuid.uuid4().hex
+    ends = open_bus("virtual", channel), open_bus("virtual", channel)
+    yield ends
+    for end in ends:
+        end.close()

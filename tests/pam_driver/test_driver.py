@@ -1,0 +1,538 @@
+"""The driver against a board that misbehaves, step by step on a bus inside this process."""
+
+from __future__ import annotations
+
+import math
+import uuid
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from pam_driver.bus import BusState, CanPort, SendOutcome, open_bus
+from pam_driver.codec import (
+    BoardCodec,
+    BoardFault,
+    BoardState,
+    Heartbeat,
+    Measurement,
+    Status,
+    ValveCommand,
+)
+from pam_driver.command_intake import CommandError, NamedCommand
+from pam_driver.driver import ActivationError, Driver, Snapshot
+from pam_driver.driver_settings import DriverSettings
+from pam_driver.rig_wiring import RigWiring
+from pam_driver.safety_state import SafetyState
+from pam_model.errors import PamError
+from pam_model.rig import Encoder, Rig
+
+from .fake_board import FakeBoard
+
+PERIOD = 0.002
+SETTINGS = DriverSettings()
+NAMES = ("elbow_flexor", "elbow_extensor")
+
+
+class Bench:
+    """A driver, a board and a clock that only moves in steps."""
+
+    def __init__(self, rig: Rig, codec: BoardCodec, ports: tuple[CanPort, CanPort]) -> None:
+        self.port, self.board_port = ports
+        self.codec = codec
+        self.driver = Driver(rig, codec, self.port, SETTINGS)
+        self.board = FakeBoard(self.board_port, codec)
+        self.now = 100.0
+        self.snapshot: Snapshot | None = None
+
+    def step(
+        self,
+        seconds: float = PERIOD,
+        command: tuple[float, float] | None = None,
+        board: bool = True,
+    ) -> Snapshot:
+        """Run for a while, with a fresh command in each cycle if one is given."""
+        for _ in range(max(1, round(seconds / PERIOD))):
+            self.now += PERIOD
+            if board:
+                self.board.step(self.now)
+            if command is not None:
+                self.driver.set_commands(NamedCommand(NAMES, command), self.now)
+            # the virtual bus stamps with the wall clock, which stands still against this one
+            self.snapshot = self.driver.cycle(self.now, 0.0)
+        assert self.snapshot is not None
+        return self.snapshot
+
+    def start(self) -> None:
+        """Bring it to moving air."""
+        self.step(0.2)
+        self.driver.activate(self.now)
+        self.step(0.7, (0.25, -0.5))
+        assert self.driver.state is SafetyState.ACTIVE
+        assert self.board.state is BoardState.ACTIVE
+
+    def kinds(self) -> set[str]:
+        """Kinds of the latched faults."""
+        return {fault.kind for fault in self.driver.faults}
+
+
+@pytest.fixture
+def bench(rig: Rig, codec: BoardCodec, ports: tuple[CanPort, CanPort]) -> Bench:
+    return Bench(rig, codec, ports)
+
+
+def test_commands_reach_the_valves_and_measurements_come_back(bench: Bench) -> None:
+    bench.start()
+    assert bench.board.air == pytest.approx((0.25, -0.5), abs=2e-5)
+    bench.board.pressures = [200_000.0, 100_000.0]
+    bench.board.position = 0.5
+    snapshot = bench.step(0.01, (0.0, 0.0))
+    assert snapshot.pressures == (200_000.0, 100_000.0)
+    assert snapshot.positions == (0.5,)
+    assert snapshot.pressure_stamp > 0.0
+
+
+def test_nothing_moves_before_activation_and_a_command(bench: Bench) -> None:
+    bench.step(0.2, (1.0, 1.0))
+    assert bench.board.air == (0.0, 0.0)
+    bench.driver.activate(bench.now)
+    bench.step(0.2)
+    assert bench.driver.state is SafetyState.READY
+    assert not any(any(command.enable) for command in bench.board.commands)
+
+
+def test_a_command_from_before_activation_is_not_used(bench: Bench) -> None:
+    bench.step(0.2, (1.0, 1.0))
+    bench.driver.activate(bench.now)
+    bench.step(0.05)
+    assert bench.board.air == (0.0, 0.0)
+
+
+def test_activation_names_the_missing_board(bench: Bench) -> None:
+    bench.step(0.2, board=False)
+    with pytest.raises(ActivationError, match="board 0"):
+        bench.driver.activate(bench.now)
+    assert bench.driver.state is SafetyState.VENTED
+
+
+def stop_board(bench: Bench) -> None:
+    bench.board.silent = {Measurement, Status, Heartbeat}
+
+
+def stop_heartbeat(bench: Bench) -> None:
+    bench.board.silent = {Heartbeat}
+
+
+def stop_measurement(bench: Bench) -> None:
+    bench.board.silent = {Measurement}
+
+
+def freeze_counter(bench: Bench) -> None:
+    bench.board.counter_frozen = True
+
+
+def lose_sensor(bench: Bench) -> None:
+    bench.board.pressures[1] = math.nan
+
+
+def lose_encoder(bench: Bench) -> None:
+    bench.board.position = math.nan
+
+
+def burst(bench: Bench) -> None:
+    bench.board.pressures[0] = 610_000.0
+
+
+def board_fault(bench: Bench) -> None:
+    bench.board.state = BoardState.FAULT
+    bench.board.faults = BoardFault.VALVE
+
+
+def board_vents(bench: Bench) -> None:
+    bench.board.state = BoardState.VENTED
+    bench.board._armed = False
+
+
+def restart(bench: Bench) -> None:
+    bench.board.uptime = 0.0
+
+
+def deafen(bench: Bench) -> None:
+    # a board whose receiver hangs, with a watchdog that hangs as well
+    bench.board.deaf = True
+    bench.board._heard_at = math.inf
+
+
+def other_protocol(bench: Bench) -> None:
+    bench.board.protocol_version = 2
+
+
+def bus_off(bench: Bench) -> None:
+    bench.port._controller = BusState.BUS_OFF
+    stop_board(bench)
+
+
+def second_driver(bench: Bench) -> None:
+    command = ValveCommand((0.0, 0.0), (False, False), 3)
+    bench.board_port.send(*bench.codec.encode(0, command), bench.now)
+
+
+CYCLE = 2 * PERIOD
+FAULTS: dict[str, tuple[Callable[[Bench], None], set[str], float]] = {
+    "board lost": (stop_board, {"stale_sensor"}, SETTINGS.sensor_timeout + CYCLE),
+    "heartbeat lost": (stop_heartbeat, {"board_lost"}, SETTINGS.board_timeout + CYCLE),
+    "measurement lost": (stop_measurement, {"stale_sensor"}, SETTINGS.sensor_timeout + CYCLE),
+    "counter frozen": (freeze_counter, {"counter_frozen"}, SETTINGS.sensor_timeout + CYCLE),
+    "sensor lost": (lose_sensor, {"stale_sensor"}, SETTINGS.sensor_timeout + CYCLE),
+    "encoder lost": (lose_encoder, {"stale_sensor"}, SETTINGS.sensor_timeout + CYCLE),
+    "over-pressure": (burst, {"over_pressure"}, CYCLE),
+    "board fault": (board_fault, {"board_fault"}, 0.02 + CYCLE),
+    "board vents": (board_vents, {"board_not_active"}, 0.02 + CYCLE),
+    "board restarts": (restart, {"board_restarted"}, 0.1 + CYCLE),
+    "board deaf": (deafen, {"command_not_heard"}, 0.52 + CYCLE),
+    "other protocol": (other_protocol, {"protocol_version"}, 0.1 + CYCLE),
+    "bus-off": (bus_off, {"bus_off"}, CYCLE),
+    "second driver": (second_driver, {"foreign_command"}, CYCLE),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_vents_in_time_and_stays(name: str, bench: Bench) -> None:
+    inject, kinds, within = FAULTS[name]
+    bench.start()
+    inject(bench)
+    began = bench.now
+    while bench.driver.state is SafetyState.ACTIVE and bench.now - began < 2.0:
+        bench.step(command=(0.25, 0.25))
+    assert bench.now - began <= within + 1e-9
+    assert kinds <= bench.kinds()
+    heard = len(bench.board.commands)
+    bench.step(0.2, (0.25, 0.25))
+    assert bench.driver.state is SafetyState.FAULT
+    if not bench.board.deaf:
+        assert len(bench.board.commands) > heard
+        assert not any(any(command.enable) for command in bench.board.commands[heard + 1 :])
+        assert bench.board.air == (0.0, 0.0)
+    with pytest.raises(ActivationError, match="clear_faults"):
+        bench.driver.activate(bench.now)
+
+
+def test_after_a_fault_clear_activate_and_command_move_again(bench: Bench) -> None:
+    bench.start()
+    burst(bench)
+    bench.step(0.05)
+    assert bench.kinds() == {"over_pressure"}
+    bench.driver.clear_faults(bench.now)
+    with pytest.raises(ActivationError, match=r"elbow_flexor: 610000 Pa"):
+        bench.driver.activate(bench.now)
+    bench.board.pressures[0] = 0.0
+    bench.step(0.1, (0.5, 0.5))
+    assert bench.board.air == (0.0, 0.0)
+    bench.driver.activate(bench.now)
+    bench.step(0.1)
+    assert bench.board.air == (0.0, 0.0)
+    bench.step(0.1, (0.5, 0.5))
+    assert bench.board.air == pytest.approx((0.5, 0.5), abs=2e-5)
+
+
+def test_clear_faults_reaches_the_board(bench: Bench) -> None:
+    bench.step(0.1)
+    bench.board.state, bench.board.faults = BoardState.FAULT, BoardFault.WATCHDOG
+    bench.step(0.1)
+    with pytest.raises(ActivationError, match="watchdog"):
+        bench.driver.activate(bench.now)
+    bench.driver.clear_faults(bench.now)
+    bench.step(0.1)
+    bench.driver.activate(bench.now)
+    assert bench.driver.state is SafetyState.READY
+
+
+@pytest.mark.parametrize("way", ["deactivate", "vent", "close"])
+def test_every_way_out_vents_at_once(way: str, bench: Bench) -> None:
+    bench.start()
+    getattr(bench.driver, way)(bench.now)
+    bench.board.step(bench.now)
+    assert bench.board.state is BoardState.VENTED
+    bench.step(0.1, (1.0, 1.0))
+    assert bench.board.air == (0.0, 0.0)
+
+
+def test_commands_that_stop_end_vented(bench: Bench) -> None:
+    bench.start()
+    bench.step(SETTINGS.command_timeout - PERIOD)
+    assert bench.driver.state is SafetyState.ACTIVE
+    bench.step(2 * PERIOD)
+    assert bench.kinds() == {"command_timeout"}
+    bench.step()
+    assert bench.board.air == (0.0, 0.0)
+
+
+GOOD = (0.1, 0.2)
+BAD_COMMANDS: dict[str, tuple[NamedCommand, str]] = {
+    "unknown name": (NamedCommand(("elbow_flexor", "knee"), GOOD), "knee"),
+    "twice": (NamedCommand(("elbow_flexor", "elbow_flexor"), GOOD), "twice"),
+    "one missing": (NamedCommand(("elbow_flexor",), (0.1,)), "expected 2"),
+    "no names": (NamedCommand((), ()), "expected 2"),
+    "too many": (NamedCommand((*NAMES, "x"), (0.1, 0.2, 0.3)), "expected 2"),
+    "values missing": (NamedCommand(NAMES, (0.1,)), "1 values in position"),
+    "NaN": (NamedCommand(NAMES, (0.1, math.nan)), "elbow_extensor: nan"),
+    "infinite": (NamedCommand(NAMES, (-math.inf, 0.0)), "elbow_flexor: -inf"),
+    "percent": (NamedCommand(NAMES, (50.0, 0.0)), "expected -1 to 1"),
+    "effort": (NamedCommand(NAMES, (), (), (1e5, 1e5)), "takes position"),
+    "effort too": (NamedCommand(NAMES, GOOD, (), (1e5, 1e5)), "takes position"),
+    "velocity": (NamedCommand(NAMES, GOOD, (0.0, 0.0)), "takes position"),
+    "old": (NamedCommand(NAMES, GOOD, age=0.2), "0.200 s old"),
+    "future": (NamedCommand(NAMES, GOOD, age=-1.0), "in the future"),
+    "NaN age": (NamedCommand(NAMES, GOOD, age=math.nan), "future"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_COMMANDS)
+def test_a_bad_command_is_refused_whole_and_ages_out(name: str, bench: Bench) -> None:
+    command, expected = BAD_COMMANDS[name]
+    bench.start()
+    with pytest.raises(CommandError, match=expected):
+        bench.driver.set_commands(command, bench.now)
+    bench.step()
+    assert bench.board.commands[-1].valves == pytest.approx((0.25, -0.5), abs=2e-5)
+    assert sum(bench.driver.intake.rejected.values()) == 1
+    for _ in range(60):
+        bench.step()
+        with pytest.raises(CommandError):
+            bench.driver.set_commands(command, bench.now)
+    assert bench.kinds() == {"command_timeout"}
+    assert expected.split(":")[0] in str(bench.driver.faults[0])
+    bench.step(0.01)
+    assert bench.board.air == (0.0, 0.0)
+
+
+def test_a_command_older_than_the_last_is_refused(bench: Bench) -> None:
+    bench.start()
+    with pytest.raises(CommandError, match="older than"):
+        bench.driver.set_commands(NamedCommand(NAMES, GOOD, age=0.05), bench.now)
+
+
+def test_names_may_come_in_any_order(bench: Bench) -> None:
+    bench.start()
+    bench.driver.set_commands(NamedCommand(NAMES[::-1], (0.5, 0.25)), bench.now)
+    bench.step(2 * PERIOD)
+    assert bench.board.air == pytest.approx((0.25, 0.5), abs=2e-5)
+
+
+def test_rounding_beyond_full_scale_is_clipped(bench: Bench) -> None:
+    bench.start()
+    bench.driver.set_commands(NamedCommand(NAMES, (1.0 + 1e-9, -1.0 - 1e-9)), bench.now)
+    bench.step(2 * PERIOD)
+    assert bench.board.air == (1.0, -1.0)
+
+
+def test_values_that_are_not_fresh_are_nan(bench: Bench) -> None:
+    bench.step(0.1)
+    lose_sensor(bench)
+    lose_encoder(bench)
+    snapshot = bench.step(SETTINGS.sensor_timeout + CYCLE)
+    assert snapshot.pressures[0] == 0.0
+    assert math.isnan(snapshot.pressures[1])
+    assert math.isnan(snapshot.positions[0]) and math.isnan(snapshot.velocities[0])
+    assert snapshot.joint_stamp == 0.0
+
+
+def test_a_lost_frame_or_two_are_no_fault(bench: Bench) -> None:
+    bench.start()
+    for _ in range(20):
+        bench.board._counter += 2
+        bench.step(0.01, (0.0, 0.0))
+    assert bench.driver.state is SafetyState.ACTIVE
+    assert bench.driver.boards[0].frames_lost == 40
+
+
+def test_frames_out_of_order_are_not_used(bench: Bench) -> None:
+    bench.step(0.1)
+    old = bench.codec.encode(0, Measurement((1e5, 1e5), 0.3, (bench.board._counter - 2) & 0xFF))
+    bench.board_port.send(*old, bench.now)
+    snapshot = bench.driver.cycle(bench.now, 0.0)
+    assert snapshot.positions == (0.0,)
+    assert bench.driver.boards[0].frames_reordered == 1
+
+
+@pytest.mark.parametrize(
+    ("frame_id", "data", "kind"),
+    [
+        (0x123, b"\1", "unknown_id"),
+        (0x180, b"\1\2", "wrong_length"),
+        (0x280, b"\xff" * 8, "out_of_range"),
+        (0x100, b"\1" * 8, "bad_crc"),
+        (0x185, b"\0" * 8, "unknown_board"),
+    ],
+)
+def test_a_bad_frame_is_counted_named_and_not_fatal(
+    frame_id: int, data: bytes, kind: str, bench: Bench
+) -> None:
+    bench.start()
+    bench.board_port.send(frame_id, data, bench.now)
+    bench.step(0.05, (0.0, 0.0))
+    assert bench.driver.frame_errors == {kind: 1}
+    assert f"0x{frame_id:03X}" in bench.driver.last_frame_error[kind]
+    assert bench.driver.state is SafetyState.ACTIVE
+
+
+class RefusingPort:
+    """A port whose transmit queue is full, or whose interface is down."""
+
+    def __init__(self, port: CanPort, outcome: SendOutcome) -> None:
+        self.port = port
+        self.outcome = outcome
+
+    @property
+    def state(self) -> BusState:
+        down = self.outcome is SendOutcome.BUS_DOWN
+        return BusState.DOWN if down else BusState.ERROR_ACTIVE
+
+    def receive_all(self, now: float) -> list:
+        return self.port.receive_all(now)
+
+    def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
+        return self.outcome
+
+
+@pytest.mark.parametrize(
+    ("outcome", "kind"),
+    [(SendOutcome.QUEUE_FULL, "send_blocked"), (SendOutcome.BUS_DOWN, "bus_down")],
+)
+def test_a_bus_that_takes_nothing_is_a_fault(outcome: SendOutcome, kind: str, bench: Bench) -> None:
+    bench.start()
+    bench.driver._port = RefusingPort(bench.port, outcome)
+    bench.step(SETTINGS.command_timeout + CYCLE, (0.1, 0.1))
+    assert kind in bench.kinds()
+    # the host could not say so: the board's own watchdog has vented
+    bench.step(0.1)
+    assert bench.board.state is BoardState.FAULT
+
+
+def test_velocity_follows_the_angle(bench: Bench) -> None:
+    bench.step(0.1)
+    for _ in range(100):
+        bench.board.position += 3.0 * PERIOD
+        snapshot = bench.step()
+    assert snapshot.velocities[0] == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_step_of_the_wall_clock_is_no_fault(bench: Bench) -> None:
+    bench.start()
+    for wall in (1e10, 0.0, -1e10):
+        bench.now += PERIOD
+        bench.board.step(bench.now)
+        bench.driver.set_commands(NamedCommand(NAMES, GOOD), bench.now)
+        bench.driver.cycle(bench.now, wall)
+    assert bench.driver.state is SafetyState.ACTIVE
+
+
+def test_two_joints_on_two_boards(rig: Rig, codec: BoardCodec) -> None:
+    joint = replace(rig.joints[0], name="wrist", muscles=("wrist_a", "wrist_b"), encoder=Encoder(4))
+    others = tuple(
+        replace(muscle, name=name, board=4)
+        for muscle, name in zip(rig.muscles, joint.muscles, strict=True)
+    )
+    both = replace(rig, joints=(*rig.joints, joint), muscles=rig.muscles + others)
+    channel = uuid.uuid4().hex
+    ends = [open_bus("virtual", channel) for _ in range(3)]
+    driver = Driver(both, codec, ends[0], SETTINGS)
+    elbow, wrist = FakeBoard(ends[1], codec, 0), FakeBoard(ends[2], codec, 4)
+    names = (*NAMES, "wrist_a", "wrist_b")
+    now = 1.0
+
+    def run(boards: list[FakeBoard], values: tuple[float, ...] = ()) -> Snapshot:
+        nonlocal now
+        for _ in range(100):
+            now += PERIOD
+            for board in boards:
+                board.step(now)
+            if values:
+                driver.set_commands(NamedCommand(names, values), now)
+            snapshot = driver.cycle(now, 0.0)
+        return snapshot
+
+    run([elbow])
+    with pytest.raises(ActivationError, match=r"no answer from board 4:"):
+        driver.activate(now)
+    wrist.pressures, wrist.position = [1e5, 2e5], -0.5
+    snapshot = run([elbow, wrist])
+    assert snapshot.pressures == (0.0, 0.0, 1e5, 2e5)
+    assert snapshot.positions == (0.0, -0.5)
+    driver.activate(now)
+    run([elbow, wrist], (0.1, 0.2, 0.3, 0.4))
+    assert (*elbow.air, *wrist.air) == pytest.approx((0.1, 0.2, 0.3, 0.4), abs=2e-5)
+    run([elbow], (0.1, 0.2, 0.3, 0.4))
+    assert {fault.subject for fault in driver.faults} == {"wrist_a", "wrist_b", "wrist"}
+    run([elbow, wrist])
+    assert (*elbow.air, *wrist.air) == (0.0, 0.0, 0.0, 0.0)
+    for end in ends:
+        end.close()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "expected"),
+    [
+        ("board", None, "missing"),
+        ("board", 16, "expected board 0 to 15"),
+        ("channel", 2, "channel 0 to 1"),
+        ("channel", 1, "already"),
+    ],
+)
+def test_a_rig_that_is_not_wired_is_refused(
+    field: str, value: int | None, expected: str, rig: Rig, codec: BoardCodec
+) -> None:
+    wrong = rig.with_muscle(replace(rig.muscles[0], **{field: value}))
+    with pytest.raises(PamError, match=expected):
+        RigWiring(wrong, codec.board_count)
+
+
+def test_a_regulator_takes_pascal(rig: Rig, codec: BoardCodec, ports: tuple) -> None:
+    muscles = tuple(
+        replace(m, valve=replace(m.valve, kind="pressure_regulator", full_scale=800_000.0))
+        for m in rig.muscles
+    )
+    bench = Bench(replace(rig, muscles=muscles), codec, ports)
+    bench.step(0.2)
+    bench.driver.activate(bench.now)
+    bench.driver.set_commands(NamedCommand(NAMES, effort=(200_000.0, 0.0)), bench.now)
+    bench.step(3 * PERIOD)
+    assert bench.board.air == pytest.approx((0.25, 0.0), abs=2e-5)
+    for command, expected in (
+        (NamedCommand(NAMES, (0.1, 0.1)), "takes effort"),
+        (NamedCommand(NAMES, effort=(600_100.0, 0.0)), "expected 0 to 600000 Pa"),
+        (NamedCommand(NAMES, effort=(-1.0, 0.0)), "expected 0 to 600000 Pa"),
+    ):
+        with pytest.raises(CommandError, match=expected):
+            bench.driver.set_commands(command, bench.now)
+
+
+class SeenPressures:
+    """A judge of measurements that only remembers them."""
+
+    period = PERIOD
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[float, ...]] = []
+
+    def update(self, commands, pressures, positions, velocities, supply_pressures) -> None:
+        self.seen.append(tuple(pressures))
+
+    def deviations(self):
+        return iter(())
+
+
+def test_physics_begins_anew_after_a_stall(
+    rig: Rig, codec: BoardCodec, ports: tuple[CanPort, CanPort]
+) -> None:
+    """A host that stood still must not take the gas that went on for a leak."""
+    bench = Bench(rig, codec, ports)
+    judge = SeenPressures()
+    bench.driver = Driver(rig, codec, bench.port, SETTINGS, judge)
+    bench.step(0.2)
+    assert not any(math.isnan(value) for value in judge.seen[-1])
+    bench.now += 0.1
+    bench.step()
+    assert all(math.isnan(value) for value in judge.seen[-1])
+    bench.step(0.01)
+    assert not any(math.isnan(value) for value in judge.seen[-1])
