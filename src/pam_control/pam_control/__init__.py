@@ -1,0 +1,1 @@
+"""Position and stiffness control of antagonistic muscle joints."""

@@ -1,0 +1,469 @@
+"""What every control law shares: references, ages, take-over, PID, pressure loops, limits.
+
+A law adds one method: which pressures the two muscles of a joint should have. `step` is all of
+it: measurement in, valve commands out. No ROS, no clock, no thread.
+
+Time is the caller's, in seconds. The feedback compares a measurement with the reference at the
+time of that measurement; the feedforward works for the time at which the valve will act, a known
+delay ahead. So a delay costs the loop phase, but no tracking error.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pam_control.gain_design import (
+    LoopCase,
+    Margins,
+    checked_margins,
+    design_pid,
+    design_pressure_gain,
+)
+from pam_control.joint_channel import JointChannel, Pair
+from pam_control.linear_joint import LoopTiming
+from pam_control.pressure_loop import PressureDemand, PressureLoopSettings
+from pam_control.reference_generator import ReferenceGenerator
+from pam_control.sensor_correction import SensorCorrection
+from pam_control.settings import ControlSettings
+from pam_control.trajectory import CommandError, JointReference
+from pam_model.rig import Rig
+
+LONGEST_STEP = 0.02  # s; a longer pause between two steps counts as this
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What the sensors said, in the rig's order.
+
+    Attributes
+    ----------
+    positions : sequence of float
+        Of the joints [rad].
+    pressures : sequence of float
+        Of the muscles, gauge [Pa].
+    position_time, pressure_time : float
+        When they were measured [s].
+    """
+
+    positions: Sequence[float]
+    pressures: Sequence[float]
+    position_time: float
+    pressure_time: float
+
+
+@dataclass(frozen=True, slots=True)
+class ControlOutput:
+    """What one step gives.
+
+    Attributes
+    ----------
+    commands : tuple of float or None
+        One per muscle of the rig, spool [-] or [Pa] by valve kind, NaN for a muscle of no joint;
+        None: send nothing, `reason` says why.
+    reason : str
+        Empty while commands are given.
+    """
+
+    commands: tuple[float, ...] | None
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """What a law gets to plan one joint's pressures from.
+
+    Attributes
+    ----------
+    index : int
+        Of the joint.
+    channel : JointChannel
+        Of the joint.
+    output : float
+        Of the PID.
+    now, then : JointReference
+        Reference at the time of measurement, and at the time the valve will act.
+    measured_at, acts_at : float
+        Those times [s]; with valves of unequal delay the later one's.
+    side_acts_at : (float, float)
+        When the agonist's and the antagonist's valve will act [s].
+    side_velocities : (float, float)
+        Of the reference at those times [rad/s].
+    step : float
+        Since the last cycle [s].
+    """
+
+    index: int
+    channel: JointChannel
+    output: float
+    now: JointReference
+    then: JointReference
+    measured_at: float
+    acts_at: float
+    side_acts_at: Pair
+    side_velocities: Pair
+    step: float
+
+
+@dataclass(frozen=True, slots=True)
+class PressurePlan:
+    """What a law asks of the pressure loops of one joint.
+
+    Attributes
+    ----------
+    reference : (float, float)
+        Pressures for the time of measurement [Pa].
+    rate : (float, float)
+        Their feedforward rate at the time of action [Pa/s].
+    ahead : (float, float)
+        Their feedforward change from measurement to action [Pa].
+    velocities : (float, float)
+        Joint velocity for each muscle's dV/dt feedforward [rad/s].
+    missed : float
+        Reached less asked output of the PID, in its unit.
+    """
+
+    reference: Pair
+    rate: Pair
+    ahead: Pair
+    velocities: Pair
+    missed: float
+
+
+class Controller(ABC):
+    """A control law for all joints of a rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is controlled.
+    settings : ControlSettings
+        Gains left open in it are designed here.
+
+    Raises
+    ------
+    ControlDesignError
+        When a loop would be unstable or have less than 30 degrees of phase margin.
+    """
+
+    def __init__(self, rig: Rig, settings: ControlSettings) -> None:
+        self.rig = rig
+        self.references = ReferenceGenerator(
+            {joint.name: joint.position_limits for joint in rig.joints}
+        )
+        self.correction = SensorCorrection(rig)
+        self.channels = [JointChannel(rig, joint, settings.min_pressure) for joint in rig.joints]
+        self.stiffness_commands: list[float] = [settings.default_stiffness for _ in rig.joints]
+        self.active = False
+        self._time = math.nan
+        self._asked = settings
+        self.settings = self.designed(settings)
+        self._apply(self.settings, self.check(self.settings))
+
+    # --- design ---------------------------------------------------------------------------------
+
+    @abstractmethod
+    def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
+        """The linearised loops at which a joint's gains are designed and checked."""
+
+    def timing(self, channel: JointChannel, settings: ControlSettings) -> LoopTiming:
+        """The delays of a joint's loop."""
+        valves = [muscle.valve for muscle in channel.muscles]
+        return LoopTiming(
+            period=settings.period,
+            transport_delay=settings.measurement_delay
+            + settings.command_delay
+            + max(channel.command_delays)
+            + max(channel.pressure_lags),
+            valve_time_constant=max(channel.valve_time_constants),
+            lead_ratio=settings.lead_ratio,
+            velocity_filter=settings.derivative_filter,
+            regulated=valves[0].kind == "pressure_regulator",
+            position_delay=channel.position_delay,
+        )
+
+    def designed(self, settings: ControlSettings) -> ControlSettings:
+        """The settings with every open gain designed.
+
+        Raises
+        ------
+        ControlDesignError
+            When no gains keep the margins asked for.
+        """
+        if settings.pressure_gain is None:
+            settings = settings.replace(
+                pressure_gain=min(
+                    design_pressure_gain(self.timing(channel, settings))
+                    for channel in self.channels
+                )
+            )
+        gains = dict(settings.gains)
+        for channel in self.channels:
+            name = channel.joint.name
+            if name not in gains:
+                gains[name] = design_pid(
+                    name,
+                    self.cases(channel, settings),
+                    self.timing(channel, settings),
+                    phase_margin=settings.phase_margin,
+                    sensitivity=settings.sensitivity,
+                    derivative_filter=settings.derivative_filter,
+                )
+                given = settings.partial_gains.get(name, {})
+                gains[name] = dataclasses.replace(gains[name], **given)
+        return settings.replace(gains=gains)
+
+    def check(self, settings: ControlSettings) -> list[list[Margins]]:
+        """Margins of every joint with these settings, the worst operating point first.
+
+        Raises
+        ------
+        ControlDesignError
+            When one is not safe.
+        """
+        return [
+            checked_margins(
+                channel.joint.name,
+                self.cases(channel, settings),
+                self.timing(channel, settings),
+                settings.gains[channel.joint.name],
+            )
+            for channel in self.channels
+        ]
+
+    def change(self, settings: ControlSettings) -> None:
+        """Use other settings from the next step on, designing anew what they leave open.
+
+        Raises
+        ------
+        ControlDesignError
+            When a loop would not be safe; the present settings stay.
+        """
+        if settings.changes_loop(self._asked):
+            designed = self.designed(settings)
+            margins = self.check(designed)
+        else:
+            present = self.settings
+            designed = settings.replace(gains=present.gains, pressure_gain=present.pressure_gain)
+            margins = [channel.margins for channel in self.channels]
+        self._asked = settings
+        self._apply(designed, margins)
+
+    def _apply(self, settings: ControlSettings, margins: list[list[Margins]]) -> None:
+        for channel, found in zip(self.channels, margins, strict=True):
+            channel.margins = found
+        self.settings = settings
+        self.references.stream_timeout = settings.stream_timeout
+        self.references.stream_bandwidth = settings.stream_bandwidth
+        self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
+
+    # --- commands -------------------------------------------------------------------------------
+
+    def set_stiffness(self, values: Sequence[float]) -> None:
+        """Ask for a stiffness of every joint [N m/rad].
+
+        Raises
+        ------
+        CommandError
+            For a wrong size, or a value that is not finite or not above 0; nothing is changed.
+        """
+        if len(values) != len(self.channels):
+            raise CommandError(
+                f"stiffness command rejected: {len(values)} values for {len(self.channels)} joints"
+            )
+        for channel, value in zip(self.channels, values, strict=True):
+            if not (math.isfinite(value) and value > 0.0):
+                raise CommandError(
+                    f"stiffness command rejected: {channel.joint.name} at {value} N m/rad"
+                )
+        self.stiffness_commands = [float(value) for value in values]
+
+    def stiffness_range(self, index: int) -> Pair:
+        """Least and greatest stiffness [N m/rad] joint `index` reaches at its present reference."""
+        channel = self.channels[index]
+        reference = channel.telemetry.reference
+        if math.isnan(reference.position):
+            return math.nan, math.nan
+        torque = channel.dynamics.torque(reference)
+        low = channel.model.pressures_for(torque, 0.0, reference.position)
+        high = channel.model.pressures_for(torque, 1e9, reference.position)
+        return float(low.stiffness), float(high.stiffness)
+
+    # --- running --------------------------------------------------------------------------------
+
+    def deactivate(self) -> None:
+        """Stop; the next step takes over bumplessly whatever is measured then."""
+        self.active = False
+
+    def step(self, time: float, measurement: Measurement) -> ControlOutput:
+        """One control cycle.
+
+        Parameters
+        ----------
+        time : float
+            Now [s].
+        measurement : Measurement
+            The latest.
+
+        Returns
+        -------
+        ControlOutput
+            Commands, or none and why: a measurement is missing or older than `stale_after`.
+        """
+        reason = self._refusal(time, measurement)
+        if reason:
+            self.active = False
+            return ControlOutput(None, reason)
+        measurement = dataclasses.replace(
+            measurement,
+            positions=self.correction.positions(measurement.positions),
+            pressures=self.correction.pressures(measurement.pressures),
+        )
+        if not self.active or time < self._time:
+            self._take_over(time, measurement)
+        step = min(max(time - self._time, 0.0), LONGEST_STEP) or self.settings.period
+        self._time = time
+        self.references.advance(time)
+        commands = [math.nan] * len(self.rig.muscles)
+        for index in range(len(self.channels)):
+            self._joint_step(index, time, step, measurement, commands)
+        return ControlOutput(tuple(commands))
+
+    def _refusal(self, time: float, measurement: Measurement) -> str:
+        limit = self.settings.stale_after
+        for what, names, values, stamp in (
+            ("position", self.rig.joint_names, measurement.positions, measurement.position_time),
+            ("pressure", self.rig.muscle_names, measurement.pressures, measurement.pressure_time),
+        ):
+            if len(values) != len(names):
+                return f"no {what} measured yet" if not values else f"{len(values)} {what}s"
+            age = time - stamp
+            if not age <= limit:
+                return f"{what}s are {age * 1e3:.0f} ms old, limit {limit * 1e3:.0f} ms"
+        for channel, position in zip(self.channels, measurement.positions, strict=True):
+            if not math.isfinite(position):
+                return f"position of {channel.joint.name} is not available"
+            for muscle, index in zip(channel.muscles, channel.indices, strict=True):
+                if not math.isfinite(measurement.pressures[index]):
+                    return f"pressure of {muscle.name} is not available"
+        return ""
+
+    def _take_over(self, time: float, measurement: Measurement) -> None:
+        """Begin from what is: present positions held, present pressures kept at first."""
+        self._time = time - self.settings.period
+        self.references.hold(
+            {
+                channel.joint.name: float(position)
+                for channel, position in zip(self.channels, measurement.positions, strict=True)
+            }
+        )
+        for index, channel in enumerate(self.channels):
+            channel.reset()
+            a, b = (max(float(measurement.pressures[i]), 0.0) for i in channel.indices)
+            channel.desired = (a, b)
+            self._begin(index, channel, float(measurement.positions[index]), (a, b))
+        self.active = True
+
+    @abstractmethod
+    def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
+        """Set the law's memory so that its first pressures are the present ones."""
+
+    @abstractmethod
+    def _plan(self, request: PlanRequest) -> PressurePlan:
+        """The pressures of one joint; fills the law's part of its telemetry."""
+
+    def _joint_step(
+        self,
+        index: int,
+        time: float,
+        step: float,
+        measurement: Measurement,
+        commands: list[float],
+    ) -> None:
+        settings, channel = self.settings, self.channels[index]
+        name = channel.joint.name
+        position = float(measurement.positions[index])
+        gains = settings.gains[name]
+        measured_at = measurement.pressure_time - settings.measurement_delay
+        seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
+        soon = time + settings.command_delay + 0.5 * settings.period
+        acts = [
+            soon + settings.lead_ratio * lag + delay
+            for lag, delay in zip(channel.valve_time_constants, channel.command_delays, strict=True)
+        ]
+        acts_at = max(acts)
+        now = self.references.sample(name, measured_at)
+        seen = now if seen_at == measured_at else self.references.sample(name, seen_at)
+        then = self.references.sample(name, acts_at)
+        thens = [then if at == acts_at else self.references.sample(name, at) for at in acts]
+        fresh = channel.measure(position, measurement.position_time, settings.derivative_filter)
+        error = seen.position - position
+        output = channel.pid.output(error, fresh, gains)
+        plan = self._plan(
+            PlanRequest(
+                index,
+                channel,
+                output,
+                now,
+                then,
+                measured_at,
+                acts_at,
+                (acts[0], acts[1]),
+                (thens[0].velocity, thens[1].velocity),
+                step,
+            )
+        )
+        clipped = list(channel.telemetry.clipped)
+
+        reach = settings.pressure_rate * step
+        desired = []
+        for wanted, before in zip(plan.reference, channel.desired, strict=True):
+            allowed = max(before - reach, min(before + reach, wanted))
+            desired.append(allowed)
+            if allowed != wanted and "pressure_rate" not in clipped:
+                clipped.append("pressure_rate")
+        channel.desired = (desired[0], desired[1])
+
+        loop_settings = PressureLoopSettings(
+            gain=settings.pressure_gain or 0.0,
+            lead_ratio=settings.lead_ratio,
+            spool_limit=settings.spool_limit,
+        )
+        channel.valve_clipped = False
+        for side, (loop, muscle) in enumerate(zip(channel.loops, channel.muscles, strict=True)):
+            sign = -1.0 if side == 0 else 1.0
+            radius = sign * channel.model.pulley_radius
+            ahead = thens[side].position - seen.position
+            demand = PressureDemand(
+                reference=channel.desired[side],
+                rate=plan.rate[side],
+                ahead=plan.ahead[side],
+                length=muscle.neutral_length + radius * (position + ahead),
+                length_rate=radius * plan.velocities[side],
+            )
+            muscle_index = channel.indices[side]
+            pressure = float(measurement.pressures[muscle_index])
+            command, cut = loop.command(demand, pressure, loop_settings, step)
+            commands[muscle_index] = command
+            channel.valve_clipped = channel.valve_clipped or cut
+        if channel.valve_clipped:
+            clipped.append("valve")
+        channel.pid.integrate(
+            error,
+            step,
+            gains,
+            missed=plan.missed,
+            limit=settings.integral_limit,
+            frozen=bool(clipped) and plan.missed == 0.0,
+        )
+        telemetry = channel.telemetry
+        telemetry.reference, telemetry.error = seen, error
+        telemetry.pressures = channel.desired
+        telemetry.clipped = tuple(clipped)
+
+    def worst_margins(self) -> Mapping[str, Margins]:
+        """The least margins of every joint."""
+        return {channel.joint.name: channel.margins[0] for channel in self.channels}

@@ -1,0 +1,402 @@
+"""ROS 2 node of the controller: references and measurements in, valve commands out.
+
+Topics, parameters and behaviour: docs/controller.md. The control cycle is one thread with
+absolute deadlines; callbacks only leave the latest message for it. Measurements are heard by a
+node of their own in a thread of its own: designing gains anew for a changed parameter takes longer
+than a measurement may be old.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import math
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from pam_control.controller import Measurement
+from pam_control.controller_parameters import create_controller, parameter_table, settings_from
+from pam_control.trajectory import CommandError, TrajectoryPoint
+from pam_model import diagnostics as health
+from pam_model.errors import PamError
+from pam_model.node_parameters import NodeParameters, Value
+from pam_model.periodic import PeriodicLoop
+from pam_model.spin_node import spin_node
+
+REJECTION_SHOWN = 5.0  # s
+SWITCH_INTERVAL = 5e-4  # s; lets the control thread in soon after a callback has begun
+
+
+@dataclass(slots=True)
+class _JointCounts:
+    """Of one joint since the last diagnostics."""
+
+    cycles: int = 0
+    clipped: int = 0
+    squares: float = 0.0
+    largest: float = 0.0
+
+
+class ControllerNode(Node):  # type: ignore[misc]
+    """The shell around a `Controller`.
+
+    Raises
+    ------
+    PamError
+        For a rig or parameters that cannot be used, or a loop that would not be safe.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("pam_controller", automatically_declare_parameters_from_overrides=True)
+        self._controller: Any = None
+        names = self._joint_names_given()
+        self._table = parameter_table(names)
+        self._declared = NodeParameters(self, self._table, self._on_change)
+        self.rig = self._declared.rig
+        self._values: dict[str, Value] = {p.name: self._declared[p.name] for p in self._table}
+        self._controller = create_controller(self.rig, self._values, self.rig.joint_names)
+        self._log_design()
+
+        self._origin = self.get_clock().now().nanoseconds
+        self._lock = threading.Lock()
+        self._positions: tuple[list[float], float] = ([], -math.inf)
+        self._pressures: tuple[list[float], float] = ([], -math.inf)
+        self._flow_valve = [muscle.valve.kind == "flow" for muscle in self.rig.muscles]
+        self._reason = "no measurement yet"
+        self._counts = [_JointCounts() for _ in self.rig.joints]
+        self._rejected = 0
+        self._last_rejection = ("", -math.inf)
+        self._cycle_count = 0
+
+        rate = self._declared.number("loop.rate")
+        every = rate / min(self._declared.number("telemetry.rate"), rate)
+        self._telemetry_every = max(1, round(every))
+        latest = QoSProfile(depth=1)
+        sensed = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._commands_out = self.create_publisher(JointState, "valve_commands", latest)
+        self._reference_out = self.create_publisher(JointState, "~/reference", latest)
+        self._error_out = self.create_publisher(JointState, "~/error", latest)
+        self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10)
+        self.create_subscription(JointState, "~/commands", self._on_stream, latest)
+        self.create_subscription(
+            Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
+        )
+        self.create_timer(1.0, self._report)
+        self._hearing = rclpy.create_node(
+            "pam_controller_inputs", enable_rosout=False, start_parameter_services=False
+        )
+        for topic, callback in (
+            ("joint_states", self._on_joint_states),
+            ("pressure_states", self._on_pressure_states),
+        ):
+            self._hearing.create_subscription(JointState, topic, callback, sensed)
+        self._ending = threading.Event()
+        self._hearing_thread = threading.Thread(target=self._hear, name="inputs", daemon=True)
+        self._hearing_thread.start()
+        self.loop = PeriodicLoop(self._cycle, 1.0 / rate, "control")
+        gc.collect()
+        gc.freeze()
+        self.loop.start()
+
+    def _hear(self) -> None:
+        """Serve the measurements until the end."""
+        executor = EventsExecutor()
+        executor.add_node(self._hearing)
+        while rclpy.ok() and not self._ending.is_set():
+            with _unless_ending(), contextlib.suppress(ExternalShutdownException):
+                executor.spin_once(timeout_sec=0.1)
+
+    def _joint_names_given(self) -> list[str]:
+        if not self.has_parameter("joints"):
+            return []
+        given = self.get_parameter("joints").value
+        if not isinstance(given, Sequence) or isinstance(given, str):
+            return []
+        return [name for name in given if isinstance(name, str)]
+
+    def _log_design(self) -> None:
+        settings = self._controller.settings
+        self.get_logger().info(
+            f"{self._values['law']}: feedforward {'on' if settings.feedforward else 'off'}, "
+            f"pressure loop {settings.pressure_gain:.1f} 1/s"
+        )
+        for channel in self._controller.channels:
+            gains = settings.gains[channel.joint.name]
+            self.get_logger().info(
+                f"{channel.joint.name}: proportional {gains.proportional:.4g}, integral "
+                f"{gains.integral:.4g}, derivative {gains.derivative:.4g}; "
+                f"worst {channel.margins[0]}"
+            )
+
+    def _now(self) -> float:
+        return float((self.get_clock().now().nanoseconds - self._origin) * 1e-9)
+
+    def _seconds(self, stamp: Any) -> float | None:
+        """A message's stamp on the controller's time axis; None for a stamp of 0."""
+        if stamp.sec == 0 and stamp.nanosec == 0:
+            return None
+        return float((stamp.sec * 1_000_000_000 + stamp.nanosec - self._origin) * 1e-9)
+
+    # --- messages in ----------------------------------------------------------------------------
+
+    def _on_joint_states(self, message: Any) -> None:
+        with self._rejecting("joint_states"):
+            values = _in_order(message.name, message.position, self.rig.joint_names, "position")
+            self._positions = (values, self._stamp(message))
+
+    def _on_pressure_states(self, message: Any) -> None:
+        with self._rejecting("pressure_states"):
+            values = _in_order(message.name, message.effort, self.rig.muscle_names, "effort")
+            self._pressures = (values, self._stamp(message))
+
+    def _stamp(self, message: Any) -> float:
+        now = self._now()
+        stamp = self._seconds(message.header.stamp)
+        # a stamp from the future would never grow old
+        return now if stamp is None else min(stamp, now)
+
+    def _on_trajectory(self, message: Any) -> None:
+        points = [
+            TrajectoryPoint(
+                point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec,
+                list(point.positions),
+                list(point.velocities),
+                list(point.accelerations),
+            )
+            for point in message.points
+        ]
+        with self._rejecting("joint_trajectory"), self._lock:
+            self._require_active("trajectory")
+            self._controller.references.follow(
+                list(message.joint_names),
+                points,
+                start=self._seconds(message.header.stamp),
+                now=self._now(),
+            )
+
+    def _on_stream(self, message: Any) -> None:
+        velocities = list(message.velocity)
+        if all(math.isnan(velocity) for velocity in velocities):
+            velocities = []
+        with self._rejecting("commands"), self._lock:
+            self._require_active("streamed command")
+            self._controller.references.stream(
+                list(message.name), list(message.position), velocities, now=self._now()
+            )
+
+    def _on_stiffness(self, message: Any) -> None:
+        with self._rejecting("stiffness_commands"), self._lock:
+            self._controller.set_stiffness(list(message.data))
+
+    def _require_active(self, what: str) -> None:
+        if not self._controller.active:
+            raise CommandError(f"{what} rejected: not controlling, {self._reason}")
+
+    def _rejecting(self, topic: str) -> _Rejecting:
+        return _Rejecting(lambda error: self._reject(topic, error))
+
+    def _reject(self, topic: str, error: PamError) -> None:
+        self._rejected += 1
+        text = f"{topic}: {error}"
+        if text != self._last_rejection[0] or self._now() - self._last_rejection[1] > 1.0:
+            self.get_logger().warning(text)
+        self._last_rejection = (text, self._now())
+
+    def _on_change(self, changes: Mapping[str, Value]) -> None:
+        values = {**self._values, **changes}
+        settings = settings_from(values, self.rig.joint_names)
+        self._controller.change(settings)
+        self._values = values
+        self._log_design()
+
+    # --- the control cycle ----------------------------------------------------------------------
+
+    def _cycle(self, _: float) -> None:
+        with _unless_ending():
+            self._control()
+
+    def _control(self) -> None:
+        clock = self.get_clock().now()
+        now = float((clock.nanoseconds - self._origin) * 1e-9)
+        positions, position_time = self._positions
+        pressures, pressure_time = self._pressures
+        measurement = Measurement(positions, pressures, position_time, pressure_time)
+        with self._lock:
+            try:
+                output = self._controller.step(now, measurement)
+                commands, reason = output.commands, output.reason
+            except PamError as error:
+                self._controller.deactivate()
+                commands, reason = None, str(error)
+        self._reason = reason
+        if commands is None:
+            return
+        stamp = clock.to_msg()
+        message = JointState(name=list(self.rig.muscle_names))
+        message.header.stamp = stamp
+        pairs = list(zip(self._flow_valve, commands, strict=True))
+        message.position = [value if flow else math.nan for flow, value in pairs]
+        message.effort = [math.nan if flow else value for flow, value in pairs]
+        self._commands_out.publish(message)
+        for counts, channel in zip(self._counts, self._controller.channels, strict=True):
+            off = channel.telemetry.error
+            counts.cycles += 1
+            counts.clipped += bool(channel.telemetry.clipped)
+            counts.squares += off * off
+            counts.largest = max(counts.largest, abs(off))
+        self._cycle_count += 1
+        if self._cycle_count % self._telemetry_every == 0:
+            self._publish_telemetry(stamp)
+
+    def _publish_telemetry(self, stamp: Any) -> None:
+        told = [channel.telemetry for channel in self._controller.channels]
+        reference = JointState(name=list(self.rig.joint_names))
+        reference.header.stamp = stamp
+        reference.position = [each.reference.position for each in told]
+        reference.velocity = [each.reference.velocity for each in told]
+        reference.effort = [each.torque for each in told]
+        self._reference_out.publish(reference)
+        errors = JointState(name=list(self.rig.joint_names))
+        errors.header.stamp = stamp
+        errors.position = [each.error for each in told]
+        self._error_out.publish(errors)
+
+    # --- health ---------------------------------------------------------------------------------
+
+    def _report(self) -> None:
+        now = self._now()
+        statuses = [self._loop_status(now), self._command_status(now)]
+        for index in range(len(self.rig.joints)):
+            statuses.append(self._joint_status(index))
+        with _unless_ending():
+            stamp = self.get_clock().now().to_msg()
+            self._health_out.publish(health.diagnostic_array(stamp, *statuses))
+
+    def _loop_status(self, now: float) -> Any:
+        values = health.loop_values(self.loop.statistics)
+        values["joint_states age [ms]"] = 1e3 * (now - self._positions[1])
+        values["pressure_states age [ms]"] = 1e3 * (now - self._pressures[1])
+        values["law"] = self._values["law"]
+        values["feedforward"] = self._controller.settings.feedforward
+        values["pressure loop gain [1/s]"] = self._controller.settings.pressure_gain
+        level = health.STALE if self._reason else health.OK
+        text = f"sends no commands: {self._reason}" if self._reason else "controlling"
+        return health.diagnostic_status("pam_controller: loop", level, text, values)
+
+    def _command_status(self, now: float) -> Any:
+        text, when = self._last_rejection
+        recent = now - when < REJECTION_SHOWN
+        return health.diagnostic_status(
+            "pam_controller: commands",
+            health.WARN if recent else health.OK,
+            text if recent else "no message rejected lately",
+            {"rejected messages": self._rejected, "last rejection": text},
+        )
+
+    def _joint_status(self, index: int) -> Any:
+        controller = self._controller
+        channel, counts = controller.channels[index], self._counts[index]
+        self._counts[index] = _JointCounts()
+        worst, told = channel.margins[0], channel.telemetry
+        gains = controller.settings.gains[channel.joint.name]
+        cycles = max(counts.cycles, 1)
+        low, high = controller.stiffness_range(index)
+        values = {
+            "following": controller.references.following(channel.joint.name),
+            "rms error [rad]": math.sqrt(counts.squares / cycles),
+            "largest error [rad]": counts.largest,
+            "clipped share [-]": counts.clipped / cycles,
+            "clipped last": ", ".join(told.clipped) or "nothing",
+            "stiffness asked [N m/rad]": controller.stiffness_commands[index],
+            "stiffness now [N m/rad]": told.stiffness_reached,
+            "least stiffness [N m/rad]": low,
+            "greatest stiffness [N m/rad]": high,
+            "phase margin [rad]": worst.phase_margin,
+            "gain margin [-]": worst.gain_margin,
+            "modulus margin [-]": worst.modulus_margin,
+            "proportional gain [N m/rad]": gains.proportional,
+            "integral gain [N m/(rad s)]": gains.integral,
+            "derivative gain [N m s/rad]": gains.derivative,
+        }
+        clipping = counts.clipped > 0.5 * cycles
+        return health.diagnostic_status(
+            f"pam_controller: {channel.joint.name}",
+            health.WARN if clipping else health.OK,
+            f"cut by {', '.join(told.clipped)}" if clipping and told.clipped else "in reach",
+            values,
+        )
+
+    def destroy_node(self) -> None:
+        """Stop both threads, then the node; nothing is sent any more."""
+        self._ending.set()
+        try:
+            self.loop.stop(timeout=5.0)
+        finally:
+            self._hearing_thread.join(2.0)
+            self._hearing.destroy_node()
+            super().destroy_node()
+
+
+@contextlib.contextmanager
+def _unless_ending() -> Iterator[None]:
+    """A signal ends the ROS context under running threads; what fails then is no fault."""
+    try:
+        yield
+    except Exception:
+        if rclpy.ok():
+            raise
+
+
+class _Rejecting:
+    """A block whose PamError is reported instead of raised."""
+
+    def __init__(self, report: Callable[[PamError], None]) -> None:
+        self._report = report
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> bool:
+        if isinstance(error, PamError):
+            self._report(error)
+            return True
+        return False
+
+
+def _in_order(
+    names: Sequence[str], values: Sequence[float], wanted: Sequence[str], field: str
+) -> list[float]:
+    """A message's values in the rig's order; more names than the rig's are fine."""
+    if len(values) != len(names):
+        raise CommandError(f"{len(values)} {field} values for {len(names)} names")
+    if list(names) == list(wanted):
+        return [float(value) for value in values]
+    found = dict(zip(names, values, strict=True))
+    missing = [name for name in wanted if name not in found]
+    if missing:
+        raise CommandError(f"{', '.join(missing)} missing")
+    return [float(found[name]) for name in wanted]
+
+
+def main() -> int:
+    """Run the node until it is told to stop."""
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    return spin_node(ControllerNode, check=lambda node: node.loop.check())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,231 @@
+"""The joint, its gas and its pressure loops, linearised about a point of rest.
+
+With deviations q, pa, pb, the controller's output w and s the Laplace variable:
+
+    (J s^2 + B s + K) q = na pa + nb pb
+    s pi = H(s) ui - ci s q
+    ui = k (gi w + hi q - pi) + [ci s q/(Tf s + 1)]     (bracket: measured-velocity feedforward)
+    H(s) = exp(-T s)/(alpha tau s + 1)
+
+ci is what motion alone does to the pressure of a shut chamber, H the sampled, delayed and
+lead-compensated valve, gi how the law turns its output into pressures, hi how it moves the
+pressures with the measured position. At rest the valves are shut, where their flow does not
+depend on the pressure, and the inverse ISO 6358 flow makes their gain one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import control
+import numpy as np
+import numpy.typing as npt
+
+Pair = tuple[float, float]
+Complex = npt.NDArray[np.complex128]
+
+PADE_ORDER = 4
+
+
+@dataclass(frozen=True, slots=True)
+class OperatingPoint:
+    """One joint at rest: the numbers of the module's equations.
+
+    Attributes
+    ----------
+    position : float
+        [rad].
+    stiffness : float
+        Of the muscles at constant pressure [N m/rad].
+    pressures : (float, float)
+        Agonist, antagonist, gauge [Pa].
+    inertia : float
+        J [kg m^2].
+    damping : float
+        B [N m s/rad].
+    spring : float
+        K: muscles at constant pressure, and gravity [N m/rad].
+    torque_slopes : (float, float)
+        na, nb [N m/Pa].
+    motion_pressure : (float, float)
+        ca, cb [Pa/rad].
+    per_torque : (float, float)
+        Pressure change per torque at constant stiffness and position [Pa/(N m)].
+    per_position : (float, float)
+        Pressure change per angle at constant torque and stiffness [Pa/rad].
+    """
+
+    position: float
+    stiffness: float
+    pressures: Pair
+    inertia: float
+    damping: float
+    spring: float
+    torque_slopes: Pair
+    motion_pressure: Pair
+    per_torque: Pair
+    per_position: Pair
+
+
+@dataclass(frozen=True, slots=True)
+class LoopTiming:
+    """What lies between a measurement and its effect.
+
+    Attributes
+    ----------
+    period : float
+        Of the control loop [s]; half of it counts as delay (zero-order hold).
+    transport_delay : float
+        From the sensor's sample to the valve [s].
+    valve_time_constant : float
+        tau [s].
+    lead_ratio : float
+        alpha: what the lead compensator leaves of the valve's lag [-]; 1 compensates nothing.
+    velocity_filter : float
+        Tf, of a measured velocity [s].
+    regulated : bool
+        The valves are pressure regulators: pi = exp(-T s)/(tau s + 1)^2 of its reference.
+    position_delay : float
+        By which a measured position is older than a measured pressure [s].
+    """
+
+    period: float
+    transport_delay: float
+    valve_time_constant: float
+    lead_ratio: float
+    velocity_filter: float
+    regulated: bool = False
+    position_delay: float = 0.0
+
+    @property
+    def delay(self) -> float:
+        """T: transport and hold [s]."""
+        return self.transport_delay + 0.5 * self.period
+
+    @property
+    def residual_lag(self) -> float:
+        """What the lead leaves of the valve's lag, alpha tau [s]."""
+        return self.lead_ratio * self.valve_time_constant
+
+
+@dataclass(frozen=True, slots=True)
+class LoopStructure:
+    """How a law is wired around the pressure loops.
+
+    Attributes
+    ----------
+    pressure_gain : float
+        k [1/s].
+    input : (float, float)
+        ga, gb [Pa per unit of output].
+    position_feedback : (float, float)
+        ha, hb [Pa/rad].
+    measured_velocity : bool
+        Whether the dV/dt feedforward uses the measured velocity.
+    """
+
+    pressure_gain: float
+    input: Pair
+    position_feedback: Pair = (0.0, 0.0)
+    measured_velocity: bool = False
+
+
+def frequency_response(
+    point: OperatingPoint, loop: LoopStructure, timing: LoopTiming, omega: npt.NDArray[np.float64]
+) -> Complex:
+    """Output w to measured position at `omega` [rad/s], delays exact [rad per unit of w]."""
+    s = 1j * omega
+    H = np.exp(-timing.delay * s) / (timing.residual_lag * s + 1.0)
+    k = loop.pressure_gain
+    if timing.regulated:
+        follow = np.exp(-timing.delay * s) / (timing.valve_time_constant * s + 1.0) ** 2
+    late = np.exp(-timing.position_delay * s)
+    spring: Any = point.inertia * s * s + point.damping * s + point.spring
+    drive: Any = 0.0
+    for n, c, g, h in zip(
+        point.torque_slopes,
+        point.motion_pressure,
+        loop.input,
+        loop.position_feedback,
+        strict=True,
+    ):
+        if timing.regulated:
+            spring = spring - n * follow * h * late
+            drive = drive + n * follow * g
+            continue
+        feedforward = c * s / (timing.velocity_filter * s + 1.0) if loop.measured_velocity else 0.0
+        inner = s + k * H
+        spring = spring - n * (H * (k * h + feedforward) * late - c * s) / inner
+        drive = drive + n * H * k * g / inner
+    result: Complex = drive / spring * late
+    return result
+
+
+def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
+    """The same from w to q as a `control.StateSpace`, the delay as a Pade approximation."""
+    if timing.regulated:
+        return _regulated_state_space(point, loop, timing)
+    k = loop.pressure_gain
+    (na, nb), (ca, cb) = point.torque_slopes, point.motion_pressure
+    J = point.inertia
+    joint = control.ss(
+        [
+            [0.0, 1.0, 0.0, 0.0],
+            [-point.spring / J, -point.damping / J, na / J, nb / J],
+            [0.0, -ca, 0.0, 0.0],
+            [0.0, -cb, 0.0, 0.0],
+        ],
+        [[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+        np.eye(4),
+        np.zeros((4, 2)),
+    )
+    delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
+    lag = control.ss(control.tf([1.0], [max(timing.residual_lag, 1e-6), 1.0]))
+    valve = control.series(delay, lag)
+    valves = control.append(valve, valve)
+    filtered = control.ss(control.tf([1.0], [max(timing.velocity_filter, 1e-6), 1.0]))
+    measured = control.append(
+        control.ss([], [], [], np.eye(1)), filtered, control.ss([], [], [], np.eye(2))
+    )
+    if timing.position_delay > 0.0:
+        late = _late(timing)
+        measured = control.series(
+            control.append(late, late, control.ss([], [], [], np.eye(2))), measured
+        )
+    velocity = 1.0 if loop.measured_velocity else 0.0
+    (ga, gb), (ha, hb) = loop.input, loop.position_feedback
+    # ui = k gi w + k hi q + ci qd - k pi: positive feedback of these gains on (q, qd, pa, pb).
+    gains = np.array(
+        [[k * ha, velocity * ca, -k, 0.0], [k * hb, velocity * cb, 0.0, -k]], dtype=float
+    )
+    opened = control.series(valves, joint)
+    returned = control.series(measured, _gain(gains))
+    closed = control.feedback(opened, returned, sign=1)
+    into = _gain([[k * ga], [k * gb]])
+    out = _gain([[1.0, 0.0, 0.0, 0.0]])
+    result = control.series(into, closed, out)
+    return control.series(result, _late(timing)) if timing.position_delay > 0.0 else result
+
+
+def _late(timing: LoopTiming) -> Any:
+    return control.ss(control.tf(*control.pade(timing.position_delay, PADE_ORDER)))
+
+
+def _gain(matrix: npt.ArrayLike) -> Any:
+    return control.ss([], [], [], np.asarray(matrix, dtype=float))
+
+
+def _regulated_state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
+    (na, nb), (ga, gb), (ha, hb) = point.torque_slopes, loop.input, loop.position_feedback
+    J = point.inertia
+    joint = control.ss(
+        [[0.0, 1.0], [-point.spring / J, -point.damping / J]], [[0.0], [1.0 / J]], [[1.0, 0.0]], 0.0
+    )
+    delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
+    lag = control.ss(control.tf([1.0], [max(timing.valve_time_constant, 1e-6), 1.0]))
+    opened = control.series(delay, lag, lag, joint)
+    if timing.position_delay > 0.0:
+        opened = control.series(opened, _late(timing))
+    closed = control.feedback(opened, _gain([[na * ha + nb * hb]]), sign=1)
+    return control.series(_gain([[na * ga + nb * gb]]), closed)

@@ -1,0 +1,94 @@
+"""PID with a filtered derivative of the error and back-calculated anti-windup.
+
+Source: K. J. Astrom and T. Hagglund, Advanced PID Control, ISA 2006, chapter 3 (parallel form,
+derivative filter, tracking time of the integrator).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class PidGains:
+    """Parallel-form gains of one joint.
+
+    Attributes
+    ----------
+    proportional, integral, derivative : float
+        Per rad, per rad s, s per rad, of the output's unit.
+    derivative_filter : float
+        Time constant of the derivative's first-order filter [s].
+    """
+
+    proportional: float
+    integral: float
+    derivative: float
+    derivative_filter: float
+
+    @property
+    def tracking_time(self) -> float:
+        """How fast the integrator follows what was reached [s]: the integral time constant."""
+        if self.integral <= 0.0:
+            return math.inf
+        return max(self.proportional / self.integral, 2.0 * self.derivative_filter)
+
+
+class Pid:
+    """The state of one joint's PID; its gains come with every call, so they may change."""
+
+    def __init__(self) -> None:
+        self.integral = 0.0
+        self._error = math.nan
+        self._slope = 0.0
+
+    def reset(self, integral: float = 0.0) -> None:
+        """Forget the past; the next output starts at `integral` for zero error."""
+        self.integral = integral
+        self._error = math.nan
+        self._slope = 0.0
+
+    def output(self, error: float, step: float, gains: PidGains) -> float:
+        """Output for `error` [rad], `step` [s] after the last one; a step of 0 is no new sample."""
+        if math.isnan(self._error):
+            self._error = error
+        if step > 0.0:
+            weight = step / (gains.derivative_filter + step)
+            self._slope += weight * ((error - self._error) / step - self._slope)
+            self._error = error
+        return gains.proportional * error + self.integral + gains.derivative * self._slope
+
+    def integrate(
+        self,
+        error: float,
+        step: float,
+        gains: PidGains,
+        *,
+        missed: float,
+        limit: float,
+        frozen: bool = False,
+    ) -> None:
+        """Advance the integrator.
+
+        Parameters
+        ----------
+        error : float
+            [rad].
+        step : float
+            [s].
+        gains : PidGains
+            In force.
+        missed : float
+            What was reached less what was asked, in the output's unit: not 0 when clipped.
+        limit : float
+            Largest size of the integral, in the output's unit.
+        frozen : bool, optional
+            Only let it shrink: something below is saturated that `missed` does not show.
+        """
+        change = gains.integral * error * step
+        if math.isfinite(gains.tracking_time):
+            change += missed * min(step / gains.tracking_time, 1.0)
+        if frozen and change * self.integral > 0.0:
+            return
+        self.integral = max(-limit, min(limit, self.integral + change))

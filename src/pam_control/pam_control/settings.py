@@ -1,0 +1,110 @@
+"""Every number of a controller that a user may change, with its default."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pam_control.pid import PidGains
+
+LOOP_FIELDS = (
+    "period",
+    "measurement_delay",
+    "command_delay",
+    "lead_ratio",
+    "pressure_gain",
+    "derivative_filter",
+    "feedforward",
+    "gains",
+    "partial_gains",
+    "phase_margin",
+    "sensitivity",
+    "mean_pressure",
+    "stiffness_grid",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ControlSettings:
+    """Gains, limits and delays; a gain left out is designed from the rig.
+
+    Attributes
+    ----------
+    period : float
+        Of the control loop [s].
+    measurement_delay : float
+        From the sensor's sample to its stamp [s].
+    command_delay : float
+        From the controller to the valve [s].
+    lead_ratio : float
+        Part of the valve's lag that is left uncompensated [-].
+    pressure_gain : float or None
+        Of the pressure loops [1/s]; None: designed.
+    derivative_filter : float
+        Of measured velocities and of the PID's derivative [s].
+    phase_margin, sensitivity : float
+        What designed gains keep: [rad], [-].
+    gains : mapping of str to PidGains
+        By joint; those left out are designed.
+    partial_gains : mapping
+        By joint and gain ("proportional", ...): take the place of the designed one.
+    feedforward : bool
+        Inverse dynamics and pressures for the reference ahead of the feedback.
+    integral_limit : float
+        Of the PID's integral, in the unit of its output.
+    default_stiffness : float
+        Until a stiffness is commanded [N m/rad].
+    stiffness_rate : float
+        Fastest change of the stiffness reference [N m/(rad s)].
+    stiffness_grid : tuple of float
+        At which gains are designed and checked [N m/rad].
+    min_pressure : float
+        No muscle is asked for less, so that none goes slack; fixed at the start [Pa].
+    pressure_rate : float
+        Fastest change of a desired pressure [Pa/s].
+    spool_limit : float
+        Largest command to a flow valve [-].
+    mean_pressure : float
+        Of the pressure-ratio law [Pa].
+    stale_after : float
+        Age at which a measurement is no measurement [s].
+    stream_timeout, stream_bandwidth : float
+        Of streamed references [s], [rad/s].
+    allow_nonzero_end_velocity : bool
+        Accept trajectories that end in motion.
+    """
+
+    period: float = 0.002
+    measurement_delay: float = 0.001
+    command_delay: float = 0.003
+    lead_ratio: float = 0.4
+    pressure_gain: float | None = None
+    derivative_filter: float = 0.01
+    phase_margin: float = math.radians(50.0)
+    sensitivity: float = 1.6
+    gains: Mapping[str, PidGains] = field(default_factory=dict)
+    partial_gains: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    feedforward: bool = True
+    integral_limit: float = 10.0
+    default_stiffness: float = 14.0
+    stiffness_rate: float = 20.0
+    stiffness_grid: tuple[float, ...] = (6.0, 12.0, 20.0)
+    min_pressure: float = 5e3
+    pressure_rate: float = 4e6
+    spool_limit: float = 1.0
+    mean_pressure: float = 2.3e5
+    stale_after: float = 0.05
+    stream_timeout: float = 0.2
+    stream_bandwidth: float = 40.0
+    allow_nonzero_end_velocity: bool = False
+
+    def replace(self, **changes: Any) -> ControlSettings:
+        """A copy with other values."""
+        return dataclasses.replace(self, **changes)
+
+    def changes_loop(self, other: ControlSettings) -> bool:
+        """Whether the linear loop, and so its margins, differs from that of `other`."""
+        return any(getattr(self, name) != getattr(other, name) for name in LOOP_FIELDS)

@@ -1,0 +1,370 @@
+"""The controller as a process, spoken to over ROS alone."""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from builtin_interfaces.msg import Duration  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue  # noqa: E402
+from rcl_interfaces.srv import DescribeParameters, SetParameters  # noqa: E402
+from rclpy.context import Context  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.qos import QoSProfile  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Float64MultiArray  # noqa: E402
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
+
+from pam_model.rig import load_rig  # noqa: E402
+from pam_sim.plant import Plant  # noqa: E402
+from pam_sim.plant_parameters import PlantParameters  # noqa: E402
+
+pytestmark = pytest.mark.system
+
+CONFIG = Path(__file__).parents[2] / "config"
+ELBOW, CONTROLLER = CONFIG / "elbow.yaml", CONFIG / "controller.yaml"
+MUSCLES = ["elbow_flexor", "elbow_extensor"]
+PATIENCE = 30.0
+
+
+def environment(domain: int) -> dict[str, str]:
+    return {
+        **os.environ,
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_DOMAIN_ID": str(domain),
+    }
+
+
+def command(*files: Path, parameters: dict[str, object] | None = None) -> list[str]:
+    words = [sys.executable, "-m", "pam_control.controller_node", "--ros-args"]
+    for file in files:
+        words += ["--params-file", str(file)]
+    for name, value in (parameters or {}).items():
+        words += ["-p", f"{name}:={value}"]
+    return words
+
+
+class Bench:
+    """Everything around the controller: a plant behind topics, a user, and ears."""
+
+    def __init__(self, domain: int) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node("bench", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.plant = Plant(PlantParameters.from_rig(load_rig(ELBOW)))
+        self.plant.step((0.0, 0.0), 1e-3)
+        self.measuring = True
+        self.position_of_nan = False
+        self.commands: list[JointState] = []
+        self.references: list[JointState] = []
+        self.errors: list[JointState] = []
+        self.health: dict[str, object] = {}
+        latest = QoSProfile(depth=1)
+        node = self.node
+        self.joint_states = node.create_publisher(JointState, "joint_states", latest)
+        self.pressure_states = node.create_publisher(JointState, "pressure_states", latest)
+        self.trajectory = node.create_publisher(
+            JointTrajectory, "pam_controller/joint_trajectory", 1
+        )
+        self.stream = node.create_publisher(JointState, "pam_controller/commands", latest)
+        self.stiffness = node.create_publisher(
+            Float64MultiArray, "pam_controller/stiffness_commands", latest
+        )
+        subscribe = node.create_subscription
+        subscribe(JointState, "valve_commands", self.commands.append, latest)
+        subscribe(JointState, "pam_controller/reference", self.references.append, latest)
+        subscribe(JointState, "pam_controller/error", self.errors.append, latest)
+        subscribe(DiagnosticArray, "/diagnostics", self._on_health, 10)
+        self._ending = threading.Event()
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def _on_health(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.health[status.name] = status
+
+    def _serve(self) -> None:
+        """Plant in real time at 250 Hz, and the messages."""
+        try:
+            last = time.monotonic()
+            while not self._ending.is_set():
+                self.executor.spin_once(timeout_sec=0.002)
+                now = time.monotonic()
+                if now - last < 0.004:
+                    continue
+                spools = self.commands[-1].position if self.commands else (0.0, 0.0)
+                q, a, b = self.plant.step(tuple(spools), min(now - last, 0.05))
+                last = now
+                if self.measuring:
+                    self._publish(math.nan if self.position_of_nan else q, a, b)
+        except BaseException as error:
+            self._error = error
+
+    def _publish(self, q: float, a: float, b: float) -> None:
+        stamp = self.node.get_clock().now().to_msg()
+        joint = JointState(name=["elbow"], position=[q])
+        joint.header.stamp = stamp
+        pressure = JointState(name=MUSCLES[::-1], effort=[b, a])
+        pressure.header.stamp = stamp
+        self.joint_states.publish(joint)
+        self.pressure_states.publish(pressure)
+
+    @property
+    def position(self) -> float:
+        return self.plant.output["position"]
+
+    def wait(self, condition, what: str, patience: float = PATIENCE) -> None:
+        end = time.monotonic() + patience
+        while not condition():
+            if self._error is not None:
+                raise self._error
+            assert time.monotonic() < end, f"waited {patience} s for {what}"
+            time.sleep(0.02)
+
+    def send(self, positions: list[float], duration: float, name: str = "elbow") -> None:
+        message = JointTrajectory(joint_names=[name])
+        point = JointTrajectoryPoint(positions=positions, velocities=[0.0], accelerations=[0.0])
+        whole = int(duration)
+        point.time_from_start = Duration(sec=whole, nanosec=int((duration - whole) * 1e9))
+        message.points = [point]
+        self.trajectory.publish(message)
+
+    def call(self, kind, service: str, request):
+        client = self.node.create_client(kind, service)
+        assert client.wait_for_service(timeout_sec=PATIENCE)
+        future = client.call_async(request)
+        self.wait(future.done, service)
+        return future.result()
+
+    def set_parameter(self, name: str, value: float):
+        content = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+        request = SetParameters.Request(parameters=[Parameter(name=name, value=content)])
+        return self.call(SetParameters, "pam_controller/set_parameters", request).results[0]
+
+    def close(self) -> None:
+        self._ending.set()
+        self._thread.join(5.0)
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture(scope="module")
+def domain() -> int:
+    return random.Random(os.getpid()).randint(1, 100)
+
+
+@pytest.fixture(scope="module")
+def bench(domain):
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    made = Bench(domain)
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def controller(bench, domain):
+    """A running controller that holds the arm."""
+    process = subprocess.Popen(
+        command(ELBOW, CONTROLLER, parameters={"loop.stale_after": 0.25}),
+        env=environment(domain),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        bench.wait(lambda: bench.commands or process.poll() is not None, "valve commands")
+        assert process.poll() is None, process.stderr.read()
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.wait()
+
+
+def test_commands_carry_spools_in_position_and_nothing_in_effort(bench, controller):
+    message = bench.commands[-1]
+    assert list(message.name) == MUSCLES
+    assert all(-1.0 <= spool <= 1.0 for spool in message.position)
+    assert all(math.isnan(effort) for effort in message.effort)
+    assert message.header.stamp.sec > 0
+
+
+def test_follows_a_trajectory_and_tells_reference_and_error(bench, controller):
+    bench.wait(lambda: bench.trajectory.get_subscription_count() > 0, "the trajectory topic")
+    bench.send([0.4], 1.0)
+    bench.wait(lambda: abs(bench.position - 0.4) < 0.02, "the joint at 0.4 rad")
+    bench.wait(
+        lambda: bench.references and abs(bench.references[-1].position[0] - 0.4) < 1e-6,
+        "the reference at 0.4 rad",
+    )
+    assert list(bench.references[-1].name) == ["elbow"]
+    bench.wait(lambda: abs(bench.errors[-1].position[0]) < 0.02, "a small error")
+
+
+def test_follows_a_stream_and_holds_when_it_ends(bench, controller):
+    for _ in range(60):
+        bench.stream.publish(JointState(name=["elbow"], position=[0.2]))
+        time.sleep(0.02)
+    bench.wait(lambda: abs(bench.position - 0.2) < 0.02, "the joint at 0.2 rad")
+    bench.wait(
+        lambda: any(
+            value.key == "following" and value.value == "hold"
+            for value in bench.health["pam_controller: elbow"].values
+        ),
+        "hold after the stream",
+    )
+    assert bench.position == pytest.approx(0.2, abs=0.03)
+
+
+def test_stiffness_is_asked_for_and_delivered(bench, controller):
+    bench.stiffness.publish(Float64MultiArray(data=[20.0]))
+
+    def shown(key: str) -> float:
+        status = bench.health["pam_controller: elbow"]
+        return float(next(value.value for value in status.values if value.key == key))
+
+    bench.wait(lambda: shown("stiffness now [N m/rad]") == pytest.approx(20.0, abs=0.1), "20")
+    assert shown("least stiffness [N m/rad]") < 20.0 < shown("greatest stiffness [N m/rad]")
+    assert shown("phase margin [rad]") > math.radians(30.0)
+
+
+BAD_MESSAGES = [
+    (lambda b: b.send([math.nan], 1.0), "positions of elbow is nan"),
+    (lambda b: b.send([2.0], 1.0), "outside its position_limits"),
+    (lambda b: b.send([0.1], 1.0, "knee"), "unknown joint 'knee'"),
+    (lambda b: b.stream.publish(JointState(name=["elbow"])), "1 names, 0 positions"),
+    (
+        lambda b: b.stream.publish(JointState(name=["elbow"], position=[math.inf])),
+        "elbow at inf rad",
+    ),
+    (
+        lambda b: b.stiffness.publish(Float64MultiArray(data=[1.0, 2.0])),
+        "2 values for 1 joints",
+    ),
+    (lambda b: b.stiffness.publish(Float64MultiArray(data=[-3.0])), "elbow at -3.0 N m/rad"),
+]
+
+
+@pytest.mark.parametrize(("send", "said"), BAD_MESSAGES)
+def test_a_bad_message_moves_nothing_and_is_named(bench, controller, send, said):
+    before = bench.references[-1].position[0]
+    send(bench)
+    bench.wait(lambda: said in bench.health["pam_controller: commands"].message, said)
+    assert bench.health["pam_controller: commands"].level == b"\x01"
+    assert bench.references[-1].position[0] == pytest.approx(before, abs=1e-6)
+    assert controller.poll() is None
+
+
+def test_parameters_have_text_unit_and_range(bench, controller):
+    request = DescribeParameters.Request(names=["pressure_loop.rate_limit"])
+    service = "pam_controller/describe_parameters"
+    described = bench.call(DescribeParameters, service, request).descriptors[0]
+    assert "[Pa/s]" in described.description
+    assert described.floating_point_range[0].from_value > 0.0
+
+
+def test_a_gain_that_breaks_the_margins_is_refused_while_running(bench, controller):
+    before = len(bench.commands)
+    result = bench.set_parameter("gains.elbow.derivative", 8.0)
+    assert len(bench.commands) > before + 20  # it controls on while it checks
+    assert not result.successful
+    assert "not safe" in result.reason
+    assert "phase margin" in result.reason
+    assert bench.set_parameter("gains.elbow.proportional", 5.0).successful
+    assert not bench.set_parameter("stiffness.rate_limit", -1.0).successful
+    assert not bench.set_parameter("elbow.inertia", 0.1).successful
+
+
+def test_falls_silent_on_stale_measurements_and_takes_over_again(bench, controller):
+    bench.measuring = False
+    bench.wait(lambda: bench.health["pam_controller: loop"].level == b"\x03", "stale")
+    time.sleep(0.3)
+    count = len(bench.commands)
+    time.sleep(0.5)
+    assert len(bench.commands) == count
+    assert "ms old" in bench.health["pam_controller: loop"].message
+    bench.measuring = True
+    bench.wait(lambda: len(bench.commands) > count, "commands again")
+
+
+def test_falls_silent_while_a_position_is_not_a_number(bench, controller):
+    bench.position_of_nan = True
+    bench.wait(
+        lambda: "elbow is not available" in bench.health["pam_controller: loop"].message, "NaN"
+    )
+    count = len(bench.commands)
+    time.sleep(0.5)
+    assert len(bench.commands) == count
+    bench.position_of_nan = False
+    bench.wait(lambda: len(bench.commands) > count, "commands again")
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_ends_cleanly_when_told_to(domain, bench, sent):
+    process = subprocess.Popen(
+        command(ELBOW), env=environment(domain), stderr=subprocess.PIPE, text=True
+    )
+    seen = []
+    listener = threading.Thread(target=lambda: seen.extend(process.stderr))
+    listener.start()
+    try:
+        bench.wait(lambda: any("proportional" in line for line in list(seen)), "a start")
+        time.sleep(0.5)
+        process.send_signal(sent)
+        assert process.wait(30.0) == 0, seen
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.wait()
+        listener.join(5.0)
+    assert not [line for line in seen if "Traceback" in line or "Error" in line]
+
+
+BAD_STARTS = [
+    ({"elbow.inertia": -0.05}, "inertia"),
+    ({"elbow.colour": 1.0}, "colour"),
+    ({"law": "magic"}, "law = 'magic': must be model_based or pressure_ratio_pid"),
+    ({"loop.rate": 5.0}, "loop.rate"),
+    ({"gains.elbow.derivative": 8.0}, "not safe"),
+    ({"gains.wrist.derivative": 1.0}, "gains"),
+    ({"loop.command_delay": 0.1, "gains.elbow.proportional": 20.0}, "elbow"),
+    ({"design.least_stiffness": 30.0}, "must not be above"),
+]
+
+
+@pytest.mark.parametrize(("parameters", "said"), BAD_STARTS)
+def test_refuses_a_bad_start_in_plain_words(domain, parameters, said):
+    ended = subprocess.run(
+        command(ELBOW, parameters=parameters),
+        env=environment(domain),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert ended.returncode != 0
+    assert "Traceback" not in ended.stderr
+    assert said in ended.stderr
+
+
+def test_refuses_to_start_without_a_rig(domain):
+    ended = subprocess.run(
+        command(), env=environment(domain), capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ended.returncode != 0
+    assert "no rig" in ended.stderr
+    assert "Traceback" not in ended.stderr

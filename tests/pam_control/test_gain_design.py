@@ -1,0 +1,125 @@
+"""Gains: margins kept, unsafe ones refused, and the linear model against the simulated plant."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pam_control.gain_design import ControlDesignError, margins
+from pam_control.inverse_dynamics import InverseDynamics
+from pam_control.linear_joint import LoopTiming, frequency_response, state_space
+from pam_control.operating_points import operating_point
+from pam_control.pid import Pid, PidGains
+from pam_control.position_stiffness_controller import PositionStiffnessController
+from pam_control.pressure_ratio_pid import PressureRatioPid
+from pam_control.settings import ControlSettings
+from pam_control.trajectory import JointReference
+from pam_model.antagonistic_joint import AntagonisticJoint
+from pam_sim.plant import initial_state, simulate
+from pam_sim.plant_parameters import PlantParameters
+
+LAWS = [
+    (PositionStiffnessController, True),
+    (PositionStiffnessController, False),
+    (PressureRatioPid, True),
+]
+
+
+@pytest.mark.parametrize(("law", "feedforward"), LAWS)
+def test_designed_gains_keep_the_margins_everywhere(rig, law, feedforward):
+    controller = law(rig, ControlSettings(feedforward=feedforward))
+    for found in controller.channels[0].margins:
+        assert found.stable
+        assert found.phase_margin > math.radians(49.0)
+        assert found.modulus_margin > 1.0 / 1.65
+        assert found.gain_margin > 2.0
+
+
+@pytest.mark.parametrize(("law", "feedforward"), LAWS)
+def test_exact_delay_and_pade_agree(rig, law, feedforward):
+    controller = law(rig, ControlSettings(feedforward=feedforward))
+    channel, settings = controller.channels[0], controller.settings
+    timing = controller.timing(channel, settings)
+    omega = np.geomspace(0.1, 150.0, 40)
+    for case in controller.cases(channel, settings):
+        exact = frequency_response(case.point, case.loop, timing, omega)
+        pade = state_space(case.point, case.loop, timing)(1j * omega)
+        assert np.max(np.abs(pade / exact - 1.0)) < 1e-4
+
+
+def test_unsafe_gains_are_refused_with_the_figures(rig):
+    settings = ControlSettings(gains={"elbow": PidGains(6.0, 280.0, 8.0, 0.01)})
+    with pytest.raises(ControlDesignError, match=r"elbow.*UNSTABLE.*phase margin.*30 deg"):
+        PositionStiffnessController(rig, settings)
+
+
+def test_a_change_that_breaks_the_margins_leaves_the_settings_alone(rig):
+    controller = PositionStiffnessController(rig, ControlSettings())
+    before = controller.settings
+    with pytest.raises(ControlDesignError):
+        controller.change(ControlSettings(partial_gains={"elbow": {"integral": 5000.0}}))
+    assert controller.settings is before
+    controller.change(ControlSettings(partial_gains={"elbow": {"proportional": 5.0}}))
+    assert controller.settings.gains["elbow"].proportional == 5.0
+    assert controller.channels[0].margins[0].phase_margin > math.radians(30.0)
+
+
+def test_more_delay_means_less_margin_for_the_same_gains(rig):
+    controller = PositionStiffnessController(rig, ControlSettings())
+    channel, settings = controller.channels[0], controller.settings
+    case = controller.cases(channel, settings)[-1]
+    found = [
+        margins(case, LoopTiming(0.002, delay, 0.005, 0.4, 0.01), settings.gains["elbow"])
+        for delay in (0.004, 0.012, 0.02)
+    ]
+    assert found[0].phase_margin > found[1].phase_margin > found[2].phase_margin
+
+
+def test_shut_chambers_of_the_linear_joint_swing_as_the_plant_does(rig):
+    """Valves shut: the plant's ringing frequency is that of spring and trapped gas."""
+    joint = rig.joints[0]
+    model = AntagonisticJoint.from_rig(rig, "elbow")
+    point = operating_point(joint, model, 0.0, (2.5e5, 2.5e5))
+    gas = -sum(n * -c for n, c in zip(point.torque_slopes, point.motion_pressure, strict=True))
+    expected = math.sqrt((point.spring + gas) / point.inertia) / (2.0 * math.pi)
+    parameters = PlantParameters.from_rig(rig)
+    state = initial_state(parameters, pressures=(2.5e5, 2.5e5), position=0.01)
+    ringing = simulate(parameters, np.zeros((4000, 2)), 1e-3, state).position
+    ringing = ringing - ringing[-200:].mean()  # gas trapped off the centre: it rests off it
+    ringing = ringing[:1200]
+    rising = np.nonzero((ringing[:-1] < 0.0) & (ringing[1:] >= 0.0))[0]
+    found = (len(rising) - 1) / (1e-3 * (rising[-1] - rising[0]))
+    assert found == pytest.approx(expected, rel=0.02)
+
+
+def test_inverse_dynamics_gives_the_torque_that_moves_the_plant_so(rig):
+    parameters = PlantParameters.from_rig(rig)
+    state = initial_state(parameters, pressures=(2.6e5, 2e5), position=0.1)
+    moved = simulate(parameters, np.tile([0.05, -0.08], (300, 1)), 1e-3, state)
+    q, qd = moved.position, moved.velocity
+    qdd = np.gradient(qd, 1e-3)
+    dynamics = InverseDynamics.from_joint(rig.joints[0])
+    for row in range(20, 280, 20):
+        reference = JointReference(float(q[row]), float(qd[row]), float(qdd[row]))
+        assert dynamics.torque(reference) == pytest.approx(float(moved.torque[row]), abs=0.02)
+
+
+def test_a_clipped_pid_settles_where_its_output_just_saturates():
+    gains, pid = PidGains(2.0, 20.0, 0.0, 0.01), Pid()
+    for _ in range(5000):
+        output = pid.output(1.0, 0.002, gains)
+        missed = max(-3.0, min(3.0, output)) - output
+        pid.integrate(1.0, 0.002, gains, missed=missed, limit=1e9)
+    assert output < 6.0  # 5 s of error would have made it 200
+    for _ in range(200):
+        output = pid.output(-0.2, 0.002, gains)
+        pid.integrate(-0.2, 0.002, gains, missed=0.0, limit=1e9)
+    assert output < 3.0
+
+
+def test_a_repeated_sample_does_not_look_like_standing_still():
+    gains, pid = PidGains(0.0, 0.0, 1.0, 0.02), Pid()
+    for sample in range(200):
+        pid.output(0.01 * sample, 0.01, gains)
+        again = pid.output(0.01 * sample, 0.0, gains)
+    assert again == pytest.approx(1.0, rel=1e-3)
