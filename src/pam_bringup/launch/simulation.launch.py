@@ -1,0 +1,51 @@
+"""The simulated rig with driver, model and controller, on a loopback bus or on vcan0.
+
+`ros2 launch pam_bringup simulation.launch.py`, or with
+`bus_interface:=socketcan bus_channel:=vcan0`.
+"""
+
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The simulated rig in the robot's place."""
+    share = FindPackageShare("pam_bringup")
+    names = ("rig_file", "bus_interface", "bus_channel")
+    arguments = {name: LaunchConfiguration(name) for name in names}
+    bus = {
+        "bus.interface": ParameterValue(arguments["bus_interface"], value_type=str),
+        "bus.channel": ParameterValue(arguments["bus_channel"], value_type=str),
+    }
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "rig_file",
+                default_value=PathJoinSubstitution([share, "config", "elbow.yaml"]),
+                description="the robot",
+            ),
+            DeclareLaunchArgument(
+                "bus_interface", default_value="udp_multicast", description="python-can's name"
+            ),
+            DeclareLaunchArgument(
+                "bus_channel",
+                default_value="239.74.163.2",
+                description="multicast group or network interface",
+            ),
+            Node(
+                package="pam_sim",
+                executable="rig",
+                parameters=[arguments["rig_file"], bus],
+                output="screen",
+            ),
+            IncludeLaunchDescription(
+                PathJoinSubstitution([share, "launch", "robot.launch.py"]),
+                launch_arguments=list(arguments.items()),
+            ),
+        ]
+    )

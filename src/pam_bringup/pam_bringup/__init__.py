@@ -1,0 +1,1 @@
+"""Launch files that put the nodes of the PAM suite together."""

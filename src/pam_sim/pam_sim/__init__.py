@@ -1,0 +1,1 @@
+"""Simulated rig with valve boards on a CAN bus, and the demo."""

@@ -1,0 +1,77 @@
+"""What a board's converters make of a signal: noise, then rounding to the converter's step."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_model.errors import PamError
+
+
+@dataclass(frozen=True, slots=True)
+class SensorQuality:
+    """Noise and resolution of a board's inputs; 0 turns either off.
+
+    Attributes
+    ----------
+    pressure_noise : float
+        Standard deviation [Pa].
+    position_noise : float
+        [rad].
+    pressure_quantum : float
+        Step of the converter [Pa]; default 12 bits of 10 bar.
+    position_quantum : float
+        Step of the encoder [rad]; default 14 bits a turn.
+    """
+
+    pressure_noise: float = 200.0
+    position_noise: float = 1e-4
+    pressure_quantum: float = 1e6 / 4096.0
+    position_quantum: float = 6.283185307179586 / 16384.0
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if not 0.0 <= value < 1e6:
+                raise PamError(f"{name} = {value} must be 0 or above")
+
+
+class BoardSensors:
+    """The analogue inputs of one board.
+
+    Parameters
+    ----------
+    quality : SensorQuality
+        Noise and resolution.
+    seed : sequence of int
+        Of the noise.
+    """
+
+    BLOCK = 1024
+
+    def __init__(self, quality: SensorQuality, seed: tuple[int, ...]) -> None:
+        self._quality = quality
+        self._random = np.random.default_rng(seed)
+        self._noise: list[float] = []
+
+    def pressure(self, pressure: float) -> float:
+        """Reading of a gauge pressure [Pa]."""
+        quality = self._quality
+        return _rounded(pressure + quality.pressure_noise * self._draw(), quality.pressure_quantum)
+
+    def position(self, position: float) -> float:
+        """Reading of an angle [rad]."""
+        quality = self._quality
+        return _rounded(position + quality.position_noise * self._draw(), quality.position_quantum)
+
+    def _draw(self) -> float:
+        if not self._noise:
+            # A block at a time: one draw alone costs twenty times as much.
+            self._noise = self._random.standard_normal(self.BLOCK).tolist()
+        return self._noise.pop()
+
+
+def _rounded(value: float, quantum: float) -> float:
+    return round(value / quantum) * quantum if quantum > 0.0 and math.isfinite(value) else value

@@ -1,0 +1,127 @@
+"""The demo's bag as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.typesys import Stores, get_typestore
+
+from pam_model.errors import PamError
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One field of one topic.
+
+    Attributes
+    ----------
+    times : array, shape (n,)
+        Stamps of measurement, or of reception for messages without a header [s since the epoch].
+    values : array, shape (n, elements)
+        In the topic's unit.
+    """
+
+    times: Array
+    values: Array
+
+    def between(self, start: float, end: float) -> Series:
+        """The part from `start` to `end` [s]."""
+        first, last = np.searchsorted(self.times, (start, end))
+        return Series(self.times[first:last], self.values[first:last])
+
+    def at(self, times: Array, element: int = 0) -> Array:
+        """One element, linearly interpolated."""
+        return np.interp(times, self.times, self.values[:, element])
+
+
+LOOP_COUNTS = ("cycles", "late cycles", "skipped cycles")
+FIELDS = {
+    "/joint_states": "position",
+    "/pressure_states": "effort",
+    "/valve_commands": "position",
+    "/pam_controller/reference": "position",
+    "/joint_stiffness": "data",
+    "/ground_truth/joint_states": "position",
+}
+
+
+def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str, Series]:
+    """Read one field of each topic.
+
+    Parameters
+    ----------
+    bag : Path
+        A rosbag2 folder.
+    fields : dict, optional
+        Topic -> field of its message.
+
+    Returns
+    -------
+    dict of str to Series
+        By topic; topics that were not recorded are missing.
+
+    Raises
+    ------
+    PamError
+        If the bag cannot be read.
+    """
+    fields = fields or FIELDS
+    stamps: dict[str, list[float]] = {topic: [] for topic in fields}
+    rows: dict[str, list[Iterable[float]]] = {topic: [] for topic in fields}
+    try:
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            wanted = [entry for entry in reader.connections if entry.topic in fields]
+            for connection, received, raw in reader.messages(connections=wanted):
+                message = reader.deserialize(raw, connection.msgtype)
+                values = getattr(message, fields[connection.topic])
+                header = getattr(message, "header", None)
+                stamp = (
+                    received * 1e-9
+                    if header is None
+                    else header.stamp.sec + header.stamp.nanosec * 1e-9
+                )
+                if len(values):
+                    stamps[connection.topic].append(stamp)
+                    rows[connection.topic].append(values)
+    except (AnyReaderError, OSError) as error:
+        raise PamError(f"{bag}: cannot be read as a recording: {error}") from None
+    return {
+        topic: Series(np.asarray(stamps[topic]), np.asarray(rows[topic], dtype=float))
+        for topic in fields
+        if rows[topic]
+    }
+
+
+def read_loop_counts(bag: Path, node: str) -> Series:
+    """How a node's loop kept time, from its diagnostics.
+
+    Parameters
+    ----------
+    bag : Path
+        A rosbag2 folder.
+    node : str
+        What the status names begin with.
+
+    Returns
+    -------
+    Series
+        LOOP_COUNTS since the loop's start, by the second; empty if the node told none.
+    """
+    times: list[float] = []
+    rows: list[list[float]] = []
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        wanted = [entry for entry in reader.connections if entry.topic == "/diagnostics"]
+        for connection, received, raw in reader.messages(connections=wanted):
+            for status in reader.deserialize(raw, connection.msgtype).status:
+                values = {pair.key: pair.value for pair in status.values}
+                if status.name.startswith(node) and all(key in values for key in LOOP_COUNTS):
+                    times.append(received * 1e-9)
+                    rows.append([float(values[key]) for key in LOOP_COUNTS])
+    return Series(np.asarray(times), np.asarray(rows, dtype=float).reshape(-1, len(LOOP_COUNTS)))

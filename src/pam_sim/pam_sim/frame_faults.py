@@ -1,0 +1,141 @@
+"""A CAN bus that loses, delays, repeats, reorders and spoils frames, in either direction.
+
+Sits between a bus and those on it: `pass_on` takes one frame and gives what arrives in its place,
+`due` gives what was held back. Time is the caller's.
+"""
+
+from __future__ import annotations
+
+import heapq
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from pam_driver.bus import CanPort, ReceivedFrame, SendOutcome
+
+Direction = Literal["up", "down"]
+Frame = tuple[int, bytes]
+KINDS: Final = (
+    "lost", "late", "repeated", "reordered", "corrupted", "wrong_length", "foreign"
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFault:
+    """What happens to frames for a while.
+
+    Attributes
+    ----------
+    kind : str
+        One of KINDS.
+    direction : str
+        "up" from the boards, "down" to them.
+    share : float
+        Of the frames, 0 to 1; of foreign ones, how many for one of ours.
+    delay : float
+        Of late frames, and of those that were overtaken [s].
+    until : float
+        When it ends [s].
+    """
+
+    kind: str
+    direction: Direction
+    share: float
+    delay: float
+    until: float
+
+
+class FrameFaults:
+    """The faults of one bus.
+
+    Parameters
+    ----------
+    seed : int
+        Which frames are hit.
+
+    Attributes
+    ----------
+    faults : list of FrameFault
+        Append to it at any time.
+    hit : int
+        Frames that were.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        self.faults: list[FrameFault] = []
+        self.hit = 0
+        self._random = random.Random(seed)
+        self._held: dict[Direction, list[tuple[float, int, Frame]]] = {"up": [], "down": []}
+        self._order = 0
+
+    def pass_on(self, frame: Frame, direction: Direction, now: float) -> list[Frame]:
+        """What arrives now in place of a frame."""
+        if not self.faults:
+            return [frame]
+        self.faults = [fault for fault in self.faults if now < fault.until]
+        frames = [frame]
+        for fault in self.faults:
+            if fault.direction == direction and self._random.random() < fault.share:
+                self.hit += 1
+                frames = [out for one in frames for out in self._spoil(one, fault, now)]
+        return frames
+
+    def due(self, direction: Direction, now: float) -> list[Frame]:
+        """What was held back until now."""
+        held, frames = self._held[direction], []
+        while held and held[0][0] <= now:
+            frames.append(heapq.heappop(held)[2])
+        return frames
+
+    def _spoil(self, frame: Frame, fault: FrameFault, now: float) -> list[Frame]:
+        identifier, data = frame
+        draw = self._random
+        if fault.kind == "lost":
+            return []
+        if fault.kind in {"late", "reordered"}:
+            self._order += 1
+            entry = (now + fault.delay, self._order, frame)
+            heapq.heappush(self._held[fault.direction], entry)
+            return []
+        if fault.kind == "repeated":
+            return [frame, frame]
+        if fault.kind == "corrupted":
+            word = int.from_bytes(data, "little")
+            for _ in range(draw.randint(1, 4)):
+                word ^= 1 << draw.randrange(8 * len(data))
+            return [(identifier, word.to_bytes(len(data), "little"))]
+        if fault.kind == "wrong_length":
+            length = draw.choice([n for n in range(9) if n != len(data)])
+            return [(identifier, (data + bytes(8))[:length])]
+        return [frame, (draw.randrange(0x800), draw.randbytes(draw.randint(0, 8)))]
+
+
+class FaultyPort:
+    """A rig's end of a bus with faults on it; what `RigLoop` takes in place of a CanPort."""
+
+    def __init__(self, port: CanPort, faults: FrameFaults) -> None:
+        self._port = port
+        self._faults = faults
+        self.counts = port.counts
+
+    def receive_all(self, now: float) -> Sequence[ReceivedFrame]:
+        """Frames that wait, spoilt."""
+        frames = []
+        for frame in self._port.receive_all(now):
+            for identifier, data in self._faults.pass_on(frame[:2], "down", now):
+                frames.append(ReceivedFrame(identifier, data, frame.stamp))
+        frames += [ReceivedFrame(*frame, now) for frame in self._faults.due("down", now)]
+        return frames
+
+    def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
+        """Send what the bus makes of a frame."""
+        for frame in self._faults.due("up", now):
+            self._port.send(*frame, now)
+        for frame in self._faults.pass_on((frame_id, data), "up", now):
+            self._port.send(*frame, now)
+        return SendOutcome.SENT
+
+    def close(self) -> None:
+        """Give the bus back."""
+        self._port.close()

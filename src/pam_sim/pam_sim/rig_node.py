@@ -1,0 +1,191 @@
+"""A simulated rig on a CAN bus as a node that also tells the truth on topics of its own.
+
+`ros2 run pam_sim rig --ros-args --params-file config/elbow.yaml -p bus.interface:=udp_multicast
+-p bus.channel:=239.74.163.2`
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.time import Time
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from pam_driver.bus import open_bus
+from pam_driver.codec import BoardCodec
+from pam_driver.driver_parameters import bus_options
+from pam_model.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
+from pam_model.errors import PamError
+from pam_model.node_parameters import NodeParameters, Parameter
+from pam_model.rig import Rig, load_rig
+from pam_model.spin_node import spin_node
+from pam_sim.board import BoardSettings
+from pam_sim.board_sensors import SensorQuality
+from pam_sim.plant import DEFAULT_STEP
+from pam_sim.rig import parse_effects
+from pam_sim.rig_loop import RigLoop
+from pam_sim.simulated_rig import SimulatedRig
+
+_Q, _B = SensorQuality(), BoardSettings()
+PARAMETERS = (
+    Parameter("bus.interface", "socketcan", "-", 0, 0, "python-can's name of the interface"),
+    Parameter("bus.channel", "can0", "-", 0, 0, "network interface, multicast group or device"),
+    Parameter("bus.port", 43113, "-", 1024, 65535, "UDP port, for udp_multicast alone"),
+    Parameter("bus.options", "", "-", 0, 0, "further options of the interface: name=value, ..."),
+    Parameter("bus.dbc", "", "-", 0, 0, "DBC file of the boards; empty: the driver's own"),
+    Parameter("true_rig", "", "-", 0, 0, "rig file of the plant as it really is; empty: the rig"),
+    Parameter(
+        "hidden_effects", "", "-", 0, 0, "effects on the plant: [name.]effect.parameter=value ..."
+    ),
+    Parameter(
+        "faults", "", "-", 0, 0, "faults to bring about: seconds name value=number; seconds name"
+    ),
+    Parameter("rate", 1000.0, "Hz", 10.0, 10000.0, "turns of the simulation's thread"),
+    Parameter("step", DEFAULT_STEP, "s", 1e-6, 2e-3, "longest step of the plant"),
+    Parameter("ground_truth_rate", 100.0, "Hz", 0.1, 1000.0, "how often the truth is published"),
+    Parameter("measurement_rate", _B.measurement_rate, "Hz", 1.0, 10000.0, "of the boards"),
+    Parameter("watchdog", 0.0, "s", 0.0, 10.0, "of the boards; 0: as the DBC says"),
+    Parameter("pressure_noise", _Q.pressure_noise, "Pa", 0.0, 1e5, "standard deviation"),
+    Parameter("position_noise", _Q.position_noise, "rad", 0.0, 0.1, "standard deviation"),
+    Parameter("pressure_quantum", _Q.pressure_quantum, "Pa", 0.0, 1e5, "converter's step"),
+    Parameter("position_quantum", _Q.position_quantum, "rad", 0.0, 0.1, "encoder's step"),
+    Parameter("seed", 0, "-", 0, 2**31 - 1, "of the noise"),
+)
+_LATEST = QoSProfile(depth=1)
+
+
+def _simulated_rig(rig: Rig, values: NodeParameters) -> SimulatedRig:
+    number = values.number
+    true_rig, dbc = str(values["true_rig"]), str(values["bus.dbc"])
+    return SimulatedRig(
+        rig,
+        truth=load_rig(true_rig) if true_rig else None,
+        effects=parse_effects(str(values["hidden_effects"]).replace(",", " ").split()),
+        codec=BoardCodec.from_dbc(dbc or None),
+        board=BoardSettings(
+            measurement_rate=number("measurement_rate"),
+            watchdog_period=number("watchdog") or None,
+        ),
+        quality=SensorQuality(
+            number("pressure_noise"),
+            number("position_noise"),
+            number("pressure_quantum"),
+            number("position_quantum"),
+        ),
+        rate=number("rate"),
+        step=number("step"),
+        seed=int(number("seed")),
+        now=time.monotonic(),
+    )
+
+
+class RigNode(Node):  # type: ignore[misc]
+    """Topics around a RigLoop."""
+
+    def __init__(self) -> None:
+        super().__init__("pam_rig", automatically_declare_parameters_from_overrides=True)
+        values = NodeParameters(self, PARAMETERS)
+        self._rig = values.rig
+        simulated = _simulated_rig(self._rig, values)
+        options = bus_options(str(values["bus.options"]))
+        interface = str(values["bus.interface"])
+        if interface == "udp_multicast":
+            options["port"] = values["bus.port"]
+        port = open_bus(interface, str(values["bus.channel"]), **options)
+        truth_rate = values.number("ground_truth_rate")
+        self._loop = RigLoop(simulated, port, values.number("rate"), truth_rate)
+        self._loop.schedule(str(values["faults"]))
+        self._skipped = 0.0
+        topics = [
+            self.create_publisher(JointState, f"ground_truth/{name}", _LATEST)
+            for name in ("joint_states", "muscle_states", "pressure_states")
+        ]
+        self._joints, self._muscles, self._pressures = topics
+        self._supply = self.create_publisher(FluidPressure, "ground_truth/supply_pressure", _LATEST)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_subscription(String, "~/inject_fault", self._on_fault, 10)
+        self.create_service(Trigger, "~/mend_faults", self._on_mend)
+        self.create_timer(1.0 / truth_rate, self._publish)
+        self.create_timer(1.0, self._report)
+        self._loop.start()
+        self.get_logger().info(f"simulating {', '.join(self._rig.joint_names)} on {port.name}")
+
+    def destroy_node(self) -> None:
+        """End the simulation, then the node."""
+        loop = getattr(self, "_loop", None)
+        if loop is not None:
+            loop.stop()
+        super().destroy_node()
+
+    def check(self) -> None:
+        """Raise what ended the simulation's thread, if anything did."""
+        self._loop.check()
+
+    def _on_fault(self, message: Any) -> None:
+        try:
+            self._loop.inject(message.data)
+        except PamError as error:
+            self.get_logger().warning(f"inject_fault refused: {error}")
+        else:
+            self.get_logger().info(f"fault: {message.data}")
+
+    def _on_mend(self, request: Any, response: Any) -> Any:
+        self._loop.mend()
+        response.success, response.message = True, "mended"
+        return response
+
+    def _publish(self) -> None:
+        truth, at = self._loop.truth, self._loop.truth_time
+        stamp = Time(nanoseconds=round(at * 1e9)).to_msg()
+        joints, muscles = self._rig.joint_names, self._rig.muscle_names
+        messages = (
+            (self._joints, joints, truth.positions, truth.velocities, truth.torques),
+            (self._muscles, muscles, truth.lengths, truth.speeds, truth.forces),
+            (self._pressures, muscles, (), (), truth.pressures),
+        )
+        for publisher, names, position, velocity, effort in messages:
+            publisher.publish(_joint_state(stamp, names, position, velocity, effort))
+        supply = FluidPressure(fluid_pressure=truth.supply_pressure)
+        supply.header.stamp = stamp
+        self._supply.publish(supply)
+
+    def _report(self) -> None:
+        report = self._loop.report()
+        fresh = report["skipped turns"] - self._skipped
+        self._skipped = report["skipped turns"]
+        level, text = OK, "in real time"
+        if fresh > 0:
+            level, text = WARN, f"the host is late: {fresh:.0f} turns in larger pieces"
+        status = diagnostic_status(f"{self.get_name()}: simulation", level, text, report)
+        self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), status))
+
+
+def _joint_state(
+    stamp: Any,
+    names: Sequence[str],
+    position: Sequence[float],
+    velocity: Sequence[float],
+    effort: Sequence[float],
+) -> JointState:
+    message = JointState(
+        name=list(names), position=list(position), velocity=list(velocity), effort=list(effort)
+    )
+    message.header.stamp = stamp
+    return message
+
+
+def main() -> int:
+    """Run the node until it is told to stop."""
+    return spin_node(RigNode, check=RigNode.check)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,330 @@
+"""All joints and boards of a rig in one object: frames in, time on, frames out. No bus, no clock.
+
+What its owner believes (the rig file: names, wiring, full scales, limits) and what is true (the
+plant: the same file with effects, or another file) may differ; that is what a diagnosis is for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_driver.codec import BoardCodec
+from pam_driver.rig_wiring import RigWiring
+from pam_model.effects import EFFECTS
+from pam_model.errors import PamError, RigError
+from pam_model.rig import Muscle, Rig
+from pam_sim.board import BoardSettings, BoardValve, Frame, SimulatedBoard
+from pam_sim.board_sensors import BoardSensors, SensorQuality
+from pam_sim.plant import DEFAULT_STEP, Plant, initial_state
+from pam_sim.plant_layout import MUSCLES
+from pam_sim.plant_parameters import PlantParameters
+from pam_sim.rig_faults import RigFaults
+
+Array = npt.NDArray[np.float64]
+
+OVER_PRESSURE_SHARE = 1.1  # a board's own limit over the muscle's max_pressure
+FULLEST_CATCH_UP = 1.0  # s; a host that stood still longer loses the rest
+
+
+@dataclass(frozen=True, slots=True)
+class GroundTruth:
+    """What is true now, in the rig's order.
+
+    Attributes
+    ----------
+    positions, velocities, torques : lists of float
+        By joint [rad], [rad/s], [N m].
+    pressures, lengths, speeds, forces : lists of float
+        By muscle [Pa gauge], [m], [m/s], [N].
+    supply_pressure : float
+        What the first joint's valves draw from [Pa absolute].
+    """
+
+    positions: list[float]
+    velocities: list[float]
+    torques: list[float]
+    pressures: list[float]
+    lengths: list[float]
+    speeds: list[float]
+    forces: list[float]
+    supply_pressure: float
+
+
+class SimulatedRig:
+    """A rig that lives on frames.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig file that everybody else reads.
+    truth : Rig, optional
+        The rig as it really is; default the same, with the effects it names.
+    effects : mapping of str to float, optional
+        Further effects, see `apply_effects`.
+    codec : BoardCodec, optional
+        Meaning of the bytes.
+    board : BoardSettings, optional
+        Rates and watchdog; limits come from the rig.
+    quality : SensorQuality, optional
+        Noise and resolution of the sensors.
+    rate : float, optional
+        Plant and boards are brought forward this often [Hz].
+    step : float, optional
+        Longest RK4 step [s].
+    seed : int, optional
+        Of the noise.
+    now : float, optional
+        Time of power-up [s].
+
+    Attributes
+    ----------
+    faults : RigFaults
+        What is broken; nothing at first.
+
+    Raises
+    ------
+    PamError
+        For a rig that cannot be simulated on boards, naming why.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        *,
+        truth: Rig | None = None,
+        effects: Mapping[str, float] | None = None,
+        codec: BoardCodec | None = None,
+        board: BoardSettings | None = None,
+        quality: SensorQuality | None = None,
+        rate: float = 1000.0,
+        step: float = DEFAULT_STEP,
+        seed: int = 0,
+        now: float = 0.0,
+    ) -> None:
+        codec = codec or BoardCodec.from_dbc()
+        self._codec = codec
+        self.faults = RigFaults()
+        if not (10.0 <= rate <= 10_000.0):
+            raise PamError(f"rate = {rate:g} Hz must be from 10 to 10000 Hz")
+        if not 0.0 < step <= 0.002:
+            raise PamError(f"step = {step:g} s must be above 0 and at most 0.002 s")
+        _check_same(rig, truth)
+        self.rig = rig
+        self._wiring = RigWiring(rig, codec.board_count)
+        self.parameters = apply_effects(rig, truth or rig, effects or {})
+        self._plants = [Plant(p, step, _at_rest(p)) for p in self.parameters]
+        self._period = 1.0 / rate
+        self._now = now
+        self.lost_time = 0.0
+        self._boards: dict[int, SimulatedBoard] = {}
+        self._sensors: dict[int, BoardSensors] = {}
+        for number, channels in self._wiring.boards.items():
+            valves = [BoardValve(), BoardValve()]
+            limits = [math.inf, math.inf]
+            for channel, index in channels:
+                muscle = rig.muscles[index]
+                valves[channel] = _valve_of(muscle)
+                limits[channel] = OVER_PRESSURE_SHARE * muscle.max_pressure
+            given = board or BoardSettings()
+            settings = BoardSettings(
+                given.measurement_rate,
+                given.status_rate,
+                given.heartbeat_rate,
+                given.watchdog_period,
+                (limits[0], limits[1]),
+                given.boot_time,
+            )
+            self._boards[number] = SimulatedBoard(number, codec, settings, valves, now)
+            self._sensors[number] = BoardSensors(quality or SensorQuality(), (seed, number))
+        # By joint: its two muscles' places in the rig's order.
+        order = {name: index for index, name in enumerate(rig.muscle_names)}
+        self._muscles_of = [[order[name] for name in joint.muscles] for joint in rig.joints]
+        self._positions = [plant.output["position"] for plant in self._plants]
+        self._pressures = [0.0] * len(rig.muscles)
+
+    @property
+    def boards(self) -> Mapping[int, SimulatedBoard]:
+        """The boards by number."""
+        return self._boards
+
+    def on_frame(self, frame_id: int, data: bytes, now: float) -> None:
+        """Hand a frame to every board; each takes its own."""
+        for number, board in self._boards.items():
+            if number not in self.faults.frozen:
+                board.on_frame(frame_id, data, now)
+
+    def restart_board(self, number: int, now: float) -> None:
+        """Power-up of a board at `now` [s], as after a brown-out."""
+        old = self._boards[number]
+        self._boards[number] = SimulatedBoard(number, self._codec, old.settings, old.valves, now)
+
+    def open_leak(self, muscle: int, conductance: float) -> None:
+        """From now on a muscle leaks through C [m^3/(s Pa)]; 0 mends it."""
+        for joint, muscles in enumerate(self._muscles_of):
+            if muscle in muscles:
+                side = MUSCLES[muscles.index(muscle)]
+                self._plants[joint].change({f"{side}.leakage.conductance": conductance})
+
+    def set_supply_pressure(self, pressure: float) -> None:
+        """From now on the supply has this pressure [Pa absolute]."""
+        for plant in self._plants:
+            plant.change({"supply_pressure": pressure})
+
+    def advance(self, now: float) -> list[Frame]:
+        """Bring plant and boards forward to `now` [s]; return the frames the boards send.
+
+        A caller that is late gets the missing steps at once, with the commands known now; after
+        more than a second the rest is dropped and added to `lost_time`.
+        """
+        behind = now - self._now
+        if behind > FULLEST_CATCH_UP:
+            self.lost_time += behind - FULLEST_CATCH_UP
+            self._now = now - FULLEST_CATCH_UP
+        steps = math.floor((now - self._now) / self._period + 1e-6)
+        if steps > 0:
+            self._now += steps * self._period
+            self._move(steps)
+        for number in self.faults.reset_by_watchdog(now):
+            self.restart_board(number, now)
+        frames: list[Frame] = []
+        for number, board in self._boards.items():
+            if number in self.faults.frozen:
+                continue
+            sensors = self._sensors[number]
+            pressures = [0.0, 0.0]
+            for channel, index in self._wiring.boards[number]:
+                pressures[channel] = sensors.pressure(self._pressures[index])
+            joint = self._wiring.joint_of_board.get(number)
+            position = 0.0 if joint is None else sensors.position(self._positions[joint])
+            if self.faults.sensors or self.faults.swapped:
+                pressures, position = self.faults.readings(number, pressures, position, now)
+            frames += board.poll(now, pressures, position, self._supply(number))
+        return frames
+
+    def ground_truth(self) -> GroundTruth:
+        """What no sensor has touched."""
+        count = len(self.rig.muscles)
+        supply = self._plants[0].reservoir_pressure
+        zeros = [[0.0] * count for _ in range(4)]
+        result = GroundTruth([], [], [], zeros[0], zeros[1], zeros[2], zeros[3], supply)
+        for joint, plant in enumerate(self._plants):
+            output = plant.output
+            result.positions.append(output["position"])
+            result.velocities.append(output["velocity"])
+            result.torques.append(output["torque"])
+            speed = plant.parameters["joint.pulley_radius"] * output["velocity"]
+            for side, index, sign in zip(MUSCLES, self._muscles_of[joint], (-1, 1), strict=True):
+                result.pressures[index] = output[f"{side}.pressure"]
+                result.lengths[index] = output[f"{side}.length"]
+                result.forces[index] = output[f"{side}.force"]
+                result.speeds[index] = sign * speed * plant.parameters["pulley_radius.scale"]
+        return result
+
+    def _move(self, steps: int) -> None:
+        commands = [0.0] * len(self.rig.muscles)
+        for number, channels in self._wiring.boards.items():
+            valves = self._boards[number].valve_commands
+            if self.faults.valves:
+                valves = self.faults.spools(number, valves, self._boards[number].valves)
+            for channel, index in channels:
+                commands[index] = valves[channel]
+        for joint, plant in enumerate(self._plants):
+            first, second = self._muscles_of[joint]
+            pair = (commands[first], commands[second])
+            for _ in range(steps):
+                shown = plant.step(pair, self._period)
+            self._positions[joint] = shown[0]
+            self._pressures[first], self._pressures[second] = shown[1], shown[2]
+
+    def _supply(self, number: int) -> float:
+        for _, index in self._wiring.boards[number]:
+            for joint, muscles in enumerate(self._muscles_of):
+                if index in muscles:
+                    return self._plants[joint].reservoir_pressure
+        return self.rig.supply_pressure
+
+
+def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[PlantParameters]:
+    """The plants of a rig's joints: what `truth` says, and `effects` on top.
+
+    Parameters
+    ----------
+    rig : Rig
+        Whose names `effects` may use.
+    truth : Rig
+        The rig as it is.
+    effects : mapping of str to float
+        `<effect>.<parameter>` for everything that can have it, or with a joint's or muscle's name
+        before it.
+
+    Raises
+    ------
+    PamError
+        For an unknown name or a value out of the table's bounds.
+    """
+    plants = [PlantParameters.from_rig(truth, joint) for joint in range(len(truth.joints))]
+    for name, value in effects.items():
+        parts = name.split(".")
+        owner, key = (parts[0], parts[1:]) if len(parts) == 3 else ("", parts)
+        effect = EFFECTS.get(key[0])
+        if len(key) != 2 or effect is None or key[1] not in effect.parameters:
+            raise PamError(
+                f"effect {name}: expected <effect>.<parameter> or <name>.<effect>.<parameter>, "
+                f"with an effect of {', '.join(EFFECTS)}"
+            )
+        entry = effect.parameters[key[1]]
+        if not entry.low <= value <= entry.high:
+            raise PamError(
+                f"effect {name} = {value:g} {entry.unit} is outside "
+                f"[{entry.low:g}, {entry.high:g}] {entry.unit}"
+            )
+        hit = False
+        for index, joint in enumerate(rig.joints):
+            plain = f"{key[0]}.{key[1]}"
+            if not owner or owner == joint.name:
+                changes = {plain: value}
+            elif effect.scope == "muscle" and owner in joint.muscles:
+                changes = {f"{MUSCLES[joint.muscles.index(owner)]}.{plain}": value}
+            else:
+                continue
+            plants[index] = plants[index].replaced(changes)
+            hit = True
+        if not hit:
+            kind = "joint or muscle" if effect.scope == "muscle" else "joint"
+            raise PamError(f"effect {name}: the rig has no {kind} called {owner}")
+    return plants
+
+
+def _check_same(rig: Rig, truth: Rig | None) -> None:
+    if truth is not None:
+        mine = [(joint.name, joint.muscles) for joint in rig.joints]
+        if mine != [(joint.name, joint.muscles) for joint in truth.joints]:
+            raise RigError("the true rig must have the joints and muscles of the rig file")
+    loose = [m.name for m in rig.muscles if rig.joint_of(m.name) is None]
+    if loose or not rig.joints:
+        raise RigError(
+            f"only muscles at a joint can be simulated on a bus: {', '.join(loose) or 'no joint'}"
+        )
+
+
+def _valve_of(muscle: Muscle) -> BoardValve:
+    if muscle.valve.kind == "flow":
+        return BoardValve()
+    if muscle.valve.full_scale is None:
+        raise RigError(f"{muscle.name}.valve.full_scale is missing [Pa gauge]")
+    return BoardValve(True, muscle.valve.full_scale)
+
+
+def _at_rest(parameters: PlantParameters) -> Array:
+    """Vented and hanging where gravity leaves it, valves at their exhaust."""
+    position = min(
+        max(parameters["joint.gravity_angle"], parameters["joint.lower_limit"]),
+        parameters["joint.upper_limit"],
+    )
+    commands = [0.0 if parameters[f"{side}.valve.kind"] > 0.0 else -1.0 for side in MUSCLES]
+    return initial_state(parameters, position=position, commands=commands)

@@ -1,0 +1,29 @@
+"""Installs pam_sim the way ament_python expects it."""
+
+from setuptools import find_packages, setup
+
+NAME = "pam_sim"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={"": ["py.typed", "data/*", "*.j2"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="PAM suite maintainers",
+    maintainer_email="pam-suite@example.org",
+    description="Simulated rig with valve boards on a CAN bus, and the demo.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "rig = pam_sim.rig_node:main",
+            "demo = pam_sim.demo.__main__:main",
+        ]
+    },
+)
