@@ -1,0 +1,1 @@
+"""Diagnosis of the gap between a recording of a real rig and its simulation."""

@@ -1,0 +1,1 @@
+"""The withheld check: rigs with hidden effects, drawn, sealed, diagnosed and scored."""

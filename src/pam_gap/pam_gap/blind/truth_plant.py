@@ -1,0 +1,512 @@
+"""A second plant, for making recordings whose hidden effect the diagnosis must find.
+
+It shares no formula with the simulation the diagnosis fits, so that a right name is no echo of
+equal code: gas as mass and energy instead of pressure, LuGre friction (Canudas de Wit et al.,
+1995) for dry friction, Prandtl-Ishlinskii play operators for thread friction with the thread
+model's own scale (P pi D L), a springpot of Maxwell elements for creep, a Mooney-Rivlin bladder,
+the implicit thread tension for extensible braids, the square-root law of a long tube, convective
+heat transfer that grows with density, a two-pole spool; semi-implicit Euler at 0.05 ms.
+
+Compiled by numba where it is installed; without it the same code runs, some 300 times slower.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import numpy.typing as npt
+
+
+def _compiled[F: Callable[..., Any]](function: F) -> F:
+    """Compile with numba where it is installed."""
+    try:
+        from numba import njit  # noqa: PLC0415
+    except ImportError:
+        return function
+    return cast(F, njit(cache=True)(function))
+
+
+Array = npt.NDArray[np.float64]
+
+STEP = 5.0e-5  # s
+GAS_CONSTANT = 287.05  # J/(kg K)
+HEAT_CAPACITY = 717.6  # J/(kg K), constant volume
+N_PLAY = 8
+N_CREEP = 7
+
+
+class TruthJoint(NamedTuple):
+    """What the joint and the rig around it truly are; defaults leave every effect out."""
+
+    pulley_radius: float
+    inertia: float
+    viscous_friction: float
+    gravity_torque: float
+    gravity_angle: float
+    lower_limit: float
+    upper_limit: float
+    temperature: float
+    ambient_pressure: float
+    supply_pressure: float
+    coulomb_torque: float = 0.0
+    static_torque: float = 0.0  # breakaway, at least coulomb_torque
+    stribeck_speed: float = 0.05
+    bristle_angle: float = 1.5e-3
+    reservoir_volume: float = 0.0  # 0: the supply does not sag
+    reservoir_conductance: float = 0.0
+    position_offset: float = 0.0
+    position_delay: float = 0.0
+    # Effects that the table of effects does not name:
+    pulley_eccentricity: float = 0.0
+    encoder_eccentricity: float = 0.0
+    torque_ripple: float = 0.0
+    cross_leak: float = 0.0
+    backlash: float = 0.0
+
+
+class TruthMuscle(NamedTuple):
+    """What one muscle, its valve and its sensor truly are."""
+
+    thread_length: float
+    turns: float
+    rest_length: float
+    neutral_length: float
+    dead_volume: float
+    sonic_conductance: float
+    critical_ratio: float
+    time_constant: float
+    dead_zone: float = 0.0
+    null_offset: float = 0.0
+    second_pole: float = 0.0
+    exhaust_ratio: float = 1.0
+    command_delay: float = 0.0
+    leak: float = 0.0
+    tube_volume: float = 0.0
+    tube_conductance: float = 0.0
+    heat_transfer: float = 0.0  # W/K at 300 kPa absolute; 0 keeps the gas isothermal
+    thread_friction: float = 0.0
+    play_length: float = 1.0e-3
+    creep_stiffness: float = 0.0
+    creep_order: float = 0.25
+    bladder_volume: float = 0.0
+    bladder_modulus: float = 0.0
+    end_factor: float = 1.0
+    thread_compliance: float = 0.0  # 1/(N_t E A) [1/N]
+    cable_compliance: float = 0.0
+    pressure_gain: float = 1.0
+    pressure_bias: float = 0.0
+    pressure_lag: float = 0.0
+    spool_hysteresis: float = 0.0  # not in the table of effects
+
+
+@dataclass
+class Sensors:
+    """Noise and quantisation of what is recorded."""
+
+    pressure_noise: float = 150.0
+    pressure_step: float = 244.0
+    position_noise: float = 1.5e-4
+    position_step: float = 2.0 * math.pi / 16384.0
+    force_noise: float = 1.5
+    command_step: float = 1.0 / 2048.0
+
+
+@dataclass
+class Excitation:
+    """Pressure references and the loop that follows them."""
+
+    level: Array  # (n,) mean of both pressures [Pa]
+    difference: Array  # (n,) agonist less antagonist, half [Pa]
+    reference_position: Array  # (n,) [rad], used where position_gain is not 0
+    sample_time: float
+    proportional: float = 6.0e-6  # spool per Pa
+    integral: float = 8.0e-6  # spool per Pa s
+    position_gain: float = 0.0  # Pa/rad
+
+
+@dataclass
+class TruthRecording:
+    """The recorded channels, and the forces that load cells would show."""
+
+    time: Array
+    commands: Array
+    pressures: Array
+    position: Array
+    forces: Array
+    true_pressures: Array = field(repr=False)
+    true_position: Array = field(repr=False)
+
+
+@_compiled
+def _iso_flow(conductance: float, upstream: float, downstream: float, ratio: float) -> float:
+    """ISO 6358 mass flow [kg/s] from `upstream` to `downstream` (both Pa absolute), signed."""
+    if upstream < downstream:
+        return -_iso_flow_one_way(conductance, downstream, upstream, ratio)
+    return _iso_flow_one_way(conductance, upstream, downstream, ratio)
+
+
+@_compiled
+def _iso_flow_one_way(c: float, high: float, low: float, b: float) -> float:
+    r = low / high
+    if r <= b:
+        psi = 1.0
+    elif r < 0.999:
+        psi = math.sqrt(1.0 - ((r - b) / (1.0 - b)) ** 2)
+    else:
+        psi = (1.0 - r) / 0.001 * math.sqrt(1.0 - ((0.999 - b) / (1.0 - b)) ** 2)
+    return c * 1.185 * high * psi
+
+
+@_compiled
+def _run(  # noqa: PLR0912, PLR0915
+    joint: TruthJoint,
+    muscles: tuple[TruthMuscle, TruthMuscle],
+    level: Array,
+    difference: Array,
+    reference_position: Array,
+    fixed_commands: Array,
+    use_fixed: bool,
+    settings: Array,
+    noise: Array,
+    commands: Array,
+    sensed: Array,
+    truth: Array,
+) -> int:
+    radius, inertia = joint.pulley_radius, joint.inertia
+    t0, p_amb, p_sup = joint.temperature, joint.ambient_pressure, joint.supply_pressure
+    coulomb, v_res, backlash = joint.coulomb_torque, joint.reservoir_volume, joint.backlash
+    eccentricity = joint.pulley_eccentricity
+    sample_time, k_p, k_i, k_q = settings[0], settings[1], settings[2], settings[3]
+    p_step, q_step, u_step = settings[4], settings[5], settings[6]
+    n: int = level.shape[0]
+    steps = round(sample_time / STEP)
+    h = sample_time / steps
+    rt = GAS_CONSTANT * t0
+    flow_scale = math.sqrt(293.15 / t0)
+
+    q, w, z = 0.0, 0.0, 0.0
+    load_q = 0.0  # pulley side of the backlash
+    m_res = p_sup * v_res / rt
+    spool = np.zeros((2, 2))
+    mass = np.zeros(2)
+    energy = np.zeros(2)
+    tube_mass = np.zeros(2)
+    stretch = np.zeros(2)
+    play = np.zeros((2, N_PLAY))
+    creep = np.zeros((2, N_CREEP))
+    volume = np.zeros(2)
+    length = np.zeros(2)
+    gauge = np.zeros(2)
+    line = np.zeros(2)
+    filtered = np.zeros(2)
+    integral = np.zeros(2)
+    force = np.zeros(2)
+    spool_play = np.zeros(2)
+    delay_buffer = np.zeros((2, 4096))
+    q_buffer = np.zeros(4096)
+    head = 0
+
+    for i in range(2):
+        side = -1.0 if i == 0 else 1.0
+        b, turns = muscles[i].thread_length, muscles[i].turns
+        length[i] = muscles[i].neutral_length + side * radius * q
+        p = level[0] + (difference[0] if i == 0 else -difference[0])
+        volume[i] = (
+            length[i] * (b * b - length[i] ** 2) / (4 * math.pi * turns**2) + muscles[i].dead_volume
+        )
+        mass[i] = (p + p_amb) * volume[i] / rt
+        energy[i] = mass[i] * HEAT_CAPACITY * t0
+        gauge[i] = p
+        line[i] = p
+        filtered[i] = p
+        tube_mass[i] = (p + p_amb) * muscles[i].tube_volume / rt
+        for j in range(N_PLAY):
+            play[i, j] = length[i]
+        length_path = length[i]
+        if muscles[i].cable_compliance > 0.0:
+            pull = max(0.0, p * (3 * length[i] ** 2 - b * b) / (4 * math.pi * turns**2))
+            stretch[i] = pull * muscles[i].cable_compliance
+            length[i] = length_path - stretch[i]
+
+    command = np.zeros(2)
+    for k in range(n):
+        # What the sensors show and what the loop makes of it, once a sample.
+        q_seen = q_buffer[(head - 1 - round(joint.position_delay / h)) % 4096] if k > 0 else q
+        q_seen += joint.position_offset + joint.encoder_eccentricity * math.sin(q_seen + 0.7)
+        q_seen = round((q_seen + noise[k, 2]) / q_step) * q_step
+        sensed[k, 2] = q_seen
+        for i in range(2):
+            shown = filtered[i] * muscles[i].pressure_gain + muscles[i].pressure_bias + noise[k, i]
+            shown = round(shown / p_step) * p_step
+            sensed[k, i] = shown
+            sensed[k, 3 + i] = force[i] + noise[k, 3 + i]
+            wanted = level[k] + (difference[k] if i == 0 else -difference[k])
+            if k_q != 0.0:
+                correction = k_q * (reference_position[k] - q_seen)
+                wanted += correction if i == 0 else -correction
+            wanted = min(max(wanted, 2.0e4), 5.5e5)
+            error = wanted - shown
+            u = k_p * error + integral[i]
+            if -1.0 < u < 1.0:
+                integral[i] += k_i * error * sample_time
+            u = min(max(u, -1.0), 1.0)
+            command[i] = round(u / u_step) * u_step
+            if use_fixed:
+                command[i] = fixed_commands[k, i]
+            commands[k, i] = command[i]
+        truth[k, 0] = gauge[0]
+        truth[k, 1] = gauge[1]
+        truth[k, 2] = q
+
+        for _ in range(steps):
+            supply = m_res * rt / v_res if v_res > 0.0 else p_sup
+            drawn = 0.0
+            torque = 0.0
+            for i in range(2):
+                m = muscles[i]
+                side = -1.0 if i == 0 else 1.0
+                b0, turns, rest = m.thread_length, m.turns, m.rest_length
+                area = 4.0 * math.pi * turns * turns
+                # Spool: written pole, then a second one.
+                delay_buffer[i, head] = command[i]
+                u = delay_buffer[i, (head - round(m.command_delay / h)) % 4096]
+                spool[i, 0] += (1.0 - math.exp(-h / m.time_constant)) * (u - spool[i, 0])
+                if m.second_pole > 0.0:
+                    spool[i, 1] += (1.0 - math.exp(-h / m.second_pole)) * (
+                        spool[i, 0] - spool[i, 1]
+                    )
+                else:
+                    spool[i, 1] = spool[i, 0]
+                x = spool[i, 1]
+                if m.spool_hysteresis > 0.0:
+                    spool_play[i] = max(
+                        x - m.spool_hysteresis, min(x + m.spool_hysteresis, spool_play[i])
+                    )
+                    x = spool_play[i]
+                x -= m.null_offset
+                if m.dead_zone > 0.0:
+                    # Overlap with rounded edges, as a worn spool has.
+                    width = 0.1 * m.dead_zone
+                    reach = abs(x) - m.dead_zone
+                    opened = 0.5 * (reach + math.sqrt(reach * reach + width * width)) - 0.5 * (
+                        math.sqrt(m.dead_zone * m.dead_zone + width * width) - m.dead_zone
+                    )
+                    x = math.copysign(min(max(opened, 0.0) / (1.0 - m.dead_zone), 1.0), x)
+                # Gas.
+                p_valve = line[i] + p_amb
+                if x >= 0.0:
+                    flow = _iso_flow(m.sonic_conductance * x, supply, p_valve, m.critical_ratio)
+                    drawn += flow
+                else:
+                    flow = -_iso_flow(
+                        -m.sonic_conductance * m.exhaust_ratio * x, p_valve, p_amb, m.critical_ratio
+                    )
+                flow *= flow_scale
+                into = flow
+                p_abs = gauge[i] + p_amb
+                if m.tube_volume > 0.0:
+                    gap = p_valve * p_valve - p_abs * p_abs
+                    into = m.tube_conductance * 1.185 * gap / math.sqrt(abs(gap) + 1.0e6)
+                    tube_mass[i] += (flow - into) * h
+                    line[i] = tube_mass[i] * rt / m.tube_volume - p_amb
+                if m.leak > 0.0:  # laminar leak, volume flow at upstream density
+                    into -= m.leak * 1.185 * gauge[i]
+                if joint.cross_leak > 0.0:
+                    into += joint.cross_leak * 1.185 * (gauge[1 - i] - gauge[i])
+                # Geometry: path, cable, thread.
+                path_q = load_q if backlash > 0.0 else q
+                path = m.neutral_length + side * (
+                    radius * path_q + eccentricity * (1.0 - math.cos(2.0 * path_q + 0.6))
+                )
+                b = b0
+                if m.thread_compliance > 0.0:
+                    b = b0 / (
+                        1.0
+                        - min(0.2, b0 * gauge[i] * length[i] / (0.5 * area) * m.thread_compliance)
+                    )
+                scale = 1.0 / area
+                if m.cable_compliance > 0.0:
+                    for _newton in range(2):
+                        le = path - stretch[i]
+                        pull = gauge[i] * (3 * le * le - b * b) * scale
+                        slope = gauge[i] * 6 * le * scale
+                        stretch[i] -= (stretch[i] - pull * m.cable_compliance) / (
+                            1.0 + slope * m.cable_compliance
+                        )
+                    stretch[i] = max(stretch[i], 0.0)
+                new_length = min(path - stretch[i], 0.999 * b)
+                change = new_length - length[i]
+                length[i] = new_length
+                new_volume = new_length * (b * b - new_length * new_length) * scale + m.dead_volume
+                # First law with a state for the energy, or mass alone at constant temperature.
+                if m.heat_transfer > 0.0:
+                    t_gas = energy[i] / (mass[i] * HEAT_CAPACITY)
+                    heat = m.heat_transfer * math.sqrt(p_abs / 3.0e5) * (t0 - t_gas)
+                    t_flow = t0 if into > 0.0 else t_gas
+                    energy[i] += h * (into * (HEAT_CAPACITY + GAS_CONSTANT) * t_flow + heat)
+                    energy[i] -= p_abs * (new_volume - volume[i])
+                    mass[i] += into * h
+                    p_abs = GAS_CONSTANT / HEAT_CAPACITY * energy[i] / new_volume
+                else:
+                    mass[i] += into * h
+                    p_abs = mass[i] * rt / new_volume
+                volume[i] = new_volume
+                gauge[i] = p_abs - p_amb
+                if m.tube_volume <= 0.0:
+                    line[i] = gauge[i]
+                # Pull.
+                le = new_length
+                effective = rest * (1.0 - m.end_factor * (rest - le) / rest)
+                pull = gauge[i] * (3.0 * effective * effective - b * b) * scale
+                if m.bladder_volume > 0.0:
+                    x1 = le / rest
+                    c = rest * rest / (b * b - rest * rest)
+                    y = (b * b - le * le) / (b * b - rest * rest)
+                    slope = x1 - c * x1 - 1.0 / (x1**3 * y) + c / (x1 * y * y)
+                    other = -1.0 / x1**3 + c * x1 / y**2 + x1 * y - c * x1**3
+                    pull += (
+                        m.bladder_volume
+                        / rest
+                        * m.bladder_modulus
+                        / 6.0
+                        * (1.4 * slope + 0.6 * other)
+                    )
+                if m.thread_friction > 0.0:
+                    total = 0.0
+                    for j in range(N_PLAY):
+                        reach = m.play_length * 2.0 * (j + 0.5) / N_PLAY
+                        old = play[i, j]
+                        play[i, j] = max(le - reach, min(le + reach, old))
+                        total += (le - play[i, j]) / reach / N_PLAY
+                    diameter = math.sqrt(max(b * b - le * le, 0.0)) / (math.pi * turns)
+                    pull += m.thread_friction * max(gauge[i], 0.0) * math.pi * diameter * le * total
+                if m.creep_stiffness > 0.0:
+                    for j in range(N_CREEP):
+                        t_j = 0.2 * 3.0**j
+                        weight = m.creep_stiffness * (t_j / 0.2) ** (-m.creep_order)
+                        creep[i, j] = (creep[i, j] + weight * change) * math.exp(-h / t_j)
+                        pull += creep[i, j]
+                force[i] = max(pull, 0.0)
+                filtered[i] += (
+                    (1.0 - math.exp(-h / m.pressure_lag)) * (line[i] - filtered[i])
+                    if m.pressure_lag > 0.0
+                    else line[i] - filtered[i]
+                )
+                torque -= side * force[i]
+            if v_res > 0.0:
+                m_res += h * (_iso_flow(joint.reservoir_conductance, p_sup, supply, 0.4) - drawn)
+            path_q = load_q if backlash > 0.0 else q
+            arm = radius + 2.0 * eccentricity * math.sin(2.0 * path_q + 0.6)
+            torque *= arm
+            if backlash > 0.0:
+                # The pulley turns freely within the play; where it carries load it leans on one
+                # flank: a stiff spring outside the gap.
+                lean = q - load_q
+                if lean > backlash:
+                    load_q = q - backlash
+                elif lean < -backlash:
+                    load_q = q + backlash
+                target = q + (backlash if torque > 0.0 else -backlash)
+                load_q += min(max(target - load_q, -2.0 * h), 2.0 * h)
+                if abs(q - load_q) < 0.9 * backlash:
+                    torque *= 0.2
+            friction = 0.0
+            if coulomb > 0.0:
+                stiff = coulomb / joint.bristle_angle
+                curve = coulomb + (joint.static_torque - coulomb) / (
+                    1.0 + (w / joint.stribeck_speed) ** 2
+                )
+                dz = w - stiff * abs(w) / curve * z
+                z += h * dz
+                friction = stiff * z + 0.6 * math.sqrt(stiff * inertia) * dz
+            accel = torque - joint.viscous_friction * w - friction
+            accel -= joint.gravity_torque * math.sin(q - joint.gravity_angle)
+            accel += joint.torque_ripple * math.sin(12.0 * q)
+            w += h * accel / inertia
+            q += h * w
+            if q < joint.lower_limit:
+                q, w = joint.lower_limit, max(w, 0.0)
+            elif q > joint.upper_limit:
+                q, w = joint.upper_limit, min(w, 0.0)
+            q_buffer[head] = q
+            head = (head + 1) % 4096
+            if not math.isfinite(q):
+                return k
+    return n
+
+
+def run_truth(
+    joint: TruthJoint,
+    muscles: tuple[TruthMuscle, TruthMuscle],
+    excitation: Excitation,
+    sensors: Sensors,
+    generator: np.random.Generator,
+    *,
+    fixed_commands: Array | None = None,
+) -> TruthRecording:
+    """Run the rig through the excitation and record it.
+
+    Parameters
+    ----------
+    joint, muscles : TruthJoint, (TruthMuscle, TruthMuscle)
+        Agonist first.
+    excitation : Excitation
+        References of n samples and the loop's gains.
+    sensors : Sensors
+        Noise and quantisation.
+    generator : numpy.random.Generator
+        Source of the noise.
+    fixed_commands : ndarray (n, 2), optional
+        Valve commands that take the loop's place, to ask what the same commands would have done
+        to another rig.
+
+    Raises
+    ------
+    FloatingPointError
+        When the rig drawn is not one that can run (the joint diverges).
+    """
+    n = excitation.level.size
+    noise = generator.standard_normal((n, 5)) * np.array(
+        [sensors.pressure_noise] * 2 + [sensors.position_noise] + [sensors.force_noise] * 2
+    )
+    commands, sensed, truth = np.zeros((n, 2)), np.zeros((n, 5)), np.zeros((n, 3))
+    settings = np.array(
+        [
+            excitation.sample_time,
+            excitation.proportional,
+            excitation.integral,
+            excitation.position_gain,
+            sensors.pressure_step,
+            sensors.position_step,
+            sensors.command_step,
+        ]
+    )
+    done: int = _run(
+        TruthJoint(*map(float, joint)),
+        (TruthMuscle(*map(float, muscles[0])), TruthMuscle(*map(float, muscles[1]))),
+        excitation.level,
+        excitation.difference,
+        excitation.reference_position,
+        np.zeros((1, 2)) if fixed_commands is None else fixed_commands,
+        fixed_commands is not None,
+        settings,
+        noise,
+        commands,
+        sensed,
+        truth,
+    )
+    if done < n:
+        raise FloatingPointError(f"the drawn rig diverges at {done * excitation.sample_time:.2f} s")
+    return TruthRecording(
+        time=np.arange(n, dtype=np.float64) * excitation.sample_time,
+        commands=commands,
+        pressures=sensed[:, :2],
+        position=sensed[:, 2],
+        forces=sensed[:, 3:],
+        true_pressures=truth[:, :2],
+        true_position=truth[:, 2],
+    )

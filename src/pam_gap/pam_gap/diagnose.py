@@ -1,0 +1,324 @@
+"""`python -m pam_gap diagnose RECORDING... --rig RIG --out DIR`: from a recording to an answer.
+
+Writes diagnosis.json, report.html and, where something was found, rig_improved.yaml, which
+simulation, model node and controller read in place of the rig file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm  # type: ignore[import-untyped]
+
+from pam_gap.computed_channels import without_computed
+from pam_gap.diagnosis import Diagnosis
+from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.experiment_files import FOLDER
+from pam_gap.import_recording import import_recording
+from pam_gap.noise_floor import SMOOTHED_SHARE, noise_floor
+from pam_gap.prediction import BLOCK, PredictionProblem
+from pam_gap.recording import (
+    COMMANDS,
+    JOINTS,
+    LOCKED,
+    PRESSURES,
+    SHUT,
+    TURNED_OVER,
+    Recording,
+    RecordingError,
+)
+from pam_gap.report import RankedCandidate, ReportData, StageGap, Trace, write_report
+from pam_gap.sentences import verdict_sentence
+from pam_model.errors import PamError
+from pam_model.rig import Rig, load_rig, save_rig
+
+IMPROVED_RIG = "rig_improved.yaml"
+
+
+def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
+    """Numbers of the joints whose pressures all recordings hold.
+
+    Raises
+    ------
+    RecordingError
+        When there is none.
+    """
+    found = [
+        number
+        for number, joint in enumerate(rig.joints)
+        if all(r.has(f"{PRESSURES}{m}") for r in recordings for m in joint.muscles)
+    ]
+    if not found:
+        wanted = ", ".join(f"{PRESSURES}{m}" for joint in rig.joints for m in joint.muscles)
+        raise RecordingError(
+            f"{recordings[0].source}: holds both pressures of none of the rig's joints; "
+            f"expected {wanted or 'a rig with a joint'}"
+        )
+    return found
+
+
+def import_as_mounted(
+    recordings: Sequence[str | Path],
+    rig: Rig,
+    turned_over: Sequence[str | Path],
+    locked: Sequence[str | Path],
+    shut: Sequence[str | Path],
+) -> list[Recording]:
+    """Read recordings, each with how the joint was mounted for it.
+
+    Raises
+    ------
+    RecordingError
+        When one that cannot be read is among them.
+    """
+    read = []
+    for path, mounting in (
+        *((path, "") for path in recordings),
+        *((path, TURNED_OVER) for path in turned_over),
+        *((path, LOCKED) for path in locked),
+        *((path, SHUT) for path in shut),
+    ):
+        recording = without_computed(import_recording(path), rig)
+        read.append(replace(recording, mounting=mounting))
+    return read
+
+
+def what_is_missing(rig: Rig, joint: int, recording: Recording) -> list[str]:
+    """What the channels a recording lacks leave undecided, in words."""
+    entry = rig.joints[joint]
+    notes = []
+    for name, consequence in (
+        (f"{JOINTS}{entry.name}.position",
+         "joint and sensing effects on the position cannot be judged"),
+        *((f"valve_commands.{m}", "the valve stage cannot be judged") for m in entry.muscles),
+        *((f"muscle_states.{m}.effort",
+           "no load cell: force effects and joint effects are told apart by the motion alone")
+          for m in entry.muscles),
+    ):  # fmt: skip
+        shut_valve = recording.mounting == SHUT and name.startswith(COMMANDS)
+        if not recording.has(name) and not shut_valve:
+            notes.append(f"{name}: not recorded; {consequence}")
+    notes += [
+        f"{name}: filtered before it was recorded; its noise is not seen and taken as "
+        f"{100 * SMOOTHED_SHARE:g} % of its span"
+        for name, noise in noise_floor(recording).items()
+        if noise.is_smoothed
+    ]
+    return notes
+
+
+def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
+    """Measured, nominal and improved predictions of the first recording."""
+    vectors = np.array([diagnosis.written_values, diagnosis.improved_values])
+    errors = problem.errors(vectors)[:, : problem.offsets[1]]
+    data = problem.data[0]
+    rows = errors.shape[1]
+    time = problem.row_time[:rows]
+    units = ("Pa", "Pa", "rad", "N", "N")
+    changed = bool(diagnosis.effects)
+    traces = []
+    for c in np.nonzero(problem.present)[0]:
+        measured = data.measured[: rows * BLOCK, c].reshape(rows, BLOCK).mean(axis=1)
+        predicted = measured - errors[:, :, c] * data.block_deviation[c]
+        traces.append(
+            Trace(
+                channel=problem.names[c],
+                unit=units[c],
+                time=time,
+                measured=measured,
+                nominal=predicted[0],
+                improved=predicted[1] if changed else None,
+            )
+        )
+    return traces
+
+
+def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name: str) -> ReportData:
+    """What the page shows of a diagnosis."""
+    location = diagnosis.location
+    stages = [] if location is None else list(location.stages)
+    shown = [StageGap(s.stage, s.gap_over_floor, s.note) for s in stages]
+    late = "" if location is None else "; ".join(
+        f"{name} {1e3 * delay:.1f} ms" for name, delay in location.delays
+    )  # fmt: skip
+    shown.append(StageGap("sensing", None, f"late against the nominal plant: {late}"))
+    return ReportData(
+        title=f"Diagnosis of {diagnosis.joint}",
+        verdict_sentence=diagnosis.sentence,
+        diagnosis=diagnosis.to_json(),
+        stages=shown,
+        regimes=[] if location is None else [
+            (name, share) for name, share in location.regimes[:4] if share > 1.1
+        ],
+        traces=traces_of(problem, diagnosis),
+        ranking=[
+            RankedCandidate(
+                " + ".join(entry.effects),
+                entry.weight,
+                entry.remaining.value,
+                entry.remaining.low,
+                entry.remaining.high,
+                entry.note,
+            )
+            for entry in diagnosis.ranking
+        ],
+        horizons=[
+            (f.horizon, f.channel, f.before, f.after, f.floor, f.unit) for f in diagnosis.horizons
+        ],
+        repairs=diagnosis.repairs,
+        left_out=diagnosis.left_out,
+        improved_rig=improved_name,
+        facts={
+            "simulations of the recording": f"{diagnosis.facts.get('simulations', 0):.0f}",
+            "time": f"{diagnosis.facts.get('seconds', 0):.1f} s",
+        },
+    )  # fmt: skip
+
+
+def diagnose(
+    recordings: Sequence[str | Path],
+    rig_path: str | Path,
+    out: str | Path,
+    *,
+    joint: str | None = None,
+    threads: int = 0,
+    show_progress: bool = True,
+    turned_over: Sequence[str | Path] = (),
+    locked: Sequence[str | Path] = (),
+    shut: Sequence[str | Path] = (),
+) -> list[Diagnosis]:
+    """Diagnose every joint that the recordings hold, or one, and write the results to `out`.
+
+    Parameters
+    ----------
+    recordings : sequence of str or Path
+        Of one rig.
+    rig_path : str or Path
+        What its owner believes.
+    out : str or Path
+        Folder for diagnosis.json, report.html and rig_improved.yaml; with several joints, one
+        folder in it for each.
+    joint : str, optional
+        Only this one.
+    threads : int
+        Simulations run at once; 0 for as many as there are processors.
+    show_progress : bool
+        Show a progress bar.
+    turned_over, locked, shut : sequence of str or Path
+        More recordings, made with the joint mounted turned over, held still, or with both valves
+        shut all the time (moved from outside; the torque is `joint_states.<joint>.effort`).
+
+    Raises
+    ------
+    PamError
+        For a rig file or recording that cannot be used.
+    """
+    rig = load_rig(rig_path)
+    read = import_as_mounted(recordings, rig, turned_over, locked, shut)
+    if not read:
+        raise RecordingError("no recording given; expected at least one")
+    numbers = joints_recorded(rig, read)
+    if joint is not None:
+        if joint not in rig.joint_names:
+            raise PamError(f"{rig_path}: no joint {joint!r}; it has {', '.join(rig.joint_names)}")
+        numbers = [n for n in numbers if rig.joint_names[n] == joint]
+        if not numbers:
+            raise PamError(f"joint {joint!r}: the recordings hold no pressures of its muscles")
+    workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
+    place = Path(out)
+    answers = []
+    for number in numbers:
+        folder = place if len(numbers) == 1 else place / rig.joint_names[number]
+        folder.mkdir(parents=True, exist_ok=True)
+        with tqdm(
+            total=100, disable=not show_progress, bar_format="{l_bar}{bar}| {elapsed}"
+        ) as bar:
+            name = rig.joint_names[number]
+
+            def tell(task: str, share: float, bar: Any = bar, name: str = name) -> None:
+                bar.set_description(f"{name}: {task}"[:48].ljust(48))
+                bar.update(max(0, round(100 * share) - bar.n))
+
+            engine = JointDiagnosis(rig, number, read, threads=workers, progress=tell)
+            diagnosis = engine.run()
+        diagnosis.repairs = tuple(f"{r.source.name}: {text}" for r in read for text in r.repairs)
+        diagnosis.left_out = tuple(
+            dict.fromkeys(note for r in read for note in what_is_missing(rig, number, r))
+        )
+        diagnosis.sentence = verdict_sentence(diagnosis)
+        improved_name = ""
+        if diagnosis.improved is not None:
+            save_rig(diagnosis.improved, folder / IMPROVED_RIG)
+            improved_name = IMPROVED_RIG
+        if diagnosis.proposal is not None:
+            diagnosis.proposal.write(folder / FOLDER)
+        diagnosis.write(folder / "diagnosis.json")
+        write_report(report_data(engine.problem, diagnosis, improved_name), folder / "report.html")
+        answers.append(diagnosis)
+    return answers
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument(
+        "recordings", nargs="*", type=Path, metavar="RECORDING",
+        help="rosbag2 folder or file, CSV(.gz) or Parquet; several of one rig may be given",
+    )  # fmt: skip
+    parser.add_argument("--rig", type=Path, required=True, help="rig file its owner believes")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the results")
+    parser.add_argument("--joint", default=None, help="only this joint")
+    parser.add_argument(
+        "--turned-over", nargs="*", type=Path, default=[], metavar="RECORDING",
+        help="more recordings, with the joint mounted turned over (gravity the other way)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--locked", nargs="*", type=Path, default=[], metavar="RECORDING",
+        help="more recordings, with the joint held still at one angle",
+    )  # fmt: skip
+    parser.add_argument(
+        "--shut", nargs="*", type=Path, default=[], metavar="RECORDING",
+        help="more recordings, with both valves shut and the joint moved from outside",
+    )  # fmt: skip
+    parser.add_argument("--threads", type=int, default=0, help="0: one per processor")
+    parser.add_argument("--no-progress", action="store_true")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Diagnose and print each joint's verdict."""
+    answers = diagnose(
+        arguments.recordings,
+        arguments.rig,
+        arguments.out,
+        joint=arguments.joint,
+        threads=arguments.threads,
+        show_progress=not arguments.no_progress,
+        turned_over=arguments.turned_over,
+        locked=arguments.locked,
+        shut=arguments.shut,
+    )
+    for answer in answers:
+        print(f"{answer.joint}: {answer.sentence}")
+    print(f"written: {arguments.out}")
+    return 0
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of `ros2 run pam_gap diagnose`."""
+    parser = argparse.ArgumentParser(prog="diagnose", description=__doc__)
+    add_arguments(parser)
+    try:
+        return run(parser.parse_args(argv))
+    except PamError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,275 @@
+"""Least squares on prediction errors with bounds, priors and a per-channel unknown variance.
+
+Minimised is half of sum over channels of n_c log(S_c/n_c) plus the priors' squares, S_c being the
+sum of squared errors in units of the channel's noise: the likelihood of Gaussian errors whose
+variance per channel is not known, concentrated over it. So a channel in which every model leaves
+something is not allowed to drown the others. Steps are Gauss-Newton with Levenberg's damping on
+the errors weighted by the variances of the last iterate; steps of several lengths and dampings
+are run as lanes of one batch, columns of parameters that hardly bend are reused.
+
+Sources: Nocedal and Wright, Numerical Optimization, chapters 10 and 16;
+Seber and Wild, Nonlinear Regression, 2.2 (concentrated likelihood).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import lsq_linear
+
+Array = npt.NDArray[np.float64]
+Predictor = Callable[[Array], Array]
+"""(lanes, parameters) -> whitened errors (lanes, blocks, channels), NaN where nothing is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class FreeParameter:
+    """One number a fit may move.
+
+    Attributes
+    ----------
+    name : str
+        For reports.
+    low, high : float
+        Bounds, in the parameter's own unit.
+    size : float
+        What counts as a sizeable change; sets the difference step and the damping.
+    prior : float
+        Standard deviation of the prior about `centre`; 0 for none.
+    centre : float
+        Where the prior sits.
+    is_logarithmic : bool
+        Moved in its logarithm (then low > 0).
+    """
+
+    name: str
+    low: float
+    high: float
+    size: float
+    prior: float = 0.0
+    centre: float = 0.0
+    is_logarithmic: bool = False
+
+
+@dataclass(slots=True)
+class FitResult:
+    """Where a fit ended.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n,)
+        In the parameters' own units.
+    errors : ndarray, shape (blocks, channels)
+        Whitened prediction errors there.
+    objective : float
+        Half of sum n_c log J_c plus priors, on the rows fitted.
+    jacobian : ndarray, shape (blocks, channels, n)
+        Derivative of the errors by the scaled parameters.
+    iterations : int
+        Number of steps taken.
+    """
+
+    values: Array
+    errors: Array
+    objective: float
+    jacobian: Array
+    iterations: int
+
+
+def mean_squares(errors: Array, rows: npt.NDArray[np.bool_] | None = None) -> Array:
+    """J_c: mean squared whitened error of each channel, ignoring NaN; shape (..., channels)."""
+    chosen = errors if rows is None else errors[..., rows, :]
+    with np.errstate(invalid="ignore", over="ignore"):
+        square = chosen * chosen
+        known = np.isfinite(square)
+        total = np.where(known, square, 0.0).sum(axis=-2)
+        mean: Array = total / np.maximum(known.sum(axis=-2), 1)
+    return mean
+
+
+def log_likelihood_gap(errors: Array, counts: Array, rows: npt.NDArray[np.bool_] | None) -> Array:
+    """Half of sum n_c log J_c for each lane; infinite where a prediction is not finite."""
+    mean = mean_squares(errors, rows)
+    value: Array = 0.5 * np.sum(counts * np.log(np.maximum(mean, 1e-12)), axis=-1)
+    return value
+
+
+class Scaling:
+    """Between the parameters' own units and the scaled space a fit works in."""
+
+    def __init__(self, free: Sequence[FreeParameter]) -> None:
+        self.log = np.array([p.is_logarithmic for p in free], dtype=bool)
+        self.size = np.array([p.size for p in free], dtype=np.float64)
+        self.low = self.scaled(np.array([p.low for p in free], dtype=np.float64))
+        self.high = self.scaled(np.array([p.high for p in free], dtype=np.float64))
+        self.prior = np.array([p.prior for p in free], dtype=np.float64)
+        centre = np.array([p.centre for p in free], dtype=np.float64)
+        known = np.where(self.prior > 0.0, self.prior, 1.0)
+        self.weight = np.where(self.prior > 0.0, self.size / known, 0.0)
+        self.centre = self.scaled(np.where(self.log & (centre <= 0.0), 1.0, centre))
+
+    def scaled(self, values: Array) -> Array:
+        """Own units -> scaled."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            result: Array = np.where(
+                self.log, np.log(np.maximum(values, 1e-300)) / self.size, values / self.size
+            )
+        return result
+
+    def own(self, scaled: Array) -> Array:
+        """Scaled -> own units."""
+        with np.errstate(over="ignore"):
+            result: Array = np.where(
+                self.log, np.exp(np.clip(scaled * self.size, -700, 700)), scaled * self.size
+            )
+        return result
+
+    def penalty(self, scaled: Array) -> Array:
+        """Half the priors' squares of each lane."""
+        value: Array = 0.5 * np.sum((self.weight * (scaled - self.centre)) ** 2, axis=-1)
+        return value
+
+
+def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array:
+    """Minimiser of x.H.x/2 + g.x inside a box that holds 0 (H positive semidefinite).
+
+    Source: bounded-variable least squares, Stark and Parker, Computational Statistics 10 (1995).
+    """
+    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled = hessian / np.outer(size, size)
+    scaled[np.diag_indices(size.size)] += 1e-9
+    root = np.linalg.cholesky(scaled)
+    target = -np.linalg.solve(root, slope / size)
+    free = np.linalg.solve(root.T, target) / size
+    if ((free >= low) & (free <= high)).all():
+        return np.asarray(free, dtype=np.float64)
+    bounds = (low * size - 1e-12, high * size + 1e-12)
+    found = lsq_linear(root.T, target, bounds, method="bvls", tol=1e-10)
+    step: Array = np.clip(found.x / size, low, high)
+    return step
+
+
+def numerical_jacobian(
+    predict: Predictor,
+    scaling: Scaling,
+    at: Array,
+    errors: Array,
+    columns: npt.NDArray[np.intp],
+    step: float,
+) -> Array:
+    """Forward differences of the errors by the scaled parameters named in `columns`."""
+    lanes = np.repeat(at[None, :], columns.size, axis=0)
+    steps = np.full(columns.size, step)
+    for lane, column in enumerate(columns):
+        if at[column] + step > scaling.high[column]:
+            steps[lane] = -step
+        lanes[lane, column] += steps[lane]
+    shifted = predict(scaling.own(lanes))
+    result: Array = np.moveaxis((shifted - errors) / steps[:, None, None], 0, -1)
+    return result
+
+
+def normal_equations(
+    errors: Array, jacobian: Array, rows: npt.NDArray[np.bool_], weights: Array
+) -> tuple[Array, Array]:
+    """J'WJ and J'We over the chosen rows, weights per channel; NaN rows drop out."""
+    n = jacobian.shape[-1]
+    hessian, slope = np.zeros((n, n)), np.zeros(n)
+    for channel in range(errors.shape[1]):
+        e = errors[rows, channel]
+        d = jacobian[rows, channel]
+        known = np.isfinite(e) & np.isfinite(d).all(axis=1)
+        e, d = e[known], d[known]
+        hessian += weights[channel] * (d.T @ d)
+        slope += weights[channel] * (d.T @ e)
+    return hessian, slope
+
+
+def fit(
+    predict: Predictor,
+    free: Sequence[FreeParameter],
+    start: Array,
+    *,
+    rows: npt.NDArray[np.bool_],
+    floor: Array,
+    cached: Array | None = None,
+    max_iterations: int = 8,
+    tolerance: float = 1e-3,
+    give_up_above: float = np.inf,
+) -> FitResult:
+    """Fit from one start.
+
+    Parameters
+    ----------
+    predict : callable
+        Lanes of parameters in own units -> whitened errors.
+    free : sequence of FreeParameter
+        The n parameters.
+    start : ndarray, shape (n,)
+        Own units.
+    rows : ndarray of bool, shape (blocks,)
+        Blocks that take part.
+    floor : ndarray, shape (channels,)
+        J_c that noise alone leaves; weights do not rise beyond it.
+    cached : ndarray, shape (blocks, channels, m), optional
+        Jacobian of the first m parameters, reused instead of computed.
+    max_iterations : int
+        Steps at most.
+    tolerance : float
+        Relative fall of the mean log J below which the fit ends.
+    give_up_above : float
+        An objective that a hopeless candidate may stop above after three steps.
+    """
+    scaling = Scaling(free)
+    n = len(free)
+    at = np.clip(scaling.scaled(np.asarray(start, dtype=np.float64)), scaling.low, scaling.high)
+    errors = predict(scaling.own(at[None, :]))[0]
+    counts = np.isfinite(errors[rows]).sum(axis=0).astype(np.float64)
+    total = max(float(counts.sum()), 1.0)
+
+    def objective(lane_errors: Array, lanes: Array) -> Array:
+        value = log_likelihood_gap(lane_errors, counts, rows) + scaling.penalty(lanes)
+        return np.where(np.isfinite(value), value, np.inf)
+
+    best = float(objective(errors[None], at[None])[0])
+    damping = 1e-3
+    jacobian = np.zeros((*errors.shape, n))
+    reused = 0 if cached is None else cached.shape[-1]
+    if cached is not None:
+        jacobian[..., :reused] = cached
+    fresh = np.arange(reused, n)
+    taken = 0
+    for iteration in range(max_iterations):
+        if fresh.size:
+            jacobian[..., fresh] = numerical_jacobian(predict, scaling, at, errors, fresh, 0.03)
+        mean = np.maximum(mean_squares(errors, rows), 0.5 * floor)
+        hessian, slope = normal_equations(errors, jacobian, rows, 1.0 / mean)
+        hessian[np.diag_indices(n)] += scaling.weight**2
+        slope += scaling.weight**2 * (at - scaling.centre)
+        scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
+        trials = []
+        for factor in (0.0, 30.0):
+            damped = hessian + np.diag(scale * (damping * factor + 1e-10))
+            trials.append(at + bounded_step(damped, slope, scaling.low - at, scaling.high - at))
+        trials.append(at + 0.3 * (trials[0] - at))
+        lanes = np.array(trials)
+        lane_errors = predict(scaling.own(lanes))
+        values = objective(lane_errors, lanes)
+        winner = int(np.argmin(values))
+        fall = best - float(values[winner])
+        if not fall > 0.0:
+            damping *= 100.0
+            if damping > 1e4 or iteration > 0:
+                break
+            continue
+        damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
+        at, errors, best = lanes[winner], lane_errors[winner], float(values[winner])
+        taken += 1
+        if fall < tolerance * total:
+            break
+        if taken >= 3 and best > give_up_above:
+            break
+    return FitResult(scaling.own(at), errors, best, jacobian, taken)

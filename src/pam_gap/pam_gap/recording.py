@@ -1,0 +1,240 @@
+"""A recording on one even time grid, and how uneven logs are brought onto it.
+
+Nothing here low-passes: a filtered channel would look like a lag of the rig. Commands are held
+(that is what a valve does between two messages), measurements are interpolated linearly to the
+grid and count only where a true sample lies within half a step and no gap is bridged. Every
+repair is written down in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_model.errors import PamError
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+COMMANDS = "valve_commands."
+PRESSURES = "pressure_states."
+JOINTS = "joint_states."
+MUSCLES = "muscle_states."
+SUPPLY = "supply_pressure"
+
+TURNED_OVER = "turned_over"
+"""Mounting: the joint upside down, gravity_angle half a turn on."""
+LOCKED = "locked"
+"""Mounting: the joint held still where the recording begins."""
+SHUT = "shut"
+"""Both valves shut all the time."""
+
+GAP_PERIODS = 5.0  # a hole longer than this many of the channel's periods is not bridged
+SPIKE = 25.0  # one sample this many noise widths off both neighbours is a fault of the log
+_EPOCH = 1e8  # a time stamp above this is an absolute one
+
+
+class RecordingError(PamError):
+    """A recording that cannot be used; the message names file, channel and expectation."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawChannel:
+    """One channel as logged: stamps [s] and values [SI], of one length."""
+
+    time: Array
+    value: Array
+
+
+@dataclass(slots=True)
+class RawRecording:
+    """What a file holds before any repair: channels by contract name, and remarks of the reader."""
+
+    source: Path
+    channels: dict[str, RawChannel]
+    remarks: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Channels on one even grid.
+
+    Attributes
+    ----------
+    source : Path
+        The file or folder read.
+    sample_time : float
+        Step of the grid [s].
+    time : ndarray, shape (N,)
+        Grid from 0 [s].
+    values : mapping of str to ndarray, shape (N,)
+        By contract name, SI; finite everywhere (bridged where not valid).
+    valid : mapping of str to ndarray of bool, shape (N,)
+        Where a value rests on a true sample.
+    repairs : tuple of str
+        What was done to the data, in words.
+    mounting : str
+        Empty as the rig file says, `TURNED_OVER`, `LOCKED`, or `SHUT` (valves shut all the time).
+    """
+
+    source: Path
+    sample_time: float
+    time: Array
+    values: Mapping[str, Array]
+    valid: Mapping[str, Mask]
+    repairs: tuple[str, ...]
+    mounting: str = ""
+
+    def has(self, channel: str) -> bool:
+        """Whether the channel was recorded."""
+        return channel in self.values
+
+    @property
+    def duration(self) -> float:
+        """Length of the grid [s]."""
+        return float(self.time.size * self.sample_time)
+
+
+def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
+    """Drop what is not a sample: NaN, stamps that run back or repeat, lone spikes."""
+    time, value = raw.time, raw.value
+    finite = np.isfinite(time) & np.isfinite(value)
+    if not finite.all():
+        repairs.append(f"{name}: {int((~finite).sum())} missing samples left out")
+        time, value = time[finite], value[finite]
+    if time.size == 0:
+        return RawChannel(time, value)
+    if np.any(np.diff(time) < 0.0):
+        count = int((np.diff(time) < 0.0).sum())
+        repairs.append(f"{name}: stamps ran back {count} times; sorted by stamp")
+        order = np.argsort(time, kind="stable")
+        time, value = time[order], value[order]
+    repeated = np.concatenate(([False], np.diff(time) <= 0.0))
+    if repeated.any():
+        repairs.append(f"{name}: {int(repeated.sum())} repeated stamps, first value kept")
+        time, value = time[~repeated], value[~repeated]
+    if name.startswith(COMMANDS) or value.size < 16:
+        return RawChannel(time, value)
+    before = np.diff(value)[:-1]
+    after = np.diff(value)[1:]
+    width = max(float(np.median(np.abs(before - after))), float(np.ptp(value)) * 1e-4) + 1e-300
+    spike = (np.minimum(np.abs(before), np.abs(after)) > SPIKE * width) & (before * after < 0.0)
+    if spike.any():
+        repairs.append(f"{name}: {int(spike.sum())} lone spikes left out")
+        keep = np.concatenate(([True], ~spike, [True]))
+        time, value = time[keep], value[keep]
+    return RawChannel(time, value)
+
+
+def _periods(channels: Mapping[str, RawChannel]) -> dict[str, float]:
+    return {name: float(np.median(np.diff(raw.time))) for name, raw in channels.items()}
+
+
+def _onto_grid(
+    name: str, raw: RawChannel, grid: Array, step: float, period: float, repairs: list[str]
+) -> tuple[Array, Mask]:
+    after = np.searchsorted(raw.time, grid + 1e-9 * step, side="right")
+    last = np.clip(after - 1, 0, raw.time.size - 1)
+    following = np.clip(after, 0, raw.time.size - 1)
+    age = grid - raw.time[last]
+    if name.startswith(COMMANDS):
+        held = raw.value[last]
+        valid = (age >= -0.5 * step) & (age < GAP_PERIODS * max(period, step))
+        missing = int((~valid).sum())
+        if missing:
+            repairs.append(f"{name}: no command for {missing * step:.3g} s in all; last one held")
+        return held, valid
+    width = raw.time[following] - raw.time[last]
+    nearest = np.minimum(np.abs(age), np.abs(raw.time[following] - grid))
+    value = np.interp(grid, raw.time, raw.value)
+    bridged = width > GAP_PERIODS * max(period, step)
+    valid = (nearest <= 0.5 * step * (1.0 + 1e-6)) & ~(bridged & (nearest > 0.05 * step))
+    holes = np.diff(raw.time) > GAP_PERIODS * max(period, step)
+    if holes.any():
+        repairs.append(
+            f"{name}: {int(holes.sum())} gaps, {float(np.diff(raw.time)[holes].sum()):.3g} s in "
+            "all, left out of every comparison"
+        )
+    return value, valid
+
+
+def resample(raw: RawRecording, step: float | None = None, regular: bool = True) -> Recording:
+    """Bring a raw recording onto one even grid.
+
+    Parameters
+    ----------
+    raw : RawRecording
+        Channels as logged.
+    step : float, optional
+        Grid step [s]; default is the shortest median period of any channel, rounded to 1 us.
+    regular : bool
+        Report jitter of the stamps (off for tables whose time column is one for all).
+
+    Returns
+    -------
+    Recording
+        Grid from the first to the last instant at which every channel is known.
+
+    Raises
+    ------
+    RecordingError
+        When a channel holds too few samples or the channels do not overlap in time.
+    """
+    repairs = list(raw.remarks)
+    channels: dict[str, RawChannel] = {}
+    for name, channel in raw.channels.items():
+        cleaned = _clean(name, channel, repairs)
+        if cleaned.time.size < 8:
+            repairs.append(f"{name}: only {cleaned.time.size} samples; channel left out")
+        else:
+            channels[name] = cleaned
+    if not channels:
+        raise RecordingError(f"{raw.source}: no channel with at least 8 samples")
+    periods = _periods(channels)
+    chosen = step if step is not None else round(min(periods.values()), 6)
+    if not chosen > 0.0:
+        raise RecordingError(f"{raw.source}: time does not advance; expected seconds, rising")
+    if regular:
+        for name, channel in channels.items():
+            spread = float(np.percentile(np.abs(np.diff(channel.time) / periods[name] - 1.0), 99))
+            if spread > 0.05:
+                repairs.append(
+                    f"{name}: stamps jitter by {100 * spread:.0f} % of a period (99th percentile); "
+                    "resampled by stamp"
+                )
+    start = max(channel.time[0] for channel in channels.values())
+    end = min(channel.time[-1] for channel in channels.values())
+    if end - start < 100 * chosen:
+        raise RecordingError(
+            f"{raw.source}: the channels overlap for {end - start:.3g} s; "
+            f"expected at least {100 * chosen:.3g} s"
+        )
+    slow = sorted({f"{1 / p:.4g} Hz" for p in periods.values() if p > 1.5 * chosen})
+    if slow:
+        repairs.append(
+            f"grid of {1 / chosen:.4g} Hz; slower channels ({', '.join(slow)}) "
+            "are compared at their own samples only"
+        )
+    grid = start + chosen * np.arange(int((end - start) / chosen + 1e-6) + 1, dtype=np.float64)
+    values: dict[str, Array] = {}
+    valid: dict[str, Mask] = {}
+    for name, channel in channels.items():
+        values[name], valid[name] = _onto_grid(name, channel, grid, chosen, periods[name], repairs)
+    return Recording(raw.source, chosen, grid - start, values, valid, tuple(repairs))
+
+
+def from_columns(
+    source: Path, time: Array, columns: Mapping[str, Array], remarks: list[str] | None = None
+) -> RawRecording:
+    """A raw recording of columns that share one `time` column [s]."""
+    if float(np.nanmax(np.abs(time), initial=0.0)) > _EPOCH:
+        time = time - np.nanmin(time)  # keeps microseconds in a double
+    return RawRecording(
+        source,
+        {name: RawChannel(time.copy(), values) for name, values in columns.items()},
+        list(remarks or []),
+    )

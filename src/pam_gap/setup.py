@@ -1,0 +1,30 @@
+"""Installs pam_gap the way ament_python expects it."""
+
+from setuptools import find_packages, setup
+
+NAME = "pam_gap"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={"": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="PAM suite maintainers",
+    maintainer_email="pam-suite@example.org",
+    description="Diagnosis of the gap between a recording of a real rig and its simulation.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "diagnose = pam_gap.diagnose:main",
+            "monitor = pam_gap.monitor_node:main",
+            "play = pam_gap.play_node:main",
+        ]
+    },
+)

@@ -1,0 +1,160 @@
+"""Prediction errors, names and files of a diagnosis on short simulated recordings.
+
+The plant is the one the diagnosis fits, so that these show the machinery sound; what it is worth
+on rigs with other physics is shown by `python -m pam_gap blind`.
+"""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pam_gap.__main__ import main
+from pam_gap.computed_channels import without_computed
+from pam_gap.diagnosis_engine import JointDiagnosis, merged_groups
+from pam_gap.fit import mean_squares
+from pam_gap.gap_figures import noise_level
+from pam_gap.locate import locate
+from pam_gap.prediction import PredictionProblem
+from pam_gap.recording import Recording
+from pam_model.rig import Rig, load_rig, save_rig
+from pam_sim.compiled import HAVE_NUMBA
+
+from .conftest import Maker
+
+needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="a whole search needs the compiled plant")
+
+
+def without(recording: Recording, prefix: str) -> Recording:
+    from dataclasses import replace
+
+    keep = {k: v for k, v in recording.values.items() if not k.startswith(prefix)}
+    return replace(recording, values=keep)
+
+
+def test_a_true_plant_leaves_noise(rig: Rig, record: Maker) -> None:
+    problem = PredictionProblem(rig, 0, [record(duration=8.0)])
+    values = problem.base.values
+    for horizon in (0.1, 0.3):
+        errors = problem.errors(values[None], horizon=horizon)[0]
+        floor = noise_level(problem, values, horizon=horizon)
+        assert (mean_squares(errors, problem.counted) < 1.5 * floor)[:3].all()
+
+
+@needs_numba
+@pytest.mark.parametrize(
+    ("changes", "stage", "quiet"),
+    [
+        ({"leakage.conductance": 8e-11}, "valve", "joint"),
+        ({"coulomb_friction.torque": 0.6}, "joint", "valve"),
+    ],
+)
+def test_the_gap_is_located(
+    rig: Rig, record: Maker, changes: dict[str, float], stage: str, quiet: str
+) -> None:
+    problem = PredictionProblem(rig, 0, [record(changes)])
+    values = problem.base.values
+    location = locate(problem, values, problem.errors(values[None])[0])
+    gaps = {s.stage: s.gap_over_floor for s in location.stages}
+    assert location.worst == stage
+    assert gaps[stage] > 5.0 * gaps[quiet]
+
+
+@needs_numba
+@pytest.mark.parametrize(
+    ("changes", "effects"),
+    [
+        ({}, ()),
+        ({"agonist.valve_null_offset.offset": 0.03}, ("valve_null_offset",)),
+        ({"coulomb_friction.torque": 0.6}, ("coulomb_friction",)),
+        ({"hysteresis.amplitude": 0.05}, ("hysteresis",)),
+        (
+            {"valve_dead_zone.overlap": 0.06, "viscous_friction.extra": 0.5},
+            ("valve_dead_zone", "viscous_friction"),
+        ),
+    ],
+)
+def test_effects_are_named(
+    rig: Rig, record: Maker, changes: dict[str, float], effects: tuple[str, ...]
+) -> None:
+    diagnosis = JointDiagnosis(rig, 0, [record(changes)]).run()
+    assert diagnosis.verdict == ("named" if effects else "none")
+    assert set(diagnosis.effects) == set(effects)
+    if effects:
+        assert diagnosis.closed is not None
+        assert diagnosis.closed.value > 0.95
+        assert diagnosis.improved is not None
+        again = PredictionProblem(diagnosis.improved, 0, [record(changes)])
+        left = mean_squares(again.errors(again.base.values[None])[0], again.counted)
+        assert (left[:3] < 2.0).all()
+
+
+@needs_numba
+def test_without_commands_the_valve_stage_is_left_out(rig: Rig, record: Maker) -> None:
+    recording = without(record({"coulomb_friction.torque": 0.6}), "valve_commands")
+    diagnosis = JointDiagnosis(rig, 0, [recording]).run()
+    assert diagnosis.location is not None
+    valve = next(s for s in diagnosis.location.stages if s.stage == "valve")
+    assert valve.gap_over_floor is None
+    assert "coulomb_friction" in diagnosis.effects
+
+
+@needs_numba
+def test_without_a_position_the_pressures_are_still_judged(rig: Rig, record: Maker) -> None:
+    recording = without(record({"leakage.conductance": 8e-11}), "joint_states")
+    diagnosis = JointDiagnosis(rig, 0, [recording]).run()
+    assert "leakage" in diagnosis.effects
+
+
+@needs_numba
+def test_command_line_writes_what_the_contract_asks(
+    rig: Rig, record: Maker, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = record({"leakage.conductance": 8e-11})
+    table = tmp_path / "recording.csv.gz"
+    pd.DataFrame({"time": recording.time, **recording.values}).to_csv(table, index=False)
+    save_rig(rig, tmp_path / "rig.yaml")
+    out = tmp_path / "out"
+    arguments = ["diagnose", str(table), "--rig", str(tmp_path / "rig.yaml"), "--out", str(out)]
+    assert main([*arguments, "--no-progress"]) == 0
+    answer = json.loads((out / "diagnosis.json").read_text())
+    assert answer["verdict"] == "named"
+    assert answer["stage"] == "valve"
+    assert answer["effects"] == ["leakage"]
+    assert answer["candidates"][0][0] == "leakage"
+    assert {"indistinguishable", "parameters", "gap", "closed", "next_experiment"} <= set(answer)
+    found = answer["parameters"]["leakage"]["conductance.agonist"]
+    assert found["low"] <= found["value"] <= found["high"]
+    assert found["value"] == pytest.approx(8e-11, rel=0.1)
+    improved = load_rig(out / "rig_improved.yaml")
+    assert improved.muscles[0].effects["leakage"]["conductance"] == pytest.approx(8e-11, rel=0.1)
+    assert (out / "report.html").stat().st_size > 10_000
+    assert "leakage" in capsys.readouterr().out
+
+
+def test_mistakes_end_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = main(["diagnose", str(tmp_path / "no.csv"), "--rig", "x.yaml", "--out", str(tmp_path)])
+    assert code == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_computed_pulls_are_no_load_cells(rig: Rig, record: Maker) -> None:
+    from dataclasses import replace
+
+    measured = record(duration=6.0, cells=True)
+    assert without_computed(measured, rig).values.keys() == measured.values.keys()
+    joint = rig.joints[0]
+    position = measured.values[f"joint_states.{joint.name}.position"]
+    values = dict(measured.values)
+    for muscle, sign in zip(joint.muscles, (-1.0, 1.0), strict=True):
+        length = rig.muscle(muscle).neutral_length + sign * joint.pulley_radius * position
+        pressure = measured.values[f"pressure_states.{muscle}"]
+        values[f"muscle_states.{muscle}.effort"] = rig.force_model(muscle).force(pressure, length)
+    cleaned = without_computed(replace(measured, values=values), rig)
+    assert not any(name.startswith("muscle_states") for name in cleaned.values)
+    assert "computed" in cleaned.repairs[-1]
+
+
+def test_groups_that_share_a_member_are_one() -> None:
+    assert merged_groups([("a", "b"), ("c", "d"), ("b", "e")]) == (("a", "b", "e"), ("c", "d"))

@@ -1,0 +1,38 @@
+"""The improved rig file can be read again, re-tuned nominal parameters included."""
+
+from pathlib import Path
+
+import numpy as np
+
+from pam_gap.candidates import candidates_for, nuisances_for
+from pam_gap.fit import FitResult
+from pam_gap.hypothesis import Hypothesis
+from pam_gap.improved_rig import improve_rig
+from pam_model.rig import load_rig, save_rig
+from pam_sim.plant_parameters import INDEX, PlantParameters
+
+ELBOW = load_rig(Path(__file__).parents[2] / "config" / "elbow.yaml")
+
+
+def test_every_parameter_a_fit_moves_arrives(tmp_path: Path) -> None:
+    """Written, read and made a plant of again, the file has every fitted value."""
+    joint = ELBOW.joints[0]
+    _, nuisances = nuisances_for(ELBOW, joint)
+    before = PlantParameters.from_rig(ELBOW).values
+    for candidate in candidates_for(ELBOW, joint):
+        free = len(nuisances) + len(candidate.free)
+        values = np.concatenate([np.linspace(0.985, 1.015, len(nuisances)), candidate.starts[0]])
+        result = FitResult(values, np.zeros((0, 5)), 0.0, np.zeros((0, 5, free)), 0)
+        targets = [(name,) for name in nuisances] + list(candidate.targets)
+        factors = [True] * len(nuisances) + [False] * len(candidate.free)
+        hypothesis = Hypothesis((candidate,), result, np.ones(5))
+        improved = improve_rig(ELBOW, 0, hypothesis, targets, factors)
+        save_rig(improved, tmp_path / "rig.yaml")
+        after = PlantParameters.from_rig(load_rig(tmp_path / "rig.yaml")).values
+        for group, factor, value in zip(targets, factors, values.tolist(), strict=True):
+            for name in group:
+                wanted = before[INDEX[name]] * value if factor else value
+                assert abs(after[INDEX[name]] - wanted) <= 1e-6 * abs(wanted), (
+                    candidate.label,
+                    name,
+                )

@@ -1,0 +1,155 @@
+"""The gap of the last seconds, and the node that reports it, as a process over ROS."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pam_gap.live_gap import LiveWindow
+from pam_gap.recording import COMMANDS, JOINTS, PRESSURES
+from pam_model.rig import load_rig
+from pam_sim.plant import Plant, initial_state
+from pam_sim.plant_parameters import PlantParameters
+
+ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
+MUSCLES = ["elbow_flexor", "elbow_extensor"]
+PERIOD = 0.005
+
+
+class Rig:
+    """A plant under a simple pressure loop, with noisy sensors."""
+
+    def __init__(self, changes: dict[str, float]) -> None:
+        parameters = PlantParameters.from_rig(load_rig(ELBOW)).replaced(changes)
+        self.plant = Plant(parameters, state=initial_state(parameters, pressures=(2.4e5, 2.4e5)))
+        self.seen = (0.0, 2.4e5, 2.4e5)
+        self.time = 0.0
+        self.noise = np.random.default_rng(3)
+
+    def step(self) -> tuple[tuple[float, float], tuple[float, float, float]]:
+        """Commands, and what was measured when they were given: position and pressures."""
+        swing = 6e4 * math.sin(2.0 * math.pi * 0.7 * self.time)
+        wanted = (2.4e5 + swing, 2.4e5 - swing)
+        first, second = (
+            min(max(6e-6 * (w - p), -1.0), 1.0) for w, p in zip(wanted, self.seen[1:], strict=True)
+        )
+        seen, self.seen = self.seen, self.plant.step((first, second), PERIOD)
+        self.time += PERIOD
+        q, a, b = np.array(seen) + self.noise.standard_normal(3) * (2e-4, 150.0, 150.0)
+        return (first, second), (float(q), float(a), float(b))
+
+
+def watched(changes: dict[str, float], with_commands: bool = True) -> Any:
+    rig, window = Rig(changes), LiveWindow(load_rig(ELBOW), 5.0)
+    for _ in range(1200):
+        at = rig.time
+        commands, (q, a, b) = rig.step()
+        if with_commands:
+            window.take(COMMANDS, at, MUSCLES, commands)
+        window.take(PRESSURES, at, MUSCLES[::-1], (b, a))
+        window.take(JOINTS, at, ["elbow", "stranger"], (q, 1.0))
+    return window.gap(0)
+
+
+def test_the_rig_as_written_is_near_its_noise() -> None:
+    gap = watched({})
+    assert not gap.problem
+    assert gap.worst < 2.0
+    channels = {f.channel for f in gap.figures}
+    assert channels == {
+        "pressure_states.elbow_flexor",
+        "pressure_states.elbow_extensor",
+        "joint_states.elbow.position",
+    }
+
+
+@pytest.mark.parametrize(
+    ("effect", "stage"),
+    [
+        ({"leakage.conductance": 3e-10}, "valve"),
+        ({"payload.mass": 0.6, "payload.distance": 0.3}, "muscle and joint"),
+    ],
+)
+def test_a_hidden_effect_shows_at_its_stage(effect: dict[str, float], stage: str) -> None:
+    gap = watched(effect)
+    assert gap.worst > 5.0
+    assert gap.stage == stage
+
+
+def test_without_commands_the_valve_stage_is_not_judged() -> None:
+    gap = watched({}, with_commands=False)
+    assert "valve" not in (gap.stages or {})
+
+
+def test_what_is_missing_is_said() -> None:
+    window = LiveWindow(load_rig(ELBOW), 5.0)
+    assert "pressure_states.elbow_flexor" in window.gap(0).problem
+    for at in (0.0, 0.5):
+        window.take(PRESSURES, at, MUSCLES, (1e5, 1e5))
+    assert "0.5 s" in window.gap(0).problem
+    window.take(JOINTS, 10.0, ["elbow"], (0.0,))
+    assert "no pressure_states" in window.gap(0).problem
+
+
+@pytest.mark.system
+def test_node_reports_on_diagnostics(
+    probe: Any, ros_environment: dict[str, str], patience: float
+) -> None:
+    from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+    from sensor_msgs.msg import JointState
+
+    heard = probe.listen(DiagnosticArray, "/diagnostics")
+    node = subprocess.Popen(
+        [sys.executable, "-m", "pam_gap", "monitor", "--ros-args", "--params-file", str(ELBOW),
+         "-p", "window:=3.0", "-p", "period:=0.5"],
+        env=os.environ | ros_environment | {"NUMBA_NUM_THREADS": "1"},
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+    def told(level: bytes) -> bool:
+        return bool(heard) and heard[-1].status[0].level == level
+
+    try:
+        out = {
+            topic: probe.publisher(JointState, topic, 30.0 * patience)
+            for topic in ("valve_commands", "pressure_states", "joint_states")
+        }
+        probe.wait_for("a report", lambda: told(DiagnosticStatus.STALE), 20.0 * patience)
+        for changes, level in (
+            ({}, DiagnosticStatus.OK),
+            ({"payload.mass": 1.0, "payload.distance": 0.3}, DiagnosticStatus.WARN),
+        ):
+            rig = Rig(changes)
+            begin = time.time()
+            while not told(level):
+                assert rig.time < 40.0 * patience, heard[-1].status[0]
+                whole, part = divmod(begin + rig.time, 1.0)
+                stamp = Time(sec=int(whole), nanosec=int(part * 1e9))
+                commands, (q, a, b) = rig.step()
+                for topic, message in (
+                    ("valve_commands", JointState(name=MUSCLES, position=commands)),
+                    ("pressure_states", JointState(name=MUSCLES, effort=(a, b))),
+                    ("joint_states", JointState(name=["elbow"], position=(q,))),
+                ):
+                    message.header.stamp = stamp
+                    out[topic].publish(message)
+                time.sleep(max(begin + rig.time - time.time(), 0.0))
+        status = heard[-1].status[0]
+        assert status.name == "pam_gap: elbow"
+        keys = {pair.key for pair in status.values}
+        assert "joint_states.elbow.position 0.5 s [rad]" in keys
+        assert "times the noise" in status.message
+    finally:
+        node.send_signal(signal.SIGINT)
+        _, errors = node.communicate(timeout=20.0 * patience)
+    assert node.returncode == 0, errors
