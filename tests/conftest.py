@@ -1,0 +1,78 @@
+"""Fixtures of all tests: a bus and a ROS domain that no other test or machine shares."""
+
+from __future__ import annotations
+
+import os
+import random
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pam_sim.demo.chain import BusChoice, multicast_bus
+from support.frames import FrameListener
+from support.probe import Probe
+
+# before rclpy reads it; the processes inherit it
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give tests of real processes more than one try: a shared host may stop any of them."""
+    for item in items:
+        if item.get_closest_marker("system") or item.get_closest_marker("vcan"):
+            item.add_marker(pytest.mark.flaky(reruns=2))
+
+
+@pytest.fixture(scope="session")
+def rig_path() -> Path:
+    """The rig file of one elbow."""
+    return ROOT / "config" / "elbow.yaml"
+
+
+@pytest.fixture(scope="session")
+def slow_host() -> bool:
+    """Whether the processor is emulated (see tools/with_vcan.sh): rates must be low, waits long."""
+    return os.environ.get("PAM_TEST_SLOW_HOST") == "1"
+
+
+@pytest.fixture(scope="session")
+def patience(slow_host: bool) -> float:
+    """Factor for every time-out."""
+    return 30.0 if slow_host else 1.0
+
+
+@pytest.fixture
+def ros_environment() -> dict[str, str]:
+    """Environment of processes in a ROS domain of their own, on this machine alone."""
+    return {
+        "ROS_DOMAIN_ID": str(random.randint(1, 100)),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+
+
+@pytest.fixture
+def bus(request: pytest.FixtureRequest) -> BusChoice:
+    """A CAN bus: SocketCAN for tests marked `vcan`, a loopback multicast bus for others."""
+    if request.node.get_closest_marker("vcan"):
+        channel = os.environ.get("PAM_TEST_CAN_CHANNEL", "vcan0")
+        if not Path("/sys/class/net", channel).exists():
+            pytest.fail(f"no CAN interface {channel}: run these tests by tools/with_vcan.sh")
+        return BusChoice("socketcan", channel)
+    return multicast_bus()
+
+
+@pytest.fixture
+def frames(bus: BusChoice) -> Iterator[FrameListener]:
+    """What goes over `bus`, from now on."""
+    with FrameListener(bus) as listener:
+        yield listener
+
+
+@pytest.fixture
+def probe(ros_environment: dict[str, str]) -> Iterator[Probe]:
+    """A node in the test's ROS domain."""
+    with Probe(ros_environment) as node:
+        yield node

@@ -1,0 +1,177 @@
+"""A whole simulated rig per test: rig, driver, model and controller as processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from pam_sim.demo.chain import BusChoice, Chain
+from pam_sim.demo.processes import Setting
+from support.frames import FrameListener
+from support.probe import Probe
+
+# A busy host must not fail a test that is about something else than time.
+RELAXED: dict[str, dict[str, Setting]] = {
+    "rig": {"watchdog": 1.0},
+    "driver": {
+        "startup_timeout": 120.0,
+        "command_timeout": 1.0,
+        "sensor_timeout": 1.0,
+        "board_timeout": 3.0,
+    },
+    "model": {},
+    "controller": {"loop.stale_after": 1.0},
+}
+# An emulated processor is ten to twenty times slower.
+SLOW: dict[str, dict[str, Setting]] = {
+    "rig": {"rate": 100.0, "measurement_rate": 50.0, "step": 0.001, "watchdog": 5.0},
+    "driver": {
+        "rate": 50.0,
+        "startup_timeout": 600.0,
+        "command_timeout": 1.0,
+        "sensor_timeout": 1.0,
+        "board_timeout": 5.0,
+    },
+    "model": {},
+    "controller": {"loop.rate": 50.0, "loop.stale_after": 2.0},
+}
+NODES = ("rig", "driver", "model", "controller")
+
+
+@dataclass
+class Suite:
+    """The running processes, with what a test needs to command and watch them."""
+
+    chain: Chain
+    probe: Probe
+    frames: FrameListener
+    patience: float
+    settings: dict[str, dict[str, Setting]]
+    positions: list[Any]
+
+    def start(self, name: str) -> None:
+        """Start one node with the settings of this host."""
+        self.chain.start(name, self.settings[name])
+
+    def wait(self, what: str, condition: Callable[[], Any], timeout: float = 20.0) -> Any:
+        """Wait for a condition; fails at once if a process has ended by itself."""
+
+        def checked() -> Any:
+            self.chain.check()
+            return condition()
+
+        return self.probe.wait_for(what, checked, timeout * self.patience)
+
+    def driver_state(self) -> str:
+        """The driver's lifecycle state."""
+        response = self.probe.call(
+            GetState, "pam_driver/get_state", GetState.Request(), 10.0 * self.patience
+        )
+        return str(response.current_state.label)
+
+    def wait_until_active(self) -> None:
+        """Wait until valves may move."""
+        self.wait("the driver active", lambda: self.driver_state() == "active", 60.0)
+
+    def wait_until_controlling(self) -> None:
+        """Wait until a controller has begun to follow a reference."""
+        heard = self.probe.listen(JointState, "pam_controller/reference")
+        before = len(heard)
+        self.wait("a reference", lambda: len(heard) > before, 60.0)
+
+    def recover(self) -> None:
+        """Clear faults and activate, as a person would."""
+        timeout = 10.0 * self.patience
+        request = ChangeState.Request()
+        request.transition.id = Transition.TRANSITION_ACTIVATE
+
+        def activated() -> bool:
+            self.probe.call(Trigger, "pam_driver/clear_faults", Trigger.Request(), timeout)
+            self.probe.call(ChangeState, "pam_driver/change_state", request, timeout)
+            return self.driver_state() == "active"
+
+        self.wait("the driver active again", activated, 30.0)
+
+    def move(self, targets: dict[str, float], seconds: float = 1.0) -> None:
+        """Send a trajectory with one point."""
+        message = JointTrajectory(joint_names=list(targets))
+        point = JointTrajectoryPoint(positions=list(targets.values()))
+        point.velocities = [0.0] * len(targets)
+        point.time_from_start.sec = int(seconds)
+        point.time_from_start.nanosec = int(seconds % 1.0 * 1e9)
+        message.points = [point]
+        topic = "pam_controller/joint_trajectory"
+        self.probe.publisher(JointTrajectory, topic, 10.0 * self.patience).publish(message)
+
+    def position(self, joint: str) -> float:
+        """The latest measured angle [rad]."""
+        if not self.positions:
+            return float("nan")
+        message = self.positions[-1]
+        return float(message.position[list(message.name).index(joint)])
+
+    def wait_until_at(self, joint: str, angle: float, tolerance: float = 0.02) -> None:
+        """Wait until a joint has been at an angle for 50 measurements."""
+
+        def there() -> bool:
+            last = self.positions[-50:]
+            return len(last) == 50 and all(
+                abs(message.position[list(message.name).index(joint)] - angle) < tolerance
+                for message in last
+            )
+
+        self.wait(f"{joint} at {angle:g} rad", there)
+
+
+@pytest.fixture
+def make_suite(
+    request: pytest.FixtureRequest,
+    bus: BusChoice,
+    frames: FrameListener,
+    probe: Probe,
+    ros_environment: dict[str, str],
+    slow_host: bool,
+    patience: float,
+    tmp_path: Path,
+) -> Iterator[Callable[..., Suite]]:
+    """Start the chain for a rig file; everything is ended after the test, and its output shown."""
+    chains: list[Chain] = []
+
+    def make(rig_path: Path, nodes: tuple[str, ...] = NODES) -> Suite:
+        environment = {**ros_environment, "ROS_LOG_DIR": str(tmp_path)}
+        if slow_host:
+            # compiling costs more than it saves there
+            environment["PAM_NO_NUMBA"] = "1"
+        chain = Chain([rig_path], bus, environment)
+        chains.append(chain)
+        positions = probe.listen(JointState, "joint_states")
+        settings = SLOW if slow_host else RELAXED
+        suite = Suite(chain, probe, frames, patience, settings, positions)
+        for name in nodes[:3]:
+            suite.start(name)
+        suite.wait_until_active()
+        if "controller" in nodes:
+            suite.start("controller")
+            suite.wait_until_controlling()
+        return suite
+
+    yield make
+    for chain in chains:
+        chain.stop_all()
+        for name, text in chain.outputs.items():
+            print(f"--- {name}\n{text}")
+
+
+@pytest.fixture
+def suite(make_suite: Callable[..., Suite], rig_path: Path) -> Suite:
+    """The elbow, controlled, at rest."""
+    return make_suite(rig_path)
