@@ -91,6 +91,8 @@ class LifecycleCycler(Node):  # type: ignore[misc]
             raise PamError("the driver does not configure")
         self.until(lambda: self.change(_T.TRANSITION_ACTIVATE), "activation")
         if unplug:
+            # a message sent before the rig is discovered would be lost without a word
+            self.until(lambda: self._faults.get_subscription_count() > 0, "the rig's topic")
             self._faults.publish(String(data="all_frames_lost_up duration=1000"))
             self.until(lambda: self.state() == State.PRIMARY_STATE_INACTIVE, "a fault")
             self._call(self._clear, Trigger.Request())
