@@ -49,12 +49,18 @@ class ScoredCandidate:
         Share of the RMS gap that it leaves.
     note : str
         What speaks against it.
+    level : float
+        Sum over channels of log mean squared error over floor.
+    over_floor : tuple of float
+        RMS error over floor of each channel that is there.
     """
 
     effects: tuple[str, ...]
     weight: float
     remaining: Interval
     note: str = ""
+    level: float = 0.0
+    over_floor: tuple[float, ...] = ()
 
 
 @dataclass(slots=True)
@@ -140,6 +146,8 @@ class Diagnosis:
                     "weight": entry.weight,
                     "remaining": _interval(entry.remaining),
                     "note": entry.note,
+                    "level": entry.level,
+                    "over_floor": list(entry.over_floor),
                 }
                 for entry in self.ranking
             ],

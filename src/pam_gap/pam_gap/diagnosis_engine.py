@@ -353,7 +353,12 @@ class JointDiagnosis:
             remaining = Interval(1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low)
             entries.append(
                 ScoredCandidate(
-                    score.hypothesis.effects, float(share), remaining, self.objections(score)
+                    score.hypothesis.effects,
+                    float(share),
+                    remaining,
+                    self.objections(score),
+                    self.held_out_level(score),
+                    tuple(np.sqrt(score.mean_square / self.floor)[self.present].tolist()),
                 )
             )
         return tuple(entries)

@@ -24,6 +24,10 @@ BEHIND = 6.0
 """Sum of log mean squares by which a candidate may trail the leader before it is dropped."""
 
 
+SCREENING = 2
+"""Steps before candidates are compared: the first is often cut short by the nuisances."""
+SETTLED = 12
+"""Steps by which a hypothesis is surely fitted to the end."""
 WORTH_A_CHALLENGE = 1.0
 """Fall of the level by a further effect from which the others are challenged."""
 
@@ -120,7 +124,7 @@ class Search:
                     (*base.members, candidate),
                     np.concatenate([values, start]),
                     cached=reuse,
-                    max_iterations=1,
+                    max_iterations=SCREENING,
                 )
                 for start in candidate.starts[: None if all_starts else 1]
             ]
@@ -173,7 +177,9 @@ class Search:
         """
         low, high = shares
         middle = 0.5 * (low + high)
-        base = result.by_size[-1][0]
+        # What the base has left to gain must not be credited to whatever is added to it.
+        base = self.refine(result.by_size[-1][0], SETTLED)
+        result.by_size[-1][0] = base
         size = len(base.members) + 1
         found = self.extend(
             base, screened=5, finished=2, all_starts=False, task=f"{size} effects",
@@ -191,3 +197,16 @@ class Search:
         for h in sorted(found, key=self.level):
             distinct.setdefault(frozenset(m.label for m in h.members), h)
         result.by_size.append(list(distinct.values()))
+        self._check_backwards(result)
+
+    def _check_backwards(self, result: SearchResult) -> None:
+        """Fit what is left when either member of the best leaves it: it may explain all alone."""
+        best, smaller = result.by_size[-1][0], result.by_size[-2]
+        for member in range(len(best.members)):
+            rest = self.refine(self.without(best, member), SETTLED)
+            known = next((h for h in smaller if h.label == rest.label), None)
+            if known is None or self.level(rest) < self.level(known):
+                result.by_size[-2] = smaller = [
+                    rest, *(h for h in smaller if h.label != rest.label)
+                ]  # fmt: skip
+        result.by_size[-2] = sorted(smaller, key=self.level)
