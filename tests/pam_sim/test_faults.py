@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import math
 import random
+import re
 from pathlib import Path
 
 import pytest
 
 from pam_driver.codec import BoardCodec, BoardState, FrameError
+from pam_driver.safety_state import TRANSITIONS, SafetyState
+from pam_driver.safety_state_page import diagram_as_mermaid
 from pam_model.errors import PamError
 from pam_sim import fault_injection, host_faults, rig_faults
-from pam_sim.board import BoardValve
+from pam_sim.board import BoardValve, SimulatedBoard
 from pam_sim.fault_campaign import in_a_fork, main, make_chain
 from pam_sim.fault_injection import parse_injection
 from pam_sim.fault_kinds import KINDS, Reaction, kind_called, write_into
@@ -51,6 +54,27 @@ def test_the_safety_page_shows_the_tables_of_the_code():
     assert write_into(page) == page
 
 
+def test_a_page_without_marks_is_refused():
+    with pytest.raises(PamError, match="diagram: begin"):
+        write_into("# Safety\n")
+
+
+def test_the_diagram_has_every_change_of_state_and_no_other():
+    drawn = {
+        (SafetyState(source), SafetyState(target), event)
+        for source, target, events in re.findall(
+            r"^ +(\w+) --> (\w+) : (.+)$", diagram_as_mermaid(), re.MULTILINE
+        )
+        for event in events.split(", ")
+    }
+    assert drawn == {
+        (state, target, event.value)
+        for state, row in TRANSITIONS.items()
+        for event, target in row.items()
+        if target is not state
+    }
+
+
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_fault_is_noticed_and_ends_as_promised(chain, kind):
     """Each in a copy of one chain in motion, so that no test depends on another."""
@@ -75,6 +99,52 @@ def test_a_trial_finds_fault_with_a_chain_that_does_not_keep_its_promise(chain):
     assert "noticed by" in quiet.problem
 
 
+def test_the_model_of_the_chain_tells_forces_and_nothing_once_it_is_deaf(chain):
+    def look() -> Trial:
+        told = [*chain.estimate.joint_torques, *chain.estimate.muscle_forces]
+        known = all(map(math.isfinite, told)) and not chain.estimate.problems
+        trial = run_trial(chain, kind_called("driver_killed"), {}, 1)
+        silent = all(map(math.isnan, chain.estimate.joint_torques))
+        return Trial("", {}, [str(known), str(silent), *trial.noticed], problem=trial.problem)
+
+    trial = in_a_fork(look)
+    assert trial.problem == ""
+    assert trial.noticed[:2] == ["True", "True"]
+    assert "model" in trial.noticed
+
+
+def test_a_trial_finds_fault_with_a_model_that_tells_what_is_old(chain):
+    def forgetful() -> Trial:
+        class Dreamer(type(chain.model)):
+            def estimate(self, now):
+                last = [stamp for stamp, _ in self._pressures.values()]
+                return super().estimate(min([now, *last]))
+
+        chain.model.__class__ = Dreamer
+        return run_trial(chain, kind_called("driver_killed"), {}, 1)
+
+    assert "old" in in_a_fork(forgetful).problem
+
+
+def test_ends_of_a_range_are_drawn_often():
+    kind = kind_called("pressure_drift")
+    draw = random.Random(1)
+    low, high = kind.parameters["rate"]
+    drawn = [draw_values(kind, draw)["rate"] for _ in range(200)]
+    assert all(low <= value <= high for value in drawn)
+    assert drawn.count(low) > 5 and drawn.count(high) > 5
+
+
+def test_a_board_whose_turn_is_early_by_rounding_sends_each_frame_once():
+    """Two heartbeats in a row, overtaking each other, would look like a restart."""
+    board = SimulatedBoard(0, BoardCodec.from_dbc())
+    board.poll(0.0, (0.0, 0.0), 0.0, 7e5)
+    first = board.poll(0.1 - 5e-10, (0.0, 0.0), 0.0, 7e5)
+    again = board.poll(0.101, (0.0, 0.0), 0.0, 7e5)
+    assert 0x700 in [frame_id for frame_id, _ in first]
+    assert 0x700 not in [frame_id for frame_id, _ in again]
+
+
 def test_a_trial_that_crashes_is_no_result(chain, capfd):
     def crash() -> Trial:
         raise RuntimeError("on purpose")
@@ -89,6 +159,9 @@ def test_the_command_writes_a_report_and_its_exit_code_is_the_verdict(tmp_path):
     assert main([*arguments, "--kind", "vent_called", "--kind", "encoder_jump"]) == 0
     assert len(json.loads((tmp_path / "faults.json").read_text())) == 2
     assert "encoder_jump" in (tmp_path / "faults.md").read_text()
+    page = tmp_path / "page.md"
+    assert main([*arguments, "--kind", "vent_called", "--page", str(page)]) == 0
+    assert "--kind vent_called --page" in page.read_text()
     assert (tmp_path / "faults.png").stat().st_size > 1000
     assert main([*arguments, "--kind", "no_such"]) == 2
     assert main([*arguments, "--rig", str(tmp_path / "none.yaml")]) == 2

@@ -230,8 +230,9 @@ class SimulatedBoard:
         due, period = self._due[kind], self._periods[kind]
         if now < due - 1e-9:
             return False
-        # A late caller gets one frame, not a burst; the grid stays.
-        self._due[kind] = due + period * (math.floor((now - due) / period + 1e-9) + 1)
+        # A late caller gets one frame, not a burst; the grid stays. A caller whose clock is a
+        # rounding error early must not get the same frame again in its next turn.
+        self._due[kind] = due + period * (math.floor(max(now - due, 0.0) / period + 1e-9) + 1)
         return True
 
     def _take_valve_command(self, command: ValveCommand, now: float) -> None:

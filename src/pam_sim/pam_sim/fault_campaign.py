@@ -1,8 +1,8 @@
 """Injects every fault many times and holds what follows against what docs/safety.md promises.
 
-`python -m pam_sim.fault_campaign --trials 560 --out out/faults` runs boards, plant, bus, driver
-and controller in one process on a virtual clock; each trial is a fork of one chain in motion, so
-that each meets it in another phase. Exit code 1 if anything is out of bounds.
+`python -m pam_sim.fault_campaign --trials 600 --out out/faults` runs boards, plant, bus, driver,
+model and controller in one process on a virtual clock; each trial is a fork of one chain in
+motion, so that each meets it in another phase. Exit code 1 if anything is out of bounds.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.fault_chain import FaultChain
 from pam_sim.fault_kinds import KINDS, FaultKind
-from pam_sim.fault_report import write_report
+from pam_sim.fault_report import as_markdown, write_report
 from pam_sim.fault_trial import Trial, draw_values, run_trial
 
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s
@@ -109,6 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--kind", action="append", help="only this kind; may be repeated")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/faults"))
+    parser.add_argument("--page", type=Path, help="write the table here too, for the documentation")
     parsed = parser.parse_args(arguments)
     kinds = [kind for kind in KINDS if not parsed.kind or kind.name in parsed.kind]
     if not kinds or parsed.trials < 1:
@@ -125,6 +126,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     bad = sum(bool(trial.problem) for trial in done)
     page = write_report(kinds, done, parsed.out)
+    if parsed.page:
+        given = sys.argv[1:] if arguments is None else arguments
+        command = " ".join(["python -m pam_sim.fault_campaign", *given])
+        parsed.page.write_text(as_markdown(kinds, done, command), encoding="utf-8")
     print(f"{len(done)} injections of {len(kinds)} kinds, {bad} out of bounds: {page}")
     return 1 if bad else 0
 

@@ -1,8 +1,9 @@
 """The whole chain in one process and on a clock of its own, so that faults can be counted.
 
-Boards and plant, bus, the real `CanPort`, driver and controller are those of the suite; only
+Boards and plant, bus, the real `CanPort`, driver, model and controller are those of the suite; only
 sockets, ROS and waiting are missing. One step is 1 ms: the boards in each, driver and controller
-in turn every 2 ms. The wall clock may be stepped apart from the monotonic one.
+in turn every 2 ms, the model every 10 ms. The wall clock may be stepped apart from the monotonic
+one.
 """
 
 from __future__ import annotations
@@ -23,12 +24,14 @@ from pam_driver.driver import Driver, Snapshot
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety_state import SafetyState
 from pam_model.errors import PamError
+from pam_model.joint_estimator import Estimate, JointEstimator
 from pam_model.pressure_plausibility import PressurePlausibility
 from pam_model.rig import Rig
 from pam_sim.frame_faults import FrameFaults
 from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
 STEP: Final = 1e-3
+MODEL_STEPS: Final = 10  # between two estimates
 AMPLITUDE, FREQUENCY = 0.35, 0.6  # of the motion under way [rad], [Hz]
 START_UP = 0.5
 BUS_OFF, RESTARTED, CONTROLLER = 0x40, 0x100, 0x04  # linux/can/error.h
@@ -105,7 +108,9 @@ class FaultChain:
     inject, before_control : list of callable
         Called with the time in each step before everything else, and before the controller.
     snapshot : Snapshot or None
-        What the controller hears next.
+        What model and controller hear next.
+    estimate, estimate_age : Estimate, float
+        What the model has told last, and how old the newest measurement in it was then [s].
     noticed : Counter
         What was refused, commands by kind, and what was asked for.
     """
@@ -140,6 +145,9 @@ class FaultChain:
         self.reason = ""
         self.reference = 0.0
         self.snapshot: Snapshot | None = None
+        self.model = JointEstimator(rig)
+        self.estimate = Estimate(None)
+        self.estimate_age = math.inf
         self._tick = 0
 
     def make_driver(self, port: CanPort | None = None) -> Driver:
@@ -193,6 +201,8 @@ class FaultChain:
             self.snapshot = self.driver.cycle(self.now, self.wall)
         if self.controller_runs and self._tick % 2 == 1:
             self._control()
+        if self._tick % MODEL_STEPS == 0:
+            self._estimate()
 
     def at(self, time: float, action: Callable[[], None]) -> None:
         """Do something at a time [s]."""
@@ -210,6 +220,20 @@ class FaultChain:
                 self.can.deliver(frame, self.wall)
         for frame in self.frames.due("up", self.now):
             self.can.deliver(frame, self.wall)
+
+    def _estimate(self) -> None:
+        """What the model node does with the driver's topics."""
+        seen = self.snapshot
+        if seen is not None and self.driver_runs:
+            rig, model = self.rig, self.model
+            # a message without a stamp is taken as of now, as in the node
+            model.take_pressures(seen.pressure_stamp or self.wall, rig.muscle_names, seen.pressures)
+            model.take_positions(
+                seen.joint_stamp or self.wall, rig.joint_names, seen.positions, seen.velocities
+            )
+        self.estimate = self.model.estimate(self.wall)
+        stamp = self.estimate.stamp
+        self.estimate_age = math.inf if stamp is None else abs(self.wall - stamp)
 
     def _control(self) -> None:
         for action in self.before_control:

@@ -156,6 +156,7 @@ INJECTIONS: Mapping[str, Injection] = {
     "valve_stuck_exhausting": _valve(-1.0),
     "muscle_burst": _leak,
     "muscle_leak": _leak,
+    "muscle_leak_small": _leak,
     "supply_lost": _supply,
     "supply_sags": _supply,
 }

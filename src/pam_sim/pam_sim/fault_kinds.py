@@ -1,7 +1,7 @@
 """Every fault that is injected, as data: what it is, who notices, what must follow, how soon.
 
-The table in docs/safety.md is written from this file (`python -m pam_sim.fault_kinds`), and the
-campaign holds what it measures against the same numbers.
+The table in docs/safety.md is written from this file (`python -m pam_sim.fault_kinds
+docs/safety.md`), and the campaign holds what it measures against the same numbers.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from typing import Final
 
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety_state import table_as_markdown as states_as_markdown
+from pam_driver.safety_state_page import diagram_as_mermaid
+from pam_model.errors import PamError
 
 _S: Final = DriverSettings()
 WATCHDOG: Final = 0.1  # s, WatchdogTimeout in the DBC
@@ -33,6 +35,7 @@ class Reaction(Enum):
     RIDE = "goes on, counted"
     WARN = "goes on, warns"
     EITHER = "goes on or vents"
+    NOTICED = "warns or vents"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +167,7 @@ KINDS: Final = (
        ("board_fault", "SENSOR", "stale_sensor"), _R.VENT, VENT, "one sample, on the board"),
     _K("pressure_drift", "sensor", "a pressure sensor runs away", {"rate": (3e4, 1.5e5)},
        ("torque_implausible", "pressure_implausible", "sensor_range", "over_pressure"), _R.VENT,
-       5.0, "once it amounts to the limit of torque"),
+       5.6, "once it amounts to the limit of torque"),
     _K("pressure_offset", "sensor", "a pressure reading jumps", {"by": (6e4, 3e5)},
        ("pressure_rate", "pressure_implausible", "over_pressure", "OVER_PRESSURE"), _R.VENT, VENT,
        "one sample"),
@@ -175,7 +178,8 @@ KINDS: Final = (
        ("torque_implausible", "pressure_implausible", "over_pressure"), _R.VENT, 1.0,
        "shows once the pressures do not fit the angle"),
     _K("encoder_noisy", "sensor", "the encoder becomes noisy", {"amplitude": (0.05, 0.3)},
-       ("sensor_noise", "position_jump", "position_limit"), _R.VENT, 0.08, "25 samples"),
+       ("sensor_noise", "position_jump", "position_limit", "torque_implausible"), _R.VENT, 0.08,
+       "25 samples, or sooner since the noise asks for torques that are not there"),
     _K("encoder_jump", "sensor", "the angle jumps and stays", {"by": (0.25, 1.0)},
        ("position_jump", "position_limit"), _R.VENT, VENT, "one sample"),
     _K("encoder_drift", "sensor", "the encoder slips", {"rate": (0.2, 1.0)},
@@ -195,12 +199,14 @@ KINDS: Final = (
     _K("valve_stuck_exhausting", "valve", "a valve stays open to ambient", {},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 0.2,
        "shows as the pressure falls"),
-    _K("muscle_burst", "valve", "a muscle or hose bursts", {"conductance": (3e-9, 1e-8)},
-       ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4,
+    _K("muscle_burst", "valve", "a muscle or hose bursts, no narrower than the open valve",
+       {"conductance": (4e-9, 1e-8)}, ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4,
        "shows as the pressure falls"),
-    _K("muscle_leak", "valve", "a muscle leaks", {"conductance": (9e-10, 1.2e-9)},
-       ("suspected pressure_implausible",), _R.EITHER, 2.0,
-       "below the limit it is a warning"),
+    _K("muscle_leak", "valve", "a muscle leaks through a smaller hole",
+       {"conductance": (1.2e-9, 4e-9)}, ("suspected pressure_implausible", "pressure_implausible"),
+       _R.NOTICED, 2.0, "below the limit it is a warning"),
+    _K("muscle_leak_small", "valve", "a muscle leaks a little", {"conductance": (1e-10, 1.2e-9)},
+       (), _R.RIDE, 2.0, "the valve makes up for it; a diagnosis of a recording names it"),
     _K("supply_lost", "valve", "the supply breaks down", {"share": (0.0, 0.4)},
        ("supply_low",), _R.VENT, 0.02 + VENT, "the next status"),
     _K("supply_sags", "valve", "the supply sags", {"share": (0.6, 0.72)},
@@ -283,19 +289,36 @@ def bounds_as_markdown() -> str:
 
 
 def write_into(page: str) -> str:
-    """The page with both tables brought up to date between their marks."""
-    for name, table in (("states", states_as_markdown()), ("faults", bounds_as_markdown())):
+    """The page with diagram and tables brought up to date between their marks.
+
+    Raises
+    ------
+    PamError
+        If a mark is missing.
+    """
+    parts = {
+        "diagram": f"```mermaid\n{diagram_as_mermaid()}\n```",
+        "states": states_as_markdown(),
+        "faults": bounds_as_markdown(),
+    }
+    for name, part in parts.items():
         begin, end = MARK.format(f"{name}: begin"), MARK.format(f"{name}: end")
-        head, _, rest = page.partition(begin)
-        _, _, tail = rest.partition(end)
-        page = f"{head}{begin}\n{table}\n{end}{tail}"
+        head, found, rest = page.partition(begin)
+        _, ended, tail = rest.partition(end)
+        if not found or not ended:
+            raise PamError(f"the page has no {begin} ... {end}")
+        page = f"{head}{begin}\n{part}\n{end}{tail}"
     return page
 
 
 def main() -> int:
-    """Bring the tables of a page up to date: `python -m pam_sim.fault_kinds docs/safety.md`."""
-    for path in map(Path, sys.argv[1:]):
-        path.write_text(write_into(path.read_text(encoding="utf-8")), encoding="utf-8")
+    """Bring a page's tables and diagram up to date: `python -m pam_sim.fault_kinds PAGE`."""
+    try:
+        for path in map(Path, sys.argv[1:]):
+            path.write_text(write_into(path.read_text(encoding="utf-8")), encoding="utf-8")
+    except (PamError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 2
     return 0
 
 

@@ -38,7 +38,7 @@ def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str,
                 str(len(mine)),
                 named or f"nobody: {kind.reason}",
                 f"{kind.reaction.value}; {len(times)} vented"
-                if kind.reaction is Reaction.EITHER
+                if kind.reaction in {Reaction.EITHER, Reaction.NOTICED}
                 else kind.reaction.value,
                 f"{statistics.median(times):.0f}" if times else "",
                 f"{max(times):.0f}" if times else "",
@@ -51,16 +51,28 @@ def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str,
     return table
 
 
+def summarised(table: Sequence[tuple[str, ...]], trials: Sequence[Trial]) -> str:
+    """One line about all of them."""
+    failed = sum(bool(trial.problem) for trial in trials)
+    return f"{len(trials)} injections of {len(table)} kinds, {failed} out of bounds"
+
+
+def as_markdown(kinds: Sequence[FaultKind], trials: Sequence[Trial], command: str = "") -> str:
+    """The table as a page, with the command that made it if there is one to tell."""
+    table = rows(kinds, trials)
+    lines = ["# Faults injected", "", f"{summarised(table, trials)}."]
+    if command:
+        lines += ["What the columns mean: [faults.md](faults.md). Made by", "", f"    {command}"]
+    lines += ["", "| " + " | ".join(HEADINGS) + " |", "|---" * len(HEADINGS) + "|"]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in table]) + "\n"
+
+
 def write_report(kinds: Sequence[FaultKind], trials: Sequence[Trial], folder: Path) -> Path:
     """Write faults.md, faults.json, faults.png and faults.html; returns the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
     table = rows(kinds, trials)
-    failed = sum(bool(trial.problem) for trial in trials)
-    summary = f"{len(trials)} injections of {len(table)} kinds, {failed} out of bounds"
-    lines = ["| " + " | ".join(HEADINGS) + " |", "|---" * len(HEADINGS) + "|"]
-    lines += ["| " + " | ".join(row) + " |" for row in table]
-    text = f"# Faults injected\n\n{summary}.\n\n" + "\n".join(lines) + "\n"
-    (folder / "faults.md").write_text(text, encoding="utf-8")
+    summary = summarised(table, trials)
+    (folder / "faults.md").write_text(as_markdown(kinds, trials), encoding="utf-8")
     (folder / "faults.json").write_text(
         json.dumps([asdict(trial) for trial in trials], indent=1), encoding="utf-8"
     )
