@@ -10,6 +10,7 @@ import pytest
 
 from pam_driver.board_monitor import Sample
 from pam_driver.sensor_checks import SensorChecks
+from pam_model.pressure_plausibility import Deviation
 from pam_model.rig import Plausibility, Rig
 
 SUPPLY = 701325.0
@@ -119,3 +120,153 @@ def test_the_rig_file_sets_the_limits(rig: Rig) -> None:
 def test_a_missing_value_changes_nothing(signals: Signals) -> None:
     signals.run(50)
     assert signals.run(5, pressure=lambda k: math.nan, position=lambda k: math.nan) == {}
+
+
+# --- to the word and to the limit ---------------------------------------------------------------
+
+EXACT = Plausibility(  # a step of 1e5 Pa or 0.25 rad is a whole one, half of it a warning
+    pressure_rate=1e7, position_jump=0.25, pressure_noise=1e9, position_noise=1e9
+)
+FLEXOR, EXTENSOR = "elbow_flexor", "elbow_extensor"
+
+
+def look(
+    checks: SensorChecks,
+    now: float,
+    pressures: tuple[float, float] = (2e5, 2e5),
+    position: float = 0.0,
+    supply: tuple[float, float] = (SUPPLY, SUPPLY),
+) -> list[Deviation]:
+    samples = [Sample(value, now) for value in pressures]
+    return list(checks.update(samples, [Sample(position, now)], supply, now))
+
+
+@pytest.fixture
+def exact(rig: Rig) -> SensorChecks:
+    checks = SensorChecks(replace(rig, plausibility=EXACT))
+    for k in range(8):
+        assert look(checks, 8.0 + k / 512) == []
+    return checks
+
+
+def test_a_step_is_named_above_its_warning_share(exact: SensorChecks) -> None:
+    assert look(exact, 8.015625, (2.5e5, 2e5), 0.125) == []
+    assert look(exact, 8.017578125, (2.5e5, 3e5), 0.375) == [
+        Deviation("pressure_rate", EXTENSOR, 1.0, "pressure changed at 1e+07 Pa/s"),
+        Deviation("position_jump", "elbow", 1.0, "angle jumped by 0.250 rad"),
+    ]
+
+
+def test_a_greater_step_takes_the_place_of_a_smaller_one(exact: SensorChecks) -> None:
+    look(exact, 8.015625, (2.75e5, 2e5))
+    assert look(exact, 8.017578125, (3.75e5, 2e5))[0].size == 1.0
+    assert look(exact, 8.0195312, (3.75e5, 2e5))[0].size == 1.0
+
+
+def test_a_step_is_forgotten_though_no_sample_comes(exact: SensorChecks) -> None:
+    look(exact, 8.015625, (3e5, 2e5))
+    old = [Sample(3e5, 8.015625), Sample(2e5, 8.015625)], [Sample(0.0, 8.015625)]
+    assert [d.kind for d in exact.update(*old, [SUPPLY] * 2, 8.515625)] == ["pressure_rate"]
+    assert list(exact.update(*old, [SUPPLY] * 2, 8.5157)) == []
+
+
+def test_a_sample_seen_twice_is_no_standstill(exact: SensorChecks) -> None:
+    for now in (8.015625, 8.0157, 8.0158):
+        old = [Sample(3e5, 8.015625), Sample(2e5, 8.015625)]
+        (found,) = exact.update(old, [Sample(0.0, 8.015625)], [SUPPLY] * 2, now)
+        assert found.size == 1.0
+
+
+@pytest.mark.parametrize(("gap", "size"), [(0.005, 2.0), (0.01, 2.0), (0.02, 1.0), (0.0999, 0.0)])
+def test_a_change_is_held_against_the_time_it_had(
+    gap: float, size: float, exact: SensorChecks
+) -> None:
+    found = look(exact, 8.0 + 7 / 512 + gap, (4e5, 2e5))
+    assert [one.size for one in found] == ([pytest.approx(size)] if size else [])
+
+
+def alternating(rig: Rig, amplitude: float, count: int, share: float = 1e-9) -> SensorChecks:
+    """Checks that have seen a reading go to and fro; all else is wide."""
+    wide = Plausibility(pressure_rate=1e9, position_jump=10.0, warning_share=share)
+    checks = SensorChecks(replace(rig, plausibility=wide))
+    for k in range(count):
+        sign = 1.0 if k % 2 else -1.0
+        list(look(checks, 8.0 + k * PERIOD, (2e5 + sign * amplitude, 2e5), sign * 1e-6 * amplitude))
+    return checks
+
+
+def noise(checks: SensorChecks, count: int) -> dict[str, Deviation]:
+    """Noise as named after `count` samples, nothing new coming in."""
+    now = 8.0 + (count - 1) * PERIOD
+    old = [Sample(2e5, now), Sample(2e5, now)]
+    found = checks.update(old, [Sample(0.0, now)], [SUPPLY] * 2, now + 1.0)
+    return {one.subject: one for one in found if one.kind == "sensor_noise"}
+
+
+def test_noise_is_that_of_second_differences(rig: Rig) -> None:
+    """To and fro by a: the second difference is 4 a, and of sigma it is 0.80 sqrt(6) sigma."""
+    found = noise(alternating(rig, 1e4, 1000), 1000)
+    sigma = 4e4 / 1.954
+    assert found[FLEXOR].size == pytest.approx(sigma / 10e3, rel=1e-6)
+    assert found[FLEXOR].text == f"noise {sigma:.0f} Pa"
+    assert found["elbow"].size == pytest.approx(1e-6 * sigma / 0.02, rel=1e-6)
+    assert found["elbow"].text == f"noise {1e-6 * sigma:.4f} rad"
+    assert EXTENSOR not in found
+
+
+def test_noise_grows_over_its_memory(rig: Rig) -> None:
+    """The first two samples have no second difference; each after it is a 25th of the way."""
+    found = noise(alternating(rig, 1e4, 2 + 10), 2 + 10)
+    sigma = 4e4 / 1.954 * (1.0 - (24.0 / 25.0) ** 10)
+    assert found[FLEXOR].size == pytest.approx(sigma / 10e3, rel=1e-6)
+
+
+def test_wild_samples_pass_for_noise_slowly(rig: Rig) -> None:
+    """At most a tenth of the step that is allowed, and four times the noise so far."""
+    allowed = 1e9 * 0.01
+    found = noise(alternating(rig, 1e9, 2 + 3), 2 + 3)
+    expected = 0.0
+    for _ in range(3):
+        expected += (4.0 * expected + 0.1 * allowed - expected) / 25.0
+    assert found[FLEXOR].size == pytest.approx(expected / 10e3, rel=1e-9)
+
+
+def test_noise_is_named_above_its_warning_share(rig: Rig) -> None:
+    """A noise of nothing over a share of nothing is none."""
+    checks = alternating(rig, 0.0, 100, share=0.0)
+    assert noise(checks, 100) == {}
+
+
+def test_a_vacuum_is_named(exact: SensorChecks, rig: Rig) -> None:
+    checks = SensorChecks(rig)
+    assert look(checks, 8.0, (-1e4, -3e4)) == [
+        Deviation("sensor_range", EXTENSOR, 1.5, "-30000 Pa gauge cannot be")
+    ]
+
+
+def test_the_lowest_supply_counts(rig: Rig) -> None:
+    ambient = rig.gas.ambient_pressure
+    checks = SensorChecks(rig)
+    found = look(checks, 8.0, supply=(SUPPLY, ambient + 1.5e5))
+    text = f"supply is at {ambient + 1.5e5:.0f} Pa absolute"
+    assert found == [Deviation("supply_low", "supply", 1.5, text)]
+    assert look(checks, 8.1, supply=(math.nan, ambient + 1.5e5)) == found
+    assert look(checks, 8.2, supply=(SUPPLY, ambient + 4.5e5)) == []
+
+
+@pytest.mark.parametrize(("above", "size"), [(0.0, None), (1e5, None), (-1.0, math.inf)])
+def test_no_loss_of_supply_at_all_may_be_asked_for(
+    above: float, size: float | None, rig: Rig
+) -> None:
+    strict = replace(rig, plausibility=Plausibility(supply_share=1.0))
+    supply = rig.supply_pressure + above
+    found = look(SensorChecks(strict), 8.0, supply=(supply, supply))
+    assert [one.size for one in found] == ([] if size is None else [size])
+
+
+@pytest.mark.parametrize("missing", ["pressure", "position"])
+def test_samples_that_do_not_fit_the_rig_are_a_mistake(missing: str, rig: Rig) -> None:
+    one, both = [Sample(0.0, 8.0)], [Sample(0.0, 8.0)] * 2
+    samples = (one, one) if missing == "pressure" else (both, [])
+    with pytest.raises(ValueError, match="shorter"):
+        list(SensorChecks(rig).update(*samples, [SUPPLY] * 2, 8.0))

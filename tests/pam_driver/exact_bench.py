@@ -1,0 +1,152 @@
+"""A driver whose bus is written by hand, on clocks whose every limit can be met exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
+from pam_driver.codec import (
+    BoardCode,
+    BoardCodec,
+    BoardCommand,
+    BoardFault,
+    BoardState,
+    Heartbeat,
+    Measurement,
+    Status,
+    ValveCommand,
+)
+from pam_driver.command_intake import NamedCommand
+from pam_driver.driver import Driver
+from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety_state import SafetyState
+from pam_model.pressure_plausibility import Deviation
+from pam_model.rig import Rig
+
+NAMES = ("elbow_flexor", "elbow_extensor")
+GOOD = (0.25, -0.5)
+# sums of powers of two, so that every limit can be met exactly
+TICK = 2.0**-9
+SETTINGS = DriverSettings(command_timeout=0.125, sensor_timeout=0.0625, board_timeout=0.5)
+SUPPLY = 701_320.0
+
+
+class RecordingPort:
+    """A port that gives what it is filled with and remembers what was asked of it."""
+
+    def __init__(self, codec: BoardCodec) -> None:
+        self.codec = codec
+        self.state = BusState.ERROR_ACTIVE
+        self.outcome = SendOutcome.SENT
+        self.waiting: list[ReceivedFrame] = []
+        self.sent: list[tuple[int, Any, float]] = []
+        self.received_at: list[float] = []
+
+    def receive_all(self, now: float) -> list[ReceivedFrame]:
+        self.received_at.append(now)
+        waiting, self.waiting = self.waiting, []
+        return waiting
+
+    def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
+        assert isinstance(now, float)
+        self.sent.append((*self.codec.decode(frame_id, data), now))
+        return self.outcome
+
+
+class Judge:
+    """A judge of measurements that remembers them and finds what it is told to find."""
+
+    period = TICK
+
+    def __init__(self) -> None:
+        self.seen: list[SimpleNamespace] = []
+        self.finds: list[Deviation] = []
+
+    def update(
+        self,
+        commands: Sequence[float],
+        pressures: Sequence[float],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+        supply_pressures: Sequence[float],
+    ) -> None:
+        self.seen.append(
+            SimpleNamespace(
+                commands=tuple(commands),
+                pressures=tuple(pressures),
+                positions=tuple(positions),
+                velocities=tuple(velocities),
+                supplies=tuple(supply_pressures),
+            )
+        )
+
+    def deviations(self) -> Iterator[Deviation]:
+        return iter(self.finds)
+
+
+class ExactBench:
+    """A driver whose bus is written by hand; one step is one tick, the wall clock 1000 s ahead."""
+
+    def __init__(self, rig: Rig, codec: BoardCodec, judge: Judge | None = None) -> None:
+        self.codec = codec
+        self.port = RecordingPort(codec)
+        self.driver = Driver(rig, codec, self.port, SETTINGS, judge)
+        self.boards = list(self.driver.boards)
+        self.now = 16.0
+        self.counter = 0
+        self.echo = 0
+        self.uptime = 0.0
+        self.state = BoardState.VENTED
+        self.pressures = (1e5, 2e5)
+        self.position = 0.125
+        self.follows = True
+
+    @property
+    def wall(self) -> float:
+        return self.now + 1000.0
+
+    def hear(self, board: int, message: Any, stamp: float | None = None) -> None:
+        frame_id, data = self.codec.encode(board, message)
+        stamp = self.wall if stamp is None else stamp
+        self.port.waiting.append(ReceivedFrame(frame_id, data, stamp))
+
+    def hear_all(self, board: int) -> None:
+        self.hear(board, Measurement(self.pressures, self.position, self.counter))
+        self.hear(board, Status(self.state, BoardFault(0), self.echo, SUPPLY, 0))
+        self.hear(board, Heartbeat(self.uptime, 1, 1))
+
+    def step(self, count: int = 1, command: tuple[float, ...] = (), silent: bool = False) -> Any:
+        """`count` ticks; boards say everything in each of them unless silent."""
+        for _ in range(count):
+            self.now += TICK
+            self.uptime += TICK
+            self.counter = (self.counter + 1) & 0xFF
+            self.echo = (self.echo + 1) & 0xFF
+            if self.follows:
+                active = self.driver.state is SafetyState.ACTIVE
+                self.state = BoardState.ACTIVE if active else BoardState.VENTED
+            if not silent:
+                for board in self.boards:
+                    self.hear_all(board)
+            if command:
+                self.driver.set_commands(NamedCommand(NAMES, command), self.now)
+            snapshot = self.driver.cycle(self.now, self.wall)
+        return snapshot
+
+    def start(self) -> None:
+        self.step(8)
+        self.driver.activate(self.now)
+        self.step(8, GOOD)
+        assert self.driver.state is SafetyState.ACTIVE
+
+    def valve_commands(self) -> list[ValveCommand]:
+        return [message for _, message, _ in self.port.sent if isinstance(message, ValveCommand)]
+
+    def board_commands(self) -> list[tuple[BoardCode, float]]:
+        return [
+            (message.code, now)
+            for _, message, now in self.port.sent
+            if isinstance(message, BoardCommand)
+        ]

@@ -1,0 +1,125 @@
+"""What the driver asks of its bus: when boards are told what, and how old frames are."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from pam_driver.bus import ReceivedFrame
+from pam_driver.codec import BoardCode, BoardCodec, Measurement
+from pam_driver.safety_state import SafetyState
+from pam_model.rig import Rig
+
+from .exact_bench import GOOD, TICK, ExactBench
+
+
+@pytest.fixture
+def bench(rig: Rig, codec: BoardCodec) -> ExactBench:
+    return ExactBench(rig, codec)
+
+
+def test_a_new_driver_knows_of_nothing(bench: ExactBench) -> None:
+    driver = bench.driver
+    assert (driver.faults, driver.conditions, driver.suspicions) == ((), (), ())
+    assert driver.state is SafetyState.VENTED
+    assert bench.port.sent == []
+    assert driver.activation_problem(bench.now).startswith("no answer from board 0:")
+
+
+def test_the_snapshot_tells_the_state_after_the_cycle(bench: ExactBench) -> None:
+    assert bench.step(8).state is SafetyState.VENTED
+    bench.driver.activate(bench.now)
+    assert bench.step(1).state is SafetyState.READY
+    assert bench.step(1, GOOD).state is SafetyState.ACTIVE
+    bench.pressures = (9e5, 0.0)
+    assert bench.step(1, GOOD).state is SafetyState.FAULT
+
+
+def test_the_counter_of_commands_goes_on_by_one_and_wraps(bench: ExactBench) -> None:
+    bench.step(300)
+    counters = [command.counter for command in bench.valve_commands()]
+    assert all((b - a) & 0xFF == 1 for a, b in itertools.pairwise(counters))
+    assert max(counters) == 255 and min(counters) == 0
+
+
+def test_each_way_out_tells_the_boards_at_that_very_moment(bench: ExactBench) -> None:
+    for way in (bench.driver.vent, bench.driver.deactivate):
+        bench.start()
+        bench.port.sent.clear()
+        way(bench.now)
+        assert (BoardCode.VENT, bench.now) in bench.board_commands()
+        assert not any(any(command.enable) for command in bench.valve_commands())
+    bench.driver.vent(bench.now)
+    assert bench.port.sent[-1][1:] == (bench.valve_commands()[-1], bench.now)
+    bench.port.sent.clear()
+    bench.driver.close(bench.now)
+    assert bench.driver.state is SafetyState.UNCONFIGURED
+    # once for the call, once for the state that is entered
+    assert bench.board_commands() == [(BoardCode.VENT, bench.now)] * 2
+
+
+def test_a_fault_tells_the_boards_in_the_cycle_that_finds_it(bench: ExactBench) -> None:
+    bench.start()
+    bench.port.sent.clear()
+    bench.pressures = (9e5, 0.0)
+    bench.step(1, GOOD)
+    assert bench.board_commands() == [(BoardCode.VENT, bench.now)]
+    assert [command.enable for command in bench.valve_commands()] == [(False, False)]
+
+
+def test_clearing_faults_tells_the_boards_to_vent_then_to_clear(bench: ExactBench) -> None:
+    bench.start()
+    bench.pressures = (9e5, 0.0)
+    bench.step(1)
+    bench.port.sent.clear()
+    bench.driver.clear_faults(bench.now)
+    vent, clear = BoardCode.VENT, BoardCode.CLEAR_FAULTS
+    assert bench.board_commands() == [(vent, bench.now), (clear, bench.now)]
+    assert bench.driver.faults == ()
+
+
+def test_clearing_faults_in_motion_changes_nothing(bench: ExactBench) -> None:
+    bench.start()
+    bench.port.sent.clear()
+    bench.driver.clear_faults(bench.now)
+    assert bench.port.sent == []
+    assert bench.driver.state is SafetyState.ACTIVE
+
+
+def test_the_port_is_told_the_time_of_the_cycle(bench: ExactBench) -> None:
+    bench.step()
+    assert bench.port.received_at == [bench.now]
+    assert {now for _, _, now in bench.port.sent} == {bench.now}
+
+
+@pytest.mark.parametrize(
+    ("stamped", "age"),
+    [(0.0, 0.0), (-TICK / 2, TICK / 2), (-5.0, TICK), (5.0, 0.0)],
+    ids=["now", "half a cycle ago", "long ago: since the last cycle", "in the future: now"],
+)
+def test_the_age_of_a_frame(stamped: float, age: float, bench: ExactBench) -> None:
+    bench.step(8)
+    bench.now += TICK
+    stamp = bench.wall + stamped
+    bench.hear(0, Measurement((0.0, 0.0), 0.25, bench.counter + 1), stamp)
+    bench.driver.cycle(bench.now, bench.wall)
+    position = bench.driver.boards[0].position
+    assert (position.value, position.time, position.stamp) == (0.25, bench.now - age, stamp)
+
+
+@pytest.mark.parametrize(
+    ("frame_id", "data", "kind", "text"),
+    [
+        (0x185, bytes(8), "unknown_board", "frame 0x185: board 5"),
+        (0x123, b"", "unknown_id", "frame 0x123"),
+    ],
+)
+def test_odd_frames_are_counted_and_named(
+    frame_id: int, data: bytes, kind: str, text: str, bench: ExactBench
+) -> None:
+    for _ in range(3):
+        bench.port.waiting.append(ReceivedFrame(frame_id, data, bench.wall))
+    bench.step()
+    assert bench.driver.frame_errors == {kind: 3}
+    assert bench.driver.last_frame_error[kind].startswith(text)
