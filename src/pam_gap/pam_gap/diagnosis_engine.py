@@ -124,7 +124,13 @@ class JointDiagnosis:
                 break
             if len(result.by_size) > 1:
                 previous = result.by_size[-2][0]
-                if not accepts_further(search.level(previous), search.level(best), before):
+                runner_up = min(
+                    (search.level(h) for h in result.by_size[-1] if h.effects != best.effects),
+                    default=search.level(previous),
+                )
+                if not accepts_further(
+                    search.level(previous), search.level(best), before, runner_up
+                ):
                     break
             search.grow(result, (low, high))
             low, high = high, 0.85
@@ -152,20 +158,30 @@ class JointDiagnosis:
                 ):
                     best = simple
                     break
-            level = self.held_out_level(best)
-            if accepted is not None and not accepts_further(
-                self.held_out_level(accepted), level, before
-            ):
-                break
+            if accepted is not None:
+                first = self.held_out_level(accepted)
+                others = [
+                    s for s in rivals if set(s.hypothesis.effects) != set(best.hypothesis.effects)
+                ]
+                runner_up = min(map(self.held_out_level, others), default=first)
+                if not accepts_further(first, self.held_out_level(best), before, runner_up):
+                    break
             accepted = best
         return accepted
 
     def rivals(self, chosen: HeldOut, scores: Sequence[HeldOut], nominal: HeldOut) -> list[HeldOut]:
-        """Hypotheses of the chosen one's size that the data cannot tell from it."""
+        """Hypotheses of the chosen one's size that the data cannot tell from it.
+
+        A rival must bring at least half of what the chosen one's last effect brings.
+        """
+        size = len(chosen.hypothesis.members)
+        smaller = [nominal, *(s for s in scores if len(s.hypothesis.members) < size)]
+        limit = 0.5 * (self.held_out_level(chosen) + min(map(self.held_out_level, smaller)))
         alike = [
             s
             for s in scores
-            if len(s.hypothesis.members) == len(chosen.hypothesis.members)
+            if len(s.hypothesis.members) == size
+            and self.held_out_level(s) < limit
             and set(s.hypothesis.effects) != set(chosen.hypothesis.effects)
             and not contains(s.hypothesis.effects, chosen.hypothesis.effects)
         ]

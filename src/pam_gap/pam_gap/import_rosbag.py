@@ -1,12 +1,15 @@
 """Recordings kept as rosbag2 folders (MCAP or SQLite), read without a ROS installation.
 
 The stamp of a value is its header's, the time of measurement; where a publisher leaves that at
-zero, the time of recording is taken and said so.
+zero, the time of recording is taken and said so. A bag that was never finished or lost its end is
+read as far as it is whole, and what is missing is a remark.
 """
 
 from __future__ import annotations
 
+import tempfile
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +17,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
+from pam_gap.broken_bag import STORAGES, is_unfinished, salvage, storage_files
 from pam_gap.recording import SUPPLY, RawChannel, RawRecording, RecordingError
 
 _FIELDS = {
@@ -32,9 +36,9 @@ ESTIMATES = "joint_estimates"
 
 def is_rosbag(path: Path) -> bool:
     """Whether the path is a rosbag2 folder or one of its storage files."""
-    return (path.is_dir() and (path / "metadata.yaml").is_file()) or (
-        path.is_file() and path.suffix in (".mcap", ".db3")
-    )
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or bool(storage_files(path))
+    return path.is_file() and path.suffix in STORAGES
 
 
 def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
@@ -87,43 +91,68 @@ def read_rosbag(path: Path) -> RawRecording:
     Raises
     ------
     RecordingError
-        When the bag cannot be opened or holds none of the topics.
+        When nothing of the bag can be read or it holds none of the topics.
     """
+    if not is_unfinished(path):
+        try:
+            return _read([path], path)
+        except RecordingError:
+            raise
+        except Exception as error:  # damage shows in every layer of the reader, each in its own way
+            reason = " ".join(str(error).split()) or type(error).__name__
+    else:
+        reason = "not finished"
+    with tempfile.TemporaryDirectory(prefix="pam_gap_") as folder:
+        files, remarks = salvage(path, Path(folder))
+        try:
+            recording = _read(files, path)
+        except RecordingError as error:
+            raise RecordingError(f"{error} ({'; '.join(remarks)})") from None
+        except Exception as error:
+            said = f"{reason}; {'; '.join(remarks)}"
+            raise RecordingError(f"{path}: not a readable rosbag2 ({said})") from error
+    recording.remarks[:0] = remarks
+    return recording
+
+
+def _read(files: Sequence[Path], path: Path) -> RawRecording:
     typestore = get_typestore(Stores.ROS2_JAZZY)
     stamps: dict[str, list[float]] = defaultdict(list)
     values: dict[str, list[float]] = defaultdict(list)
     unstamped: dict[str, int] = defaultdict(int)
-    try:
-        with AnyReader([path], default_typestore=typestore) as reader:
-            topics = _topics(reader, path)
-            if not topics:
-                seen = sorted({c.topic for c in reader.connections})[:8]
-                raise RecordingError(
-                    f"{path}: none of the topics {', '.join(_FIELDS)}; it holds "
-                    f"{', '.join(seen) or 'nothing'}"
-                )
-            for topic, connections in topics.items():
-                for connection, received, data in reader.messages(connections=connections):
+    spoilt: dict[str, int] = defaultdict(int)
+    with AnyReader(files, default_typestore=typestore) as reader:
+        topics = _topics(reader, path)
+        if not topics:
+            seen = sorted({c.topic for c in reader.connections})[:8]
+            raise RecordingError(
+                f"{path}: none of the topics {', '.join(_FIELDS)}; it holds "
+                f"{', '.join(seen) or 'nothing'}"
+            )
+        for topic, connections in topics.items():
+            for connection, received, data in reader.messages(connections=connections):
+                try:
                     message: Any = reader.deserialize(data, connection.msgtype)
-                    nanoseconds = received
-                    header = getattr(message, "header", None)
-                    if header is not None and (header.stamp.sec or header.stamp.nanosec):
-                        nanoseconds = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
-                    else:
-                        unstamped[topic] += 1
-                    time = 1e-9 * (nanoseconds - reader.start_time)
-                    rows = (
-                        _joint_state(topic, message)
-                        if topic in _FIELDS
-                        else [(SUPPLY, float(getattr(message, "fluid_pressure", np.nan)))]
-                        if hasattr(message, "fluid_pressure")
-                        else [(SUPPLY, float(getattr(message, "data", np.nan)))]
-                    )
-                    for name, value in rows:
-                        stamps[name].append(time)
-                        values[name].append(value)
-    except (AnyReaderError, OSError) as error:
-        raise RecordingError(f"{path}: not a readable rosbag2 ({error})") from error
+                except AnyReaderError:
+                    spoilt[topic] += 1
+                    continue
+                nanoseconds = received
+                header = getattr(message, "header", None)
+                if header is not None and (header.stamp.sec or header.stamp.nanosec):
+                    nanoseconds = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+                else:
+                    unstamped[topic] += 1
+                time = 1e-9 * (nanoseconds - reader.start_time)
+                rows = (
+                    _joint_state(topic, message)
+                    if topic in _FIELDS
+                    else [(SUPPLY, float(getattr(message, "fluid_pressure", np.nan)))]
+                    if hasattr(message, "fluid_pressure")
+                    else [(SUPPLY, float(getattr(message, "data", np.nan)))]
+                )
+                for name, value in rows:
+                    stamps[name].append(time)
+                    values[name].append(value)
     channels = {
         name: RawChannel(np.asarray(stamps[name]), np.asarray(values[name])) for name in stamps
     }
@@ -132,5 +161,9 @@ def read_rosbag(path: Path) -> RawRecording:
     remarks = [
         f"{topic}: {count} messages without a stamp; time of recording taken instead"
         for topic, count in unstamped.items()
+    ]
+    remarks += [
+        f"{topic}: {count} messages cannot be read and are left out"
+        for topic, count in spoilt.items()
     ]
     return RawRecording(path, channels, remarks)

@@ -203,7 +203,8 @@ class Search:
         """Fit what is left when either member of the best leaves it: it may explain all alone."""
         best, smaller = result.by_size[-1][0], result.by_size[-2]
         for member in range(len(best.members)):
-            rest = self.refine(self.without(best, member), SETTLED)
+            start = self.without(best, member)
+            rest = self.fitter.fit(start.members, start.result.values, max_iterations=SETTLED)
             known = next((h for h in smaller if h.label == rest.label), None)
             if known is None or self.level(rest) < self.level(known):
                 result.by_size[-2] = smaller = [

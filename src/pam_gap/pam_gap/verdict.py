@@ -23,6 +23,11 @@ FURTHER_GAIN = 1.2
 FURTHER_SHARE = 0.22
 """And its share of the fall before it: a first effect whose law differs from the true one leaves
 something that others can mop up, but a small part."""
+FURTHER_REST = 0.5
+"""Or its share of what the first effects leave."""
+FURTHER_ALONE = 3.0
+"""Or how many times it gains what the next best further effect gains: mopping up is what several
+can do."""
 SIMPLER_GAIN = 1.0
 """Fall of the level that a richer form of the same effect must bring."""
 RIVAL_GAP = 0.5
@@ -87,10 +92,28 @@ def has_gap(level_before: float, channels: int) -> bool:
     return level_before > NO_GAP * channels
 
 
-def accepts_further(level_first: float, level_second: float, level_before: float) -> bool:
-    """Whether one more effect pays for itself."""
+def accepts_further(
+    level_first: float, level_second: float, level_before: float, level_runner_up: float
+) -> bool:
+    """Whether one more effect pays for itself.
+
+    Parameters
+    ----------
+    level_first : float
+        Without it.
+    level_second : float
+        With it.
+    level_before : float
+        Of the re-tuned nominal plant.
+    level_runner_up : float
+        With the next best effect in its place.
+    """
     gain = level_first - level_second
-    return gain > max(FURTHER_GAIN, FURTHER_SHARE * (level_before - level_first))
+    return gain > FURTHER_GAIN and (
+        gain > FURTHER_SHARE * (level_before - level_first)
+        or gain > FURTHER_REST * level_first
+        or gain > FURTHER_ALONE * max(level_first - level_runner_up, 0.0)
+    )
 
 
 def prefers_simple(level_simple: float, level_rich: float, level_before: float) -> bool:
