@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from pam_driver.driver_parameters import TABLE as DRIVER_PARAMETERS
+from pam_sim.rig_node import PARAMETERS as RIG_PARAMETERS
+
 ROOT = Path(__file__).parents[2]
 LAUNCH_FILES = sorted((ROOT / "src/pam_bringup/launch").glob("*.launch.py"))
 
@@ -38,6 +41,18 @@ def test_every_started_node_is_installed(path):
     assert nodes
     for package, executable in nodes:
         assert executable in console_scripts(package)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [("robot.launch.py", DRIVER_PARAMETERS), ("simulation.launch.py", RIG_PARAMETERS)],
+)
+def test_every_parameter_given_to_a_node_is_one_of_its_own(name, parameters):
+    tree = ast.parse((ROOT / "src/pam_bringup/launch" / name).read_text())
+    dicts = [node for node in ast.walk(tree) if isinstance(node, ast.Dict)]
+    keys = {key.value for each in dicts for key in each.keys if isinstance(key, ast.Constant)}
+    assert "bus.channel" in keys
+    assert keys <= {parameter.name for parameter in parameters}
 
 
 def test_there_is_one_for_a_robot_and_one_for_the_simulated_rig():

@@ -19,6 +19,7 @@ def generate_launch_description() -> LaunchDescription:
         "bus.interface": ParameterValue(LaunchConfiguration("bus_interface"), value_type=str),
         "bus.channel": ParameterValue(LaunchConfiguration("bus_channel"), value_type=str),
         "autostart": ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
+        "startup_timeout": ParameterValue(LaunchConfiguration("startup_timeout"), value_type=float),
     }
     elbow = PathJoinSubstitution([FindPackageShare("pam_bringup"), "config", "elbow.yaml"])
     return LaunchDescription(
@@ -34,6 +35,11 @@ def generate_launch_description() -> LaunchDescription:
                 "autostart",
                 default_value="true",
                 description="the driver configures and activates itself; false: ros2 lifecycle",
+            ),
+            DeclareLaunchArgument(
+                "startup_timeout",
+                default_value="10.0",
+                description="how long autostart waits for all boards [s]",
             ),
             Node(
                 package="pam_driver",

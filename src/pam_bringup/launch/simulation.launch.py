@@ -45,7 +45,8 @@ def generate_launch_description() -> LaunchDescription:
             ),
             IncludeLaunchDescription(
                 PathJoinSubstitution([share, "launch", "robot.launch.py"]),
-                launch_arguments=list(arguments.items()),
+                # the rig compiles its plant when it runs for the first time
+                launch_arguments=[*arguments.items(), ("startup_timeout", "120.0")],
             ),
         ]
     )
