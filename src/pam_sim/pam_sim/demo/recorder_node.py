@@ -1,7 +1,8 @@
 """Records every topic to a rosbag2 MCAP, as the bytes that came, without rosbag2 itself.
 
 `python -m pam_sim.demo.recorder_node --out BAG` until SIGINT or SIGTERM. New topics are
-joined as they appear.
+joined as they appear. What came is handed to the system every second, so that a recorder that is
+killed leaves all but the last second.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 
 from pam_model.errors import PamError
 
 NOT_RECORDED = ("/parameter_events",)
 LOOK_EVERY = 0.2  # s
+KEEP_EVERY = 1.0  # s
 
 
 class Recorder(Node):  # type: ignore[misc]
@@ -53,6 +56,13 @@ class Recorder(Node):  # type: ignore[misc]
             self._topics[topic] = self.create_subscription(
                 message, topic, partial(self._write, connection), self._qos(topic), raw=True
             )
+
+    def keep(self) -> None:
+        """Hand over what the writer holds back for its next chunk."""
+        storage = self._writer.storage
+        if isinstance(storage, McapWriter) and storage.chunk.msgs:
+            storage.close_chunk()
+            storage.bio.flush()
 
     def _qos(self, topic: str) -> QoSProfile:
         """Reliable where every publisher is; the depth holds a second of the fastest topic."""
@@ -94,8 +104,11 @@ def record(out: Path) -> None:
         executor = EventsExecutor()
         executor.add_node(node)
         print(f"recording to {out}", flush=True)
-        looked = 0.0
+        looked = kept = 0.0
         while not ending:
+            if time.monotonic() - kept > KEEP_EVERY:
+                node.keep()
+                kept = time.monotonic()
             if time.monotonic() - looked > LOOK_EVERY:
                 node.join_new_topics()
                 looked = time.monotonic()
