@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import pytest
 
 from pam_driver.bus import ReceivedFrame
 from pam_driver.codec import BoardCode, BoardCodec, Measurement
+from pam_driver.command_intake import NamedCommand
 from pam_driver.safety_state import SafetyState
 from pam_model.rig import Rig
 
-from .exact_bench import GOOD, TICK, ExactBench
+from .exact_bench import GOOD, NAMES, TICK, ExactBench
 
 
 @pytest.fixture
@@ -123,3 +125,27 @@ def test_odd_frames_are_counted_and_named(
     bench.step()
     assert bench.driver.frame_errors == {kind: 3}
     assert bench.driver.last_frame_error[kind].startswith(text)
+
+
+@pytest.mark.parametrize("channel", [0, 1])
+def test_a_channel_without_a_muscle_is_never_enabled(
+    channel: int, rig: Rig, codec: BoardCodec
+) -> None:
+    alone = replace(rig.muscles[0], channel=channel)
+    bench = ExactBench(replace(rig, joints=(), muscles=(alone,)), codec)
+    bench.step(8)
+    bench.driver.activate(bench.now)
+    bench.driver.set_commands(NamedCommand(NAMES[:1], (0.25,)), bench.now)
+    bench.step(1)
+    command = bench.valve_commands()[-1]
+    assert command.enable == (channel == 0, channel == 1)
+    assert command.valves[channel] == pytest.approx(0.25, abs=2e-5)
+    assert command.valves[1 - channel] == 0.0
+
+
+def test_vented_valves_are_told_no_value(bench: ExactBench) -> None:
+    bench.start()
+    bench.driver.deactivate(bench.now)
+    bench.step()
+    command = bench.valve_commands()[-1]
+    assert (command.valves, command.enable) == ((0.0, 0.0), (False, False))

@@ -154,9 +154,10 @@ def static_torque(rig: Rig, pressures: tuple[float, float], position: float) -> 
     """Of the two muscles less gravity [N m]."""
     joint = rig.joints[0]
     flexor, extensor = (rig.force_model(name) for name in joint.muscles)
-    neutral, radius = rig.muscles[0].neutral_length, joint.pulley_radius
-    pull = flexor.force(pressures[0], neutral - radius * position)
-    pull -= extensor.force(pressures[1], neutral + radius * position)
+    first, second = (muscle.neutral_length for muscle in rig.muscles)
+    radius = joint.pulley_radius
+    pull = flexor.force(pressures[0], first - radius * position)
+    pull -= extensor.force(pressures[1], second + radius * position)
     weight = joint.gravity_torque * math.sin(position - joint.gravity_angle)
     return float(radius * pull - weight)
 
@@ -273,3 +274,29 @@ def test_a_muscle_without_a_joint_is_observed_at_its_neutral_length(rig: Rig) ->
     (found,) = plausibility.deviations()
     expected = by_hand(rig, "elbow_flexor", 1.0, 1.5e5, 0.0, 0.0, rig.supply_pressure)
     assert found.size * 1e3 == pytest.approx(abs(expected), rel=2e-3)
+
+
+def test_a_warm_gas_reacts_as_the_equations_say(rig: Rig) -> None:
+    warm = replace(rig, gas=replace(rig.gas, temperature=340.0))
+    found = observed(warm, 1.0, 1.5e5, 0.2, 0.5)
+    for name in rig.muscle_names:
+        expected = by_hand(warm, name, 1.0, 1.5e5, 0.2, 0.5, rig.supply_pressure)
+        assert abs(expected) > 100.0
+        assert found[name] == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_limit_of_torque_is_that_of_the_agonist_alone(rig: Rig) -> None:
+    extensor = replace(rig.muscles[1], turns=1.5, rest_length=0.26, neutral_length=0.23)
+    uneven = rig.with_muscle(extensor)
+    found = torque_off(uneven, [((4e5, 1e5), 0.3, 0.0)] * 5)
+    expected = static_torque(uneven, (4e5, 1e5), 0.3) * (1.0 - math.exp(-STEP / MEMORY))
+    assert found is not None
+    assert found.size == pytest.approx(abs(expected) / (0.25 * largest_torque(rig)), rel=1e-9)
+
+
+def test_nothing_is_off_before_anything_is_known(rig: Rig) -> None:
+    plausibility = PressurePlausibility(replace(rig, plausibility=SHARP), PERIOD)
+    assert list(plausibility.deviations()) == []
+    plausibility.update([1.0, 1.0], [1e5, 1e5], [0.0], [0.0], UNKNOWN)
+    plausibility.update([1.0, 1.0], UNKNOWN, [0.0], [0.0], UNKNOWN)
+    assert list(plausibility.deviations()) == []
