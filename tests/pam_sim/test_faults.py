@@ -22,6 +22,7 @@ from pam_sim.fault_kinds import KINDS, Reaction, kind_called, write_into
 from pam_sim.fault_report import write_report
 from pam_sim.fault_trial import Trial, draw_values, run_trial
 from pam_sim.frame_faults import FrameFault, FrameFaults
+from pam_sim.process_campaign import KEPT, REPEAT, Observation, judge, time_outs
 from pam_sim.rig_faults import POSITION, RigFaults
 
 from .conftest import ELBOW
@@ -264,3 +265,50 @@ def test_bad_injections_are_refused_in_one_line(text):
 def test_values_left_out_lie_in_the_middle():
     assert parse_injection("supply_lost") == ("supply_lost", {"share": 0.2})
     assert parse_injection("supply_lost share=0.1")[1] == {"share": 0.1}
+
+
+WATCHDOG_TOLD = "vented, latched: board 0: fault: watchdog"
+
+
+@pytest.mark.parametrize(
+    ("name", "stopped", "after", "told", "verdict"),
+    [
+        ("frames_reordered_down", False, 0.8, "", KEPT),
+        ("frames_reordered_down", True, 0.3, WATCHDOG_TOLD, REPEAT),
+        ("frames_reordered_down", True, 0.3, "", REPEAT),
+        ("frames_reordered_down", True, 0.3, "vented, latched: elbow: noise 0.1 rad", "failed"),
+        ("encoder_stuck", True, 0.3, WATCHDOG_TOLD, REPEAT),
+        ("encoder_stuck", True, 0.3, "vented, latched: elbow: pressures disagree", KEPT),
+        ("encoder_stuck", True, 1.2, "vented, latched: elbow: pressures disagree", REPEAT),
+        ("encoder_stuck", False, 1.5, "", "failed"),
+        ("host_stall", True, 0.1, WATCHDOG_TOLD, KEPT),
+        ("all_frames_lost_down", True, 0.1, WATCHDOG_TOLD, KEPT),
+        ("all_frames_lost_down", True, 0.02, WATCHDOG_TOLD, REPEAT),
+        ("vent_called", True, 0.0, "", KEPT),
+        ("frames_foreign", True, 0.2, WATCHDOG_TOLD, KEPT),
+        ("muscle_leak", True, 0.2, WATCHDOG_TOLD, REPEAT),
+    ],
+)
+def test_what_a_busy_host_does_is_tried_again_and_not_held_against_the_fault(
+    name, stopped, after, told, verdict
+):
+    seen = Observation(stopped, False, after, told)
+    assert judge(kind_called(name), seen)[0] == verdict
+
+
+@pytest.mark.parametrize(
+    "kind", ["controller_killed", "all_frames_lost_down", "all_frames_lost_up"]
+)
+def test_time_outs_are_known_by_what_diagnostics_say(chain, kind):
+    """The texts are the driver's; a change of them must not make a time-out something else."""
+
+    def look() -> Trial:
+        run_trial(chain, kind_called(kind), {"duration": 0.5}, 1)
+        told = "; ".join(str(fault) for fault in chain.driver.faults)
+        return Trial("", {}, sorted(time_outs(f"vented, latched: {told}")))
+
+    found = in_a_fork(look).noticed
+    assert set(found) & set(kind_called(kind).detected_by) or found == ["WATCHDOG"]
+    assert time_outs("vented, latched: elbow: noise 0.1 rad; board 0: fault: watchdog") == set()
+    refused = "vented, latched: valve_commands: no valid command for 0.1 s; last refused: NaN"
+    assert time_outs(refused) == {"command_timeout"}

@@ -4,17 +4,24 @@
 `pam_sim.fault_campaign`, which has the numbers: here sockets, ROS, threads and the host's
 scheduler take part. Exit code 1 if a fault that must vent does not do so within its bound and
 `HOST`, or one that must be ridden through stops the joint.
+
+A host that is busy for a moment stops the joint by itself, by the same time-outs that some faults
+run into. What may be the host's doing - a stop by a time-out that the fault has nothing to do with,
+one that comes too early, a vent that comes too late - is tried again, `TRIES` times in all.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import rclpy
 
@@ -37,7 +44,87 @@ START = ("rig", "driver", "controller")
 UNHEARD = ("all_frames_lost_up", "frames_very_late_up")
 QUIET = 0.05  # s, without a command that lets air move
 
-Row = tuple[str, str, str, str, str]
+TRIES: Final = 3
+TOO_EARLY: Final = 0.5  # of the bound, for a stop by a time-out that is to be expected
+KEPT, REPEAT = "kept", "repeat"
+# What the driver's diagnostics say of stops that a busy host causes alike, by the names that
+# `FaultKind.detected_by` has for them.
+TIME_OUTS: Final = {
+    "command_timeout": re.compile(r"no valid command for"),
+    "stale_sensor": re.compile(r"no (pressure|angle) for"),
+    "WATCHDOG": re.compile(r"fault: .*watchdog"),
+    "board_lost": re.compile(r"no (measurement|status|heartbeat)"),
+    "board_not_active": re.compile(r"although it was told to move"),
+    "send_blocked": re.compile(r"nothing could be sent for"),
+}
+
+Row = tuple[str, str, str, str, str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What one fault was seen to do.
+
+    Attributes
+    ----------
+    stopped : bool
+        Whether air has stopped.
+    silent : bool
+        Whether nobody was left who could tell.
+    after : float
+        From the fault to the last word of air [s].
+    told : str
+        What the driver's diagnostics said of it.
+    """
+
+    stopped: bool
+    silent: bool
+    after: float
+    told: str
+
+
+def time_outs(told: str) -> set[str]:
+    """The time-outs that diagnostics name as the only reasons of a stop; empty if any is none."""
+    _, _, reasons = told.partition("latched: ")
+    found: set[str] = set()
+    for reason in filter(None, reasons.split("; ")):
+        if reason.startswith("last refused"):  # a remark of command_timeout
+            continue
+        names = {name for name, pattern in TIME_OUTS.items() if pattern.search(reason)}
+        if not names:
+            return set()
+        found |= names
+    return found
+
+
+def judge(kind: FaultKind, seen: Observation) -> tuple[str, str]:
+    """`KEPT`, `REPEAT` where the host may have done it, or "failed"; and why."""
+    vents = kind.reaction is Reaction.VENT
+    if vents and (seen.silent or not seen.stopped):
+        return "failed", "not vented"
+    doubt = _doubt(kind, seen) if seen.stopped else ""
+    if doubt:
+        return REPEAT, doubt
+    if seen.stopped and kind.reaction in {Reaction.RIDE, Reaction.WARN}:
+        return "failed", "stopped"
+    return KEPT, ""
+
+
+def _doubt(kind: FaultKind, seen: Observation) -> str:
+    """Why a stop may be the host's; empty if it is the fault's."""
+    vents = kind.reaction is Reaction.VENT
+    by = time_outs(seen.told)
+    why = ", ".join(sorted(by)) or "nobody knows what"
+    # the board's own fault is the other half of a time-out
+    expected = by & set(kind.detected_by) or "board_fault" in kind.detected_by
+    unexplained = not vents and not seen.told
+    if kind.reaction is not Reaction.EITHER and (by or unexplained) and not expected:
+        return f"stopped by {why}"
+    if vents and seen.after > kind.bound + HOST:
+        return f"late, bound {1e3 * (kind.bound + HOST):.0f} ms"
+    if vents and by and seen.after < TOO_EARLY * kind.bound:
+        return f"stopped by {why} too early"
+    return ""
 
 
 def _begin(chain: Chain, operator: FaultOperator, kind: FaultKind) -> float:
@@ -67,8 +154,8 @@ def _end(chain: Chain, kind: FaultKind) -> None:
         chain.start(name)
 
 
-def run_kind(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Row:
-    """One fault: name, reaction, milliseconds to vented boards, what diagnostics said, verdict."""
+def observe(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Observation:
+    """Bring one fault about on a chain in motion, and look."""
     operator.make_move(PATIENCE)
     operator.forget()
     vents = kind.reaction is Reaction.VENT
@@ -87,16 +174,23 @@ def run_kind(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Row:
     silent = kind.name.startswith("driver") and not stopped
     _end(chain, kind)
     said: Callable[[], bool] = lambda: bool(operator.fault or operator.suspicion)  # noqa: E731
-    operator.run(1.3, said)
-    told = (operator.fault or operator.suspicion).replace("|", "/")
-    verdict = "kept"
-    if vents and (silent or not stopped):
-        verdict = "not vented"
-    elif vents and after > kind.bound + HOST:
-        verdict = f"late, bound {1e3 * (kind.bound + HOST):.0f} ms"
-    elif kind.reaction in {Reaction.RIDE, Reaction.WARN} and stopped:
-        verdict = "stopped"
-    return kind.name, kind.reaction.value, f"{1e3 * max(after, 0.0):.0f}", told, verdict
+    operator.run(1.3, (lambda: bool(operator.fault)) if stopped else said)
+    return Observation(stopped, silent, max(after, 0.0), operator.fault or operator.suspicion)
+
+
+def run_kind(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Row:
+    """One fault until the host leaves no doubt: name, reaction, ms, diagnostics, tries, verdict."""
+    tries = 0
+    verdict = REPEAT
+    while verdict == REPEAT and tries < TRIES:
+        tries += 1
+        seen = observe(chain, operator, kind)
+        verdict, why = judge(kind, seen)
+        if verdict == REPEAT:
+            print(f"{kind.name}: {1e3 * seen.after:.0f} ms, {why}: repeat", flush=True)
+    told = seen.told.replace("|", "/")
+    shown = KEPT if verdict == KEPT else f"failed: {why}"
+    return kind.name, kind.reaction.value, f"{1e3 * seen.after:.0f}", told, str(tries), shown
 
 
 def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> list[Row]:
@@ -123,7 +217,7 @@ def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> list[Row]:
                 raise PamError(f"no chain within {PATIENCE:g} s")
             for kind in kinds:
                 row = run_kind(chain, operator, kind)
-                print(f"{row[0]}: {row[2]} ms, {row[4]}", flush=True)
+                print(f"{row[0]}: {row[2]} ms, {row[-1]}", flush=True)
                 done.append(row)
     finally:
         operator.destroy_node()
@@ -147,13 +241,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     lines = [
-        "| fault | must follow | vented after [ms] | diagnostics | verdict |",
-        "|---" * 5 + "|",
+        "| fault | must follow | vented after [ms] | diagnostics | tries | verdict |",
+        "|---" * 6 + "|",
     ]
     lines += ["| " + " | ".join(row) + " |" for row in done]
     parsed.out.parent.mkdir(parents=True, exist_ok=True)
     parsed.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    bad = [row for row in done if row[4] != "kept"]
+    bad = [row for row in done if row[-1] != KEPT]
     print(f"{len(done)} kinds on processes, {len(bad)} out of bounds: {parsed.out}")
     return 1 if bad else 0
 
