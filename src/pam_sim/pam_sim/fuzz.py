@@ -92,17 +92,19 @@ def _number(draw: random.Random) -> float:
     return draw.choice(_NUMBERS) if draw.random() < 0.4 else draw.uniform(-2.0, 2.0)
 
 
-def _numbers(draw: random.Random, count: int) -> list[float]:
+def numbers(draw: random.Random, count: int) -> list[float]:
+    """Numbers of every kind, often `count` of them."""
     size = count if draw.random() < 0.7 else draw.randrange(2 * count + 2)
     return [_number(draw) for _ in range(size)]
 
 
-def _names(draw: random.Random, names: Sequence[str]) -> list[str]:
-    chosen = list(names)
+def names(draw: random.Random, known: Sequence[str]) -> list[str]:
+    """The known names, shuffled, repeated, cut short or with others among them."""
+    chosen = list(known)
     if draw.random() < 0.3:
         draw.shuffle(chosen)
     if draw.random() < 0.3:
-        chosen[draw.randrange(len(chosen))] = draw.choice((*_NAMES, *names))
+        chosen[draw.randrange(len(chosen))] = draw.choice((*_NAMES, *known))
     if draw.random() < 0.1:
         chosen = chosen[: draw.randrange(len(chosen) + 1)]
     return chosen
@@ -205,10 +207,10 @@ def commands_target(rig: Rig) -> Target:
         clock[0] += 0.001
         count = len(rig.muscles)
         command = NamedCommand(
-            _names(draw, rig.muscle_names),
-            _numbers(draw, count),
-            _numbers(draw, count) if draw.random() < 0.1 else (),
-            _numbers(draw, count) if draw.random() < 0.2 else (),
+            names(draw, rig.muscle_names),
+            numbers(draw, count),
+            numbers(draw, count) if draw.random() < 0.1 else (),
+            numbers(draw, count) if draw.random() < 0.2 else (),
             draw.choice((0.0, 0.0, 0.05, _number(draw))),
         )
         try:
@@ -229,33 +231,33 @@ def _controller(rig: Rig) -> Controller:
 def references_target(rig: Rig) -> Target:
     """Trajectories, streams and stiffness: refused, or finite references within the limits."""
     controller = _controller(rig)
-    names = rig.joint_names
+    joints = rig.joint_names
     clock = [0.0]
-    controller.references.hold(dict.fromkeys(names, 0.0))
+    controller.references.hold(dict.fromkeys(joints, 0.0))
 
     def target(draw: random.Random) -> None:
         clock[0] += 0.002
-        references, now, count = controller.references, clock[0], len(names)
+        references, now, count = controller.references, clock[0], len(joints)
         try:
             what = draw.randrange(3)
             if what == 0:
-                velocities = _numbers(draw, count) if draw.random() < 0.5 else []
-                references.stream(_names(draw, names), _numbers(draw, count), velocities, now=now)
+                velocities = numbers(draw, count) if draw.random() < 0.5 else []
+                references.stream(names(draw, joints), numbers(draw, count), velocities, now=now)
             elif what == 1:
                 points = [
                     TrajectoryPoint(
                         draw.choice((0.1 * (i + 1), draw.uniform(-1.0, 2.0**31))),
-                        _numbers(draw, count),
-                        _numbers(draw, count) if draw.random() < 0.5 else [],
-                        _numbers(draw, count) if draw.random() < 0.2 else [],
+                        numbers(draw, count),
+                        numbers(draw, count) if draw.random() < 0.5 else [],
+                        numbers(draw, count) if draw.random() < 0.2 else [],
                     )
                     for i in range(draw.randrange(4))
                 ]
                 # stamps and durations are whole seconds and nanoseconds, never NaN
                 start = draw.choice((None, now, draw.uniform(-(2.0**31), 2.0**31)))
-                references.follow(_names(draw, names), points, start=start, now=now)
+                references.follow(names(draw, joints), points, start=start, now=now)
             else:
-                controller.set_stiffness(_numbers(draw, count))
+                controller.set_stiffness(numbers(draw, count))
         except PamError:
             pass
         references.advance(now)
@@ -280,8 +282,8 @@ def measurements_target(rig: Rig) -> Target:
         positions = [draw.uniform(-0.9, 0.9) for _ in rig.joints]
         pressures = [draw.uniform(0.0, 6e5) for _ in rig.muscles]
         measurement = Measurement(
-            positions if good else _numbers(draw, len(rig.joints)),
-            pressures if good else _numbers(draw, len(rig.muscles)),
+            positions if good else numbers(draw, len(rig.joints)),
+            pressures if good else numbers(draw, len(rig.muscles)),
             draw.choice((now, now, now - 1.0, _number(draw))),
             draw.choice((now, now, now + 1.0, _number(draw))),
         )
@@ -296,18 +298,24 @@ def measurements_target(rig: Rig) -> Target:
     return target
 
 
+def injection(draw: random.Random) -> str:
+    """A text like that of a fault to bring about."""
+    words = [draw.choice(("supply_lost", "share=0.3", "share=", "=", "share=nan", *_NAMES))]
+    words += [draw.choice(("share=1e999", "share=-1", "x=1")) for _ in range(draw.randrange(3))]
+    return " ".join(words)
+
+
 def injections_target(rig: Rig) -> Target:
     """Texts of faults to bring about."""
 
     def target(draw: random.Random) -> None:
-        words = [draw.choice(("supply_lost", "share=0.3", "share=", "=", "share=nan", *_NAMES))]
-        words += [draw.choice(("share=1e999", "share=-1", "x=1")) for _ in range(draw.randrange(3))]
+        text = injection(draw)
         try:
-            _, values = parse_injection(" ".join(words))
+            _, values = parse_injection(text)
         except PamError:
             return
         if not all(map(math.isfinite, values.values())):
-            raise ViolationError(f"{words} gives {values}")
+            raise ViolationError(f"{text} gives {values}")
 
     return target
 

@@ -147,7 +147,8 @@ class LifecycleCycler(Node):  # type: ignore[misc]
         """
         if not self.change(_T.TRANSITION_CONFIGURE):
             raise PamError("the driver does not configure")
-        self.until(lambda: self.change(_T.TRANSITION_ACTIVATE), "activation")
+        # boards whose commands stopped with the bus keep that as a fault of their own
+        self.until(self._activates, "activation")
         if way:
             plug.pull(way)
             self.until(lambda: self.state() == State.PRIMARY_STATE_INACTIVE, f"a fault: {way}")
@@ -165,7 +166,7 @@ class LifecycleCycler(Node):  # type: ignore[misc]
             plug.replug(way)
 
     def _activates(self) -> bool:
-        # what was latched when the bus came back is cleared by the operator as well
+        """Activate, or clear what is latched, as an operator would before trying again."""
         return self.change(_T.TRANSITION_ACTIVATE) or not self._call(self._clear, Trigger.Request())
 
 
