@@ -124,7 +124,19 @@ def test_a_trial_finds_fault_with_a_model_that_tells_what_is_old(chain):
         chain.model.__class__ = Dreamer
         return run_trial(chain, kind_called("driver_killed"), {}, 1)
 
-    assert "old" in in_a_fork(forgetful).problem
+    assert in_a_fork(forgetful).problem == "the model tells what is old"
+
+
+@pytest.mark.parametrize(
+    "name", ["pressure_drift", "encoder_drift", "valve_stuck_shut", "muscle_burst"]
+)
+def test_a_fault_that_grows_is_suspected_before_it_stops_the_joint(chain, name):
+    kind = kind_called(name)
+    values = {key: low for key, (low, _) in kind.parameters.items()}
+    trial = in_a_fork(lambda: run_trial(chain, kind, values, 3))
+    assert trial.problem == ""
+    assert any(name.startswith("suspected") for name in trial.noticed)
+    assert trial.suspected_after + 0.01 < trial.safe_after
 
 
 def test_ends_of_a_range_are_drawn_often():
@@ -170,7 +182,9 @@ def test_the_command_writes_a_report_and_its_exit_code_is_the_verdict(tmp_path):
 
 def test_the_report_escapes_what_it_shows_and_names_failures(tmp_path):
     kind = next(kind for kind in KINDS if kind.reaction is Reaction.VENT)
-    trial = Trial(kind.name, {}, ["<script>"], 0.5, 1e5, 0.1, "<b>late</b>")
+    trial = Trial(
+        kind.name, {}, ["<script>"], safe_after=0.5, peak_error=0.1, problem="<b>late</b>"
+    )
     page = write_report([kind], [trial], tmp_path).read_text()
     assert "<b>" not in page
     assert "<script>" not in page

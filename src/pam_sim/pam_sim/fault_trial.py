@@ -30,6 +30,8 @@ class Trial:
         Its parameters, drawn.
     noticed : list of str
         Everything that noticed anything.
+    suspected_after : float or None
+        From the fault until the driver named a suspicion [s].
     safe_after : float or None
         From the fault until valves vented and stayed so [s].
     peak_pressure : float
@@ -43,6 +45,7 @@ class Trial:
     kind: str
     values: dict[str, float]
     noticed: list[str] = field(default_factory=list)
+    suspected_after: float | None = None
     safe_after: float | None = None
     peak_pressure: float = 0.0
     peak_error: float = 0.0
@@ -93,6 +96,8 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
             break
         trial.peak_pressure = max(trial.peak_pressure, *chain.truth.pressures)
         _look(chain, seen)
+        if chain.driver.suspicions and trial.suspected_after is None:
+            trial.suspected_after = chain.now - start
         trial.problem = trial.problem or _model_problem(chain)
     if not chain.moves_air:
         trial.safe_after = last_air - start
