@@ -55,6 +55,16 @@ def test_the_safety_page_shows_the_tables_of_the_code():
     assert write_into(page) == page
 
 
+def test_the_page_of_the_campaign_has_every_kind_and_all_are_kept():
+    page = (SAFETY_PAGE.parent / "faults_table.md").read_text(encoding="utf-8")
+    kept = re.findall(r"^\| (\w+) \|.*\| kept \|$", page, re.MULTILINE)
+    assert kept == [kind.name for kind in KINDS]
+    for kind in KINDS:
+        if kind.reaction is Reaction.VENT:
+            row = next(line for line in page.splitlines() if line.startswith(f"| {kind.name} |"))
+            assert f" | {1e3 * kind.bound:.0f} | " in row
+
+
 def test_a_page_without_marks_is_refused():
     with pytest.raises(PamError, match="diagram: begin"):
         write_into("# Safety\n")
