@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -10,8 +11,10 @@ from hypothesis import strategies as st
 
 from pam_control.reference_generator import ReferenceGenerator
 from pam_control.trajectory import CommandError, TrajectoryPoint
+from pam_driver import driver as driver_module
 from pam_driver.codec import BoardCodec, FrameError
-from pam_sim import fuzz
+from pam_driver.safety_state import SafetyEvent, SafetyState, next_state
+from pam_sim import fuzz, fuzz_bytes, fuzz_callbacks_node
 
 from .conftest import ELBOW
 
@@ -65,3 +68,78 @@ def test_a_failure_is_found_kept_and_tried_again(monkeypatch, tmp_path, capsys):
     assert json.loads((tmp_path / "broken.json").read_text())
     assert "on purpose" in capsys.readouterr().err
     assert fuzz.main([*arguments, "--seed", "900000"]) == 1
+
+
+# --- bytes, and what a coverage-guided fuzzer has kept of them (tools/fuzz.sh) -------------------
+
+CORPUS = Path(__file__).parents[1] / "data/fuzz_corpus"
+
+
+def kept(name: str) -> list[bytes]:
+    return [bytes.fromhex(line) for line in (CORPUS / f"{name}.txt").read_text().split()]
+
+
+@pytest.mark.parametrize("name", fuzz_bytes.TARGETS)
+def test_the_kept_inputs_do_no_harm(name):
+    inputs = kept(name)
+    assert len(inputs) > 20
+    for data in inputs:
+        fuzz_bytes.TARGETS[name](data)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.binary(max_size=200))
+def test_bytes_do_no_harm(data):
+    for target in fuzz_bytes.TARGETS.values():
+        target(data)
+
+
+def test_the_kept_inputs_reach_every_state_of_the_driver(monkeypatch):
+    reached = set()
+    act = fuzz_bytes.Driver.cycle
+
+    def cycle(self, now, wall_now):
+        snapshot = act(self, now, wall_now)
+        reached.add(snapshot.state)
+        return snapshot
+
+    monkeypatch.setattr(fuzz_bytes.Driver, "cycle", cycle)
+    for data in kept("driver"):
+        fuzz_bytes.driver(data)
+    assert reached == set(SafetyState) - {SafetyState.UNCONFIGURED}
+
+
+def no_faults(state, event):
+    return state if event is SafetyEvent.FAULT else next_state(state, event)
+
+
+def no_latch(state, event):
+    latched = state is SafetyState.FAULT and event is SafetyEvent.ACTIVATE
+    return SafetyState.READY if latched else next_state(state, event)
+
+
+def test_the_kept_inputs_would_find_a_driver_that_does_not_stop(monkeypatch):
+    monkeypatch.setattr(driver_module, "next_state", no_faults)
+    with pytest.raises(fuzz.ViolationError, match="without a fresh command"):
+        for data in kept("driver"):
+            fuzz_bytes.driver(data)
+
+
+def test_a_refused_activation_is_watched(monkeypatch):
+    monkeypatch.setattr(driver_module, "next_state", no_latch)
+    monkeypatch.setattr(driver_module.Driver, "_activation_problem", lambda self, now: "")
+    with pytest.raises(fuzz.ViolationError):
+        for data in kept("driver"):
+            fuzz_bytes.driver(data)
+
+
+# --- the nodes themselves -----------------------------------------------------------------------
+
+
+def test_nothing_escapes_the_callbacks_of_the_nodes(capfd):
+    assert fuzz_callbacks_node.main(["--rig", str(ELBOW), "--count", "1000", "--seed", "7"]) == 0
+    told = capfd.readouterr().out
+    assert "pam_driver /valve_commands: 1000 messages, 0 blocks failed" in told
+    for topic in ("joint_trajectory", "commands", "stiffness_commands"):
+        assert f"/pam_controller/{topic}: 1000 messages" in told
+    assert "pam_rig /pam_rig/inject_fault: 1000 messages" in told

@@ -1,0 +1,19 @@
+#!/usr/bin/env python3
+"""Runs a byte target under atheris; started by tools/fuzz.sh with libFuzzer's arguments.
+
+The target is named by FUZZ_TARGET, not by an argument: to merge, libFuzzer starts this file anew
+with arguments of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import atheris
+
+with atheris.instrument_imports(include=["pam_driver", "pam_model.pressure_plausibility"]):
+    from pam_sim.fuzz_bytes import TARGETS
+
+atheris.Setup(sys.argv, TARGETS[os.environ["FUZZ_TARGET"]])
+atheris.Fuzz()
