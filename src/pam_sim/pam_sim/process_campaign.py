@@ -34,7 +34,7 @@ from pam_sim.fault_kinds import KINDS, FaultKind, Reaction
 from pam_sim.fault_operator_node import FaultOperator
 
 HOST = 0.06  # s, for the way of the injection, a status of the board and a host that is busy
-PATIENCE = 30.0  # s
+START_PATIENCE, PATIENCE = 120.0, 30.0  # s
 HOST_FAULTS = (
     "driver_stopped", "driver_killed", "controller_stopped", "controller_killed", "vent_called"
 )  # fmt: skip
@@ -213,8 +213,8 @@ def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> list[Row]:
         with Chain([rig_path], bus, environment) as chain:
             for name in START:
                 chain.start(name)
-            if not operator.run(PATIENCE, operator.ready):
-                raise PamError(f"no chain within {PATIENCE:g} s")
+            if not operator.run(START_PATIENCE, operator.ready):
+                raise PamError(f"no chain within {START_PATIENCE:g} s")
             for kind in kinds:
                 row = run_kind(chain, operator, kind)
                 print(f"{row[0]}: {row[2]} ms, {row[-1]}", flush=True)
