@@ -1,12 +1,13 @@
 """The periodic loop: it keeps its grid, tells of its errors, and ends when told."""
 
+import os
 import threading
 import time
 
 import pytest
 
 from pam_model.errors import PamError
-from pam_model.periodic import PeriodicLoop
+from pam_model.periodic import PeriodicLoop, take_priority
 
 WAIT = 10.0
 
@@ -154,3 +155,41 @@ def test_start_twice_is_refused() -> None:
 def test_period_must_be_positive(period: float) -> None:
     with pytest.raises(PamError, match="must be above 0"):
         PeriodicLoop(lambda now: None, period)
+
+
+def test_takes_the_priority_it_is_granted_and_runs_without_one() -> None:
+    found: list[tuple[int, int]] = []
+    done = threading.Event()
+
+    def step(now: float) -> None:
+        found.append((os.sched_getscheduler(0), os.sched_getparam(0).sched_priority))
+        done.set()
+
+    loop = PeriodicLoop(step, 0.001, priority=3)
+    loop.start()
+    assert done.wait(WAIT)
+    beside: list[int] = []
+
+    def callbacks() -> None:
+        loop.share_priority()
+        beside.append(os.sched_getparam(0).sched_priority)
+
+    thread = threading.Thread(target=callbacks)
+    thread.start()
+    thread.join(WAIT)
+    loop.stop()
+    granted = loop.statistics.priority
+    assert granted in {0, 3}
+    assert found[0] == ((os.SCHED_FIFO, 3) if granted else (os.SCHED_OTHER, 0))
+    assert beside == [1 if granted else 0]
+    # the thread that started it stays as it was
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+def test_a_system_that_grants_no_priority_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    assert take_priority(5) == 0
+    assert take_priority(0) == 0

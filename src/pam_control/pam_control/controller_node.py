@@ -106,14 +106,16 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._hearing.create_subscription(JointState, topic, callback, sensed)
         self._ending = threading.Event()
         self._hearing_thread = threading.Thread(target=self._hear, name="inputs", daemon=True)
-        self._hearing_thread.start()
-        self.loop = PeriodicLoop(self._cycle, 1.0 / rate, "control")
+        priority = int(self._declared.number("loop.realtime_priority"))
+        self.loop = PeriodicLoop(self._cycle, 1.0 / rate, "control", priority)
         gc.collect()
         gc.freeze()
+        self._hearing_thread.start()
         self.loop.start()
 
     def _hear(self) -> None:
         """Serve the measurements until the end."""
+        self.loop.share_priority()
         executor = EventsExecutor()
         executor.add_node(self._hearing)
         while rclpy.ok() and not self._ending.is_set():
@@ -395,7 +397,13 @@ def _in_order(
 def main() -> int:
     """Run the node until it is told to stop."""
     sys.setswitchinterval(SWITCH_INTERVAL)
-    return spin_node(ControllerNode, check=lambda node: node.loop.check())
+
+    def make_node() -> ControllerNode:
+        node = ControllerNode()
+        node.loop.share_priority()
+        return node
+
+    return spin_node(make_node, check=lambda node: node.loop.check())
 
 
 if __name__ == "__main__":

@@ -41,6 +41,11 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         Parameter("law", "model_based", "-", 0, 0, f"control law: {' or '.join(LAWS)}"),
         _number("loop.rate", 1.0 / d.period, "Hz", 50.0, 2000.0, "control cycles", fixed=True),
         _number(
+            "loop.realtime_priority", 19, "-", 0, 99,
+            "of the control thread (SCHED_FIFO) where the system permits it; 0: ordinary",
+            fixed=True,
+        ),
+        _number(
             "loop.measurement_delay", d.measurement_delay, "s", 0.0, 0.1,
             "from a sensor's sample to its stamp",
         ),

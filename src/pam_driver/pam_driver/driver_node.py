@@ -124,7 +124,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             self._driver, port, self._values.number("bus.bitrate")
         )
         self._loop = PeriodicLoop(
-            partial(self._cycle, self._driver), 1.0 / self._values.number("rate"), "bus I/O"
+            partial(self._cycle, self._driver),
+            1.0 / self._values.number("rate"),
+            "bus I/O",
+            priority=int(self._values.number("realtime_priority")),
         )
         self._loop.start()
         self.get_logger().info(f"measuring on {port.name}, valves vented")
@@ -168,6 +171,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def close(self) -> None:
         """Vent and give the bus back, whatever the state."""
         self._close()
+
+    def share_priority(self) -> None:
+        """Keep the calling thread, which serves callbacks, from holding up the I/O thread."""
+        if self._loop is not None:
+            self._loop.share_priority()
 
     def check(self) -> None:
         """Raise what ended the I/O thread, if anything did."""
@@ -374,6 +382,7 @@ def main(arguments: list[str] | None = None) -> int:
         executor.add_node(node)
         gc.collect()
         gc.freeze()
+        node.share_priority()
         while not stopping and rclpy.ok():
             executor.spin_once(timeout_sec=0.1)
             node.check()

@@ -17,6 +17,10 @@ TABLE: Final = (
         "startup_timeout", 10.0, "s", 0.1, 600.0, "how long autostart waits for all boards"
     ),
     Parameter("rate", 500.0, "Hz", 1.0, 1000.0, "cycles of the I/O thread"),
+    Parameter(
+        "realtime_priority", 20, "-", 0, 99, "of the I/O thread (SCHED_FIFO) where the system "
+        "permits it; 0: ordinary"
+    ),
     Parameter("bus.interface", "socketcan", "-", 0, 0, "python-can's name of the interface"),
     Parameter("bus.channel", "can0", "-", 0, 0, "network interface, multicast group or device"),
     Parameter(

@@ -57,6 +57,7 @@ def loop_values(statistics: LoopStatistics) -> dict[str, object]:
         "late cycles": statistics.late,
         "skipped cycles": statistics.skipped,
         "worst lateness [ms]": 1e3 * statistics.worst_lateness,
+        "real-time priority": statistics.priority or "none",
     }
 
 

@@ -3,16 +3,20 @@
 A missed deadline is counted and skipped, never caught up with in a burst, and lateness does not
 add up: deadlines stay on the grid of the first one. `time.sleep` sleeps to the deadline by
 clock_nanosleep; nothing spins, since a spin would take the processor from what is waited for.
+On a busy host a loop keeps time with a real-time priority, where the system grants one.
 """
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from pam_model.errors import PamError
+
+LOWEST_PRIORITY = 1  # of the real-time ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +33,38 @@ class LoopStatistics:
         Deadlines that passed while a call was running.
     worst_lateness : float
         Largest time from deadline to call [s].
+    priority : int
+        Real-time priority it runs with; 0: none.
     """
 
     cycles: int
     late: int
     skipped: int
     worst_lateness: float
+    priority: int = 0
+
+
+def take_priority(priority: int) -> int:
+    """Let the calling thread run before all ordinary ones (SCHED_FIFO), if that is permitted.
+
+    Parameters
+    ----------
+    priority : int
+        1 to 99; 0 leaves the thread as it is.
+
+    Returns
+    -------
+    int
+        The priority it has now; 0 where the system has no such thing or permits none to this user.
+    """
+    if priority <= 0 or not hasattr(os, "sched_setscheduler"):
+        return 0
+    try:
+        # on Linux, 0 is the calling thread alone
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        return 0
+    return priority
 
 
 class PeriodicLoop:
@@ -51,6 +81,8 @@ class PeriodicLoop:
         [s].
     name : str, optional
         Of the thread.
+    priority : int, optional
+        Real-time priority to ask for, see `take_priority`.
 
     Raises
     ------
@@ -59,13 +91,19 @@ class PeriodicLoop:
     """
 
     def __init__(
-        self, step: Callable[[float], object], period: float, name: str = "periodic"
+        self,
+        step: Callable[[float], object],
+        period: float,
+        name: str = "periodic",
+        priority: int = 0,
     ) -> None:
         if not 0.0 < period < float("inf"):
             raise PamError(f"period = {period} s must be above 0")
         self.period = period
         self._step = step
         self._name = name
+        self._asked_priority = priority
+        self._priority = 0
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
         self._error: BaseException | None = None
@@ -81,7 +119,7 @@ class PeriodicLoop:
     @property
     def statistics(self) -> LoopStatistics:
         """How well it has kept time since its start."""
-        return LoopStatistics(self._cycles, self._late, self._skipped, self._worst)
+        return LoopStatistics(self._cycles, self._late, self._skipped, self._worst, self._priority)
 
     def start(self) -> None:
         """Begin; the first call is at once.
@@ -99,6 +137,14 @@ class PeriodicLoop:
         self._worst = 0.0
         self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
         self._thread.start()
+
+    def share_priority(self) -> None:
+        """Let the calling thread run before all ordinary ones too, but after the loop.
+
+        The loop's thread waits for any other that holds the interpreter lock. If that one were an
+        ordinary thread which the host does not let run, the loop's priority would be worth nothing.
+        """
+        take_priority(min(self._asked_priority, LOWEST_PRIORITY))
 
     def check(self) -> None:
         """Raise what ended the loop, if anything did."""
@@ -132,6 +178,7 @@ class PeriodicLoop:
 
     def _run(self) -> None:
         period = self.period
+        self._priority = take_priority(self._asked_priority)
         deadline = time.monotonic()
         try:
             while not self._stopping.is_set():

@@ -15,6 +15,8 @@ from pam_sim.fault_injection import inject, mend, parse_injection
 from pam_sim.frame_faults import FaultyPort, FrameFaults
 from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
+REALTIME_PRIORITY = 21  # boards are hardware: nothing on the host keeps them waiting
+
 
 class RigLoop:
     """Serves a simulated rig to a bus from a thread of its own.
@@ -50,7 +52,7 @@ class RigLoop:
         self._later: list[tuple[float, Callable[[], None]]] = []
         self._asked: deque[Callable[[], None]] = deque()
         self._draw = random.Random(0)
-        self._loop = PeriodicLoop(self._turn, 1.0 / rate, "simulated rig")
+        self._loop = PeriodicLoop(self._turn, 1.0 / rate, "simulated rig", REALTIME_PRIORITY)
         self.truth: GroundTruth = rig.ground_truth()
         self.truth_time = time.time()
         self._truth_every = max(1, round(rate / truth_rate)) if truth_rate > 0.0 else 0
@@ -96,6 +98,10 @@ class RigLoop:
     def start(self) -> None:
         """Begin to serve."""
         self._loop.start()
+
+    def share_priority(self) -> None:
+        """Keep the calling thread, which serves callbacks, from holding up the loop's."""
+        self._loop.share_priority()
 
     def stop(self) -> None:
         """End the thread and give the bus back."""

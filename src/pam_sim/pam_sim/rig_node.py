@@ -125,6 +125,10 @@ class RigNode(Node):  # type: ignore[misc]
             loop.stop()
         super().destroy_node()
 
+    def share_priority(self) -> None:
+        """Keep the calling thread, which serves callbacks, from holding up the simulation's."""
+        self._loop.share_priority()
+
     def check(self) -> None:
         """Raise what ended the simulation's thread, if anything did."""
         self._loop.check()
@@ -182,9 +186,15 @@ def _joint_state(
     return message
 
 
+def _make_node() -> RigNode:
+    node = RigNode()
+    node.share_priority()
+    return node
+
+
 def main() -> int:
     """Run the node until it is told to stop."""
-    return spin_node(RigNode, check=RigNode.check)
+    return spin_node(_make_node, check=RigNode.check)
 
 
 if __name__ == "__main__":

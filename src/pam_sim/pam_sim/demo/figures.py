@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.interpolate import BPoly
 
+from pam_control.settings import ControlSettings
 from pam_model.antagonistic_joint import AntagonisticJoint
 from pam_model.errors import PamError
 from pam_model.rig import Rig
@@ -21,7 +22,7 @@ from pam_sim.demo.recording import Array, Series, read_loop_counts, read_recordi
 PERIOD = 0.002  # s, of the loops
 LATE = 0.001  # s
 AVERAGED = 0.05  # s, over which a stiffness is averaged
-SETTLING = 0.4  # s after a change of the asked stiffness
+SETTLING = 0.25  # s after the controller has brought the stiffness it asks for to a new level
 REACHED = 0.01  # a stiffness the pressures give within this part counts as reachable
 SETTLED = 0.02  # rad
 NAMES = {
@@ -181,8 +182,11 @@ def _stiffness_figures(play: Play, rig: Rig) -> tuple[list[Figure], list[str]]:
     spec = rig.joints[0]
     torque = spec.gravity_torque * float(np.sin(position - spec.gravity_angle))
     worst, notes = 0.0, []
+    rate = ControlSettings().stiffness_rate
     ends = [entry[0] for entry in play.motion.stiffness[1:]] + [play.motion.duration]
+    before = play.motion.stiffness[0][1]
     for (start, level), end in zip(play.motion.stiffness, ends, strict=True):
+        ramp, before = abs(level - before) / rate, level
         reach = joint.pressures_for(torque, level, position).stiffness
         if abs(reach - level) > REACHED * level:
             notes.append(
@@ -190,7 +194,7 @@ def _stiffness_figures(play: Play, rig: Rig) -> tuple[list[Figure], list[str]]:
                 f"give {reach:.1f}), so it is not scored."
             )
             continue
-        settled = _means(play.stiffness.between(start + SETTLING, end))
+        settled = _means(play.stiffness.between(start + ramp + SETTLING, end))
         worst = max(worst, float(np.max(np.abs(settled - level))) / level)
     text = f"stiffness: worst deviation (50 ms mean) on {len(ends) - len(notes)} levels"
     return [Figure("stiffness_deviation", text, 100.0 * worst, "%", 5.0)], notes

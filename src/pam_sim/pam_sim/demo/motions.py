@@ -112,7 +112,7 @@ def chirp(
 
 
 def staircase(
-    levels: Sequence[float] = (8.0, 11.0, 14.0, 17.0, 20.0, 14.0),
+    levels: Sequence[float] = (8.0, 11.0, 14.0, 17.0, 20.0, 10.0),
     position: float = 0.3,
     dwell: float = 1.2,
 ) -> Motion:
