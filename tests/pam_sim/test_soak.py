@@ -70,6 +70,28 @@ def test_missing_heartbeats_are_counted(rig, monkeypatch):
     assert result.problems() == ["heartbeats missed"]
 
 
+@pytest.mark.parametrize("seconds", [2.0, 2.02, 2.05, 2.09])
+def test_the_end_may_come_at_any_time_between_heartbeats(seconds, rig):
+    result = soak.soak(soak.widened(rig, 1), seconds)
+    assert (result.heartbeats, result.missed_heartbeats) == (pytest.approx(20, abs=1), 0)
+
+
+def test_heartbeats_that_stop_before_the_end_are_missed(rig, monkeypatch):
+    deliver = soak.SoakChain._bus
+
+    def bus(self):
+        deliver(self)
+        if self.now > 3.95:
+            waiting = self.can._waiting
+            kept = [m for m in waiting if m.arbitration_id & 0x700 != 0x700]
+            waiting.clear()
+            waiting.extend(kept)
+
+    monkeypatch.setattr(soak.SoakChain, "_bus", bus)
+    result = soak.soak(soak.widened(rig, 1), 2.75)  # from 1.5 s on
+    assert result.missed_heartbeats == pytest.approx(3, abs=1)
+
+
 def test_a_fault_ends_it(rig, monkeypatch):
     step = soak.SoakChain.step
 

@@ -218,7 +218,7 @@ class _Heartbeats:
                 continue
             # at the end, one that has not come is missed as well
             due = (now - self._at[index]) / HEARTBEAT_PERIOD
-            self.missed += max(0, round(due) - 1) if new else math.floor(due - 0.5)
+            self.missed += max(0, round(due) - 1 if new else math.floor(due - 0.5))
             if new:
                 self.heard += 1
                 self._last[index], self._at[index] = board.heartbeat, now
