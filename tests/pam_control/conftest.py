@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pam_control.controller import Controller, Measurement
+from pam_control.control_step import Measurement
+from pam_control.controller import Controller
 from pam_control.trajectory import TrajectoryPoint
 from pam_model.rig import Rig, load_rig, rig_from_parameters
 from pam_sim.plant import Plant

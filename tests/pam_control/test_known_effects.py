@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pam_control.bladder_creep import BladderCreep
-from pam_control.controller import Measurement
+from pam_control.control_step import Measurement
 from pam_control.dry_friction import SMOOTHING_SPEED, DryFriction
 from pam_control.gain_design import margins
 from pam_control.history_torque import HistoryTorque

@@ -114,7 +114,7 @@ def test_take_over_of_a_vented_arm_stiffens_at_the_rate_limit(closed_loop, rig):
 
 def test_integrator_does_not_wind_up_on_what_the_muscles_cannot_do(closed_loop, rig):
     """Held by a hand far from its reference, then let go: no long overshoot."""
-    from pam_control.controller import Measurement
+    from pam_control.control_step import Measurement
 
     controller = PositionStiffnessController(rig, ControlSettings())
     held = [0.0]
@@ -186,7 +186,7 @@ def test_two_joints_are_controlled_each_on_its_own(closed_loop, two_joint_rig):
 
 
 def test_refuses_to_act_on_what_is_old_missing_or_not_a_number(rig):
-    from pam_control.controller import Measurement
+    from pam_control.control_step import Measurement
 
     controller = PositionStiffnessController(rig, ControlSettings())
     good = ([0.1], [1e5, 1e5])

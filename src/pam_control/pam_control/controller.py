@@ -14,8 +14,8 @@ import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
 from pam_control.gain_design import (
     LoopCase,
     Margins,
@@ -29,108 +29,10 @@ from pam_control.pressure_loop import PressureDemand, PressureLoopSettings
 from pam_control.reference_generator import ReferenceGenerator
 from pam_control.sensor_correction import SensorCorrection
 from pam_control.settings import ControlSettings
-from pam_control.trajectory import CommandError, JointReference
+from pam_control.trajectory import CommandError
 from pam_model.rig import Rig
 
 LONGEST_STEP = 0.02  # s; a longer pause between two steps counts as this
-
-
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """What the sensors said, in the rig's order.
-
-    Attributes
-    ----------
-    positions : sequence of float
-        Of the joints [rad].
-    pressures : sequence of float
-        Of the muscles, gauge [Pa].
-    position_time, pressure_time : float
-        When they were measured [s].
-    """
-
-    positions: Sequence[float]
-    pressures: Sequence[float]
-    position_time: float
-    pressure_time: float
-
-
-@dataclass(frozen=True, slots=True)
-class ControlOutput:
-    """What one step gives.
-
-    Attributes
-    ----------
-    commands : tuple of float or None
-        One per muscle of the rig, spool [-] or [Pa] by valve kind, NaN for a muscle of no joint;
-        None: send nothing, `reason` says why.
-    reason : str
-        Empty while commands are given.
-    """
-
-    commands: tuple[float, ...] | None
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanRequest:
-    """What a law gets to plan one joint's pressures from.
-
-    Attributes
-    ----------
-    index : int
-        Of the joint.
-    channel : JointChannel
-        Of the joint.
-    output : float
-        Of the PID.
-    now, then : JointReference
-        Reference at the time of measurement, and at the time the valve will act.
-    measured_at, acts_at : float
-        Those times [s]; with valves of unequal delay the later one's.
-    side_acts_at : (float, float)
-        When the agonist's and the antagonist's valve will act [s].
-    side_velocities : (float, float)
-        Of the reference at those times [rad/s].
-    step : float
-        Since the last cycle [s].
-    """
-
-    index: int
-    channel: JointChannel
-    output: float
-    now: JointReference
-    then: JointReference
-    measured_at: float
-    acts_at: float
-    side_acts_at: Pair
-    side_velocities: Pair
-    step: float
-
-
-@dataclass(frozen=True, slots=True)
-class PressurePlan:
-    """What a law asks of the pressure loops of one joint.
-
-    Attributes
-    ----------
-    reference : (float, float)
-        Pressures for the time of measurement [Pa].
-    rate : (float, float)
-        Their feedforward rate at the time of action [Pa/s].
-    ahead : (float, float)
-        Their feedforward change from measurement to action [Pa].
-    velocities : (float, float)
-        Joint velocity for each muscle's dV/dt feedforward [rad/s].
-    missed : float
-        Reached less asked output of the PID, in its unit.
-    """
-
-    reference: Pair
-    rate: Pair
-    ahead: Pair
-    velocities: Pair
-    missed: float
 
 
 class Controller(ABC):

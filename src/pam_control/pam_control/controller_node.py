@@ -27,8 +27,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from pam_control.controller import Measurement
+from pam_control.control_step import Measurement
 from pam_control.controller_parameters import create_controller, parameter_table, settings_from
+from pam_control.rig_order import in_order
 from pam_control.trajectory import CommandError, TrajectoryPoint
 from pam_model import diagnostics as health
 from pam_model.errors import PamError
@@ -115,7 +116,6 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _hear(self) -> None:
         """Serve the measurements until the end."""
-        self.loop.share_priority()
         executor = EventsExecutor()
         executor.add_node(self._hearing)
         while rclpy.ok() and not self._ending.is_set():
@@ -157,12 +157,12 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _on_joint_states(self, message: Any) -> None:
         with self._rejecting("joint_states"):
-            values = _in_order(message.name, message.position, self.rig.joint_names, "position")
+            values = in_order(message.name, message.position, self.rig.joint_names, "position")
             self._positions = (values, self._stamp(message))
 
     def _on_pressure_states(self, message: Any) -> None:
         with self._rejecting("pressure_states"):
-            values = _in_order(message.name, message.effort, self.rig.muscle_names, "effort")
+            values = in_order(message.name, message.effort, self.rig.muscle_names, "effort")
             self._pressures = (values, self._stamp(message))
 
     def _stamp(self, message: Any) -> float:
@@ -377,21 +377,6 @@ class _Rejecting:
             self._report(error)
             return True
         return False
-
-
-def _in_order(
-    names: Sequence[str], values: Sequence[float], wanted: Sequence[str], field: str
-) -> list[float]:
-    """A message's values in the rig's order; more names than the rig's are fine."""
-    if len(values) != len(names):
-        raise CommandError(f"{len(values)} {field} values for {len(names)} names")
-    if list(names) == list(wanted):
-        return [float(value) for value in values]
-    found = dict(zip(names, values, strict=True))
-    missing = [name for name in wanted if name not in found]
-    if missing:
-        raise CommandError(f"{', '.join(missing)} missing")
-    return [float(found[name]) for name in wanted]
 
 
 def main() -> int:

@@ -12,7 +12,8 @@ in the same way.
 
 from __future__ import annotations
 
-from pam_control.controller import Controller, PlanRequest, PressurePlan
+from pam_control.control_step import PlanRequest, PressurePlan
+from pam_control.controller import Controller
 from pam_control.gain_design import LoopCase
 from pam_control.joint_channel import JointChannel, Pair
 from pam_control.linear_joint import LoopStructure

@@ -7,12 +7,14 @@ knows nothing of the joint but through its gains.
 
 from __future__ import annotations
 
-from pam_control.controller import Controller, PlanRequest, PressurePlan
+from pam_control.control_step import PlanRequest, PressurePlan
+from pam_control.controller import Controller
 from pam_control.gain_design import LoopCase
 from pam_control.joint_channel import JointChannel, Pair
 from pam_control.linear_joint import LoopStructure
 from pam_control.operating_points import POSITION_SHARES, operating_point
 from pam_control.settings import ControlSettings
+from pam_model.rig import Rig
 
 LEAST_MEAN_PRESSURE = 1e3  # Pa; below it the ratio means nothing
 MEAN_PRESSURE_TIME = 0.5  # s, from vented to the mean pressure
@@ -22,9 +24,9 @@ RATIO_STEPS = 60
 class PressureRatioPid(Controller):
     """The pressure-ratio law; see the module. Stiffness commands have no meaning for it."""
 
-    def __init__(self, *args: object, **kwargs: object) -> None:
+    def __init__(self, rig: Rig, settings: ControlSettings) -> None:
         self._mean: list[float] = []
-        super().__init__(*args, **kwargs)  # type: ignore[arg-type]
+        super().__init__(rig, settings)
 
     def _ratio_at_rest(self, channel: JointChannel, position: float, mean: float) -> float | None:
         """The ratio that holds the joint still, by bisection; None where no ratio does."""

@@ -173,7 +173,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._close()
 
     def share_priority(self) -> None:
-        """Keep the calling thread, which serves callbacks, from holding up the I/O thread."""
+        """Let the host run the threads beside the I/O thread before other programs' as well."""
         if self._loop is not None:
             self._loop.share_priority()
 

@@ -8,11 +8,13 @@ On a busy host a loop keeps time with a real-time priority, where the system gra
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from pam_model.errors import PamError
 
@@ -44,13 +46,15 @@ class LoopStatistics:
     priority: int = 0
 
 
-def take_priority(priority: int) -> int:
-    """Let the calling thread run before all ordinary ones (SCHED_FIFO), if that is permitted.
+def take_priority(priority: int, thread: int = 0) -> int:
+    """Let a thread run before all ordinary ones (SCHED_FIFO), if that is permitted.
 
     Parameters
     ----------
     priority : int
         1 to 99; 0 leaves the thread as it is.
+    thread : int, optional
+        Its number in the system; 0: the calling one.
 
     Returns
     -------
@@ -60,8 +64,7 @@ def take_priority(priority: int) -> int:
     if priority <= 0 or not hasattr(os, "sched_setscheduler"):
         return 0
     try:
-        # on Linux, 0 is the calling thread alone
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
     except OSError:
         return 0
     return priority
@@ -139,12 +142,18 @@ class PeriodicLoop:
         self._thread.start()
 
     def share_priority(self) -> None:
-        """Let the calling thread run before all ordinary ones too, but after the loop.
+        """Let this process's other threads run before all ordinary ones too, but after the loop.
 
-        The loop's thread waits for any other that holds the interpreter lock. If that one were an
-        ordinary thread which the host does not let run, the loop's priority would be worth nothing.
+        The loop waits for what they do: for messages, and for the interpreter lock. If the host
+        did not let them run, its priority would be worth nothing.
         """
-        take_priority(min(self._asked_priority, LOWEST_PRIORITY))
+        if self._asked_priority <= 0 or not hasattr(os, "sched_setscheduler"):
+            return
+        for task in Path("/proc/self/task").iterdir():
+            # a thread may end meanwhile
+            with contextlib.suppress(OSError):
+                if os.sched_getscheduler(int(task.name)) == os.SCHED_OTHER:
+                    take_priority(LOWEST_PRIORITY, int(task.name))
 
     def check(self) -> None:
         """Raise what ended the loop, if anything did."""

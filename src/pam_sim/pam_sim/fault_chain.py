@@ -16,7 +16,8 @@ from typing import Any, Final
 
 import can
 
-from pam_control.controller import Controller, Measurement
+from pam_control.control_step import Measurement
+from pam_control.controller import Controller
 from pam_driver.bus import CanPort
 from pam_driver.codec import BoardCodec
 from pam_driver.command_intake import CommandError, NamedCommand

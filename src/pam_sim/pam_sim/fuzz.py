@@ -18,7 +18,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pam_control.controller import Controller, Measurement
+from pam_control.control_step import Measurement
+from pam_control.controller import Controller
 from pam_control.controller_parameters import create_controller, parameter_table
 from pam_control.trajectory import TrajectoryPoint
 from pam_driver.board_messages import BoardMessage

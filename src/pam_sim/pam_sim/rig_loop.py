@@ -100,7 +100,7 @@ class RigLoop:
         self._loop.start()
 
     def share_priority(self) -> None:
-        """Keep the calling thread, which serves callbacks, from holding up the loop's."""
+        """Let the host run the threads beside the loop's before other programs' as well."""
         self._loop.share_priority()
 
     def stop(self) -> None:

@@ -126,7 +126,7 @@ class RigNode(Node):  # type: ignore[misc]
         super().destroy_node()
 
     def share_priority(self) -> None:
-        """Keep the calling thread, which serves callbacks, from holding up the simulation's."""
+        """Let the host run the threads beside the simulation's before other programs' as well."""
         self._loop.share_priority()
 
     def check(self) -> None:
