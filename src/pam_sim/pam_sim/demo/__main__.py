@@ -27,7 +27,7 @@ from pam_model.rig import Rig, load_rig
 from pam_sim.demo.chain import BusChoice, Chain, best_bus, private_domain
 from pam_sim.demo.figures import evaluate, show
 from pam_sim.demo.motions import APPROACH, Motion, all_motions
-from pam_sim.demo.page import write_page
+from pam_sim.demo.page import write_page, write_picture
 from pam_sim.demo.player_node import TAIL, Player, VentedError
 from pam_sim.demo.processes import NodeProcess, Setting
 from pam_sim.rig import parse_effects
@@ -184,6 +184,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
     results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig)
     (out / "figures.json").write_text(json.dumps(results.as_json(), indent=1))
     page = write_page(out / "demo.html", results, str(bus), rig.joints[0].muscles)
+    write_picture(out / "demo.png", results, rig.joints[0].muscles)
     show(results, console)
     console.print(f"recording: {bag}\npage:      {page}\ntook {time.monotonic() - began:.0f} s")
     return 0

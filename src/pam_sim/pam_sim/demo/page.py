@@ -144,6 +144,32 @@ def _svg(draw: Callable[[], Canvas]) -> str:
     return base64.b64encode(buffer.getvalue()).decode()
 
 
+def write_picture(path: Path, results: Results, muscles: tuple[str, ...]) -> Path:
+    """Write the arm's motion as one picture, as README shows it.
+
+    Parameters
+    ----------
+    path : Path
+        PNG file to write.
+    results : Results
+        Its first motion is shown, by every law that played it.
+    muscles : tuple of str
+        In the order of the recorded arrays.
+
+    Returns
+    -------
+    Path
+        The same.
+    """
+    first = results.plays[0].motion.name
+    plays = [play for play in results.plays if play.motion.name == first]
+    with mpl.rc_context(STYLE):
+        canvas = _motion_plot(plays, muscles)
+        canvas.suptitle(plays[0].motion.title, fontsize=12)
+        canvas.savefig(path, dpi=110)
+    return path
+
+
 def _css(figure: Figure) -> str:
     return {None: "", True: "good", False: "bad"}[figure.met]
 
