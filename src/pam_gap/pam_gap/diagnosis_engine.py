@@ -30,6 +30,7 @@ from pam_gap.unknown_test import explain_leftover
 from pam_gap.verdict import (
     Evidence,
     accepts_further,
+    closed_by_channel,
     decide,
     has_gap,
     is_rival,
@@ -89,6 +90,11 @@ class JointDiagnosis:
     def held_out_level(self, score: HeldOut) -> float:
         """Level of a held-out score."""
         return float(levels(score.sums.sum(0), score.counts.sum(0), self.floor, self.present))
+
+    def over_floor(self, score: HeldOut) -> Array:
+        """RMS error over floor of each channel that is there."""
+        ratio: Array = np.sqrt(score.mean_square / self.floor)[self.present]
+        return ratio
 
     def written(self) -> HeldOut:
         """The plant as written, which was fitted to nothing."""
@@ -209,15 +215,12 @@ class JointDiagnosis:
         rivals: list[HeldOut] = []
         verdict = "none"
         if chosen is not None and has_gap(before, channels):
-            leftover = explain_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
             evidence = Evidence(
                 chosen.hypothesis.effects,
                 before,
                 self.held_out_level(chosen),
                 channels,
-                gap_closed(nominal, chosen, self.floor, self.present).value,
-                float(leftover.explained[self.present].max()),
-                np.sqrt(chosen.mean_square / self.floor)[self.present],
+                closed_by_channel(self.over_floor(nominal), self.over_floor(chosen)),
             )
             rivals = self.rivals(chosen, tried, nominal)
             verdict = decide(evidence, [r.hypothesis.label for r in rivals])
@@ -233,6 +236,11 @@ class JointDiagnosis:
                 survivors = tuple(s.hypothesis for s in ranked[:CLOSEST])
             diagnosis.proposal = propose(self.fitter, survivors)
         diagnosis.next_experiment = advice(verdict, diagnosis.proposal, self.present)
+        if chosen is not None:
+            leftover = explain_leftover(self.problem, self.folds, chosen.hypothesis.result.errors)
+            diagnosis.facts = dict(diagnosis.facts) | {
+                "leftover_explained": float(leftover.explained[self.present].max())
+            }
         seconds = time.monotonic() - started
         diagnosis.facts = dict(diagnosis.facts) | {
             "seconds": seconds,
@@ -374,7 +382,7 @@ class JointDiagnosis:
                     remaining,
                     self.objections(score),
                     self.held_out_level(score),
-                    tuple(np.sqrt(score.mean_square / self.floor)[self.present].tolist()),
+                    tuple(self.over_floor(score).tolist()),
                 )
             )
         return tuple(entries)

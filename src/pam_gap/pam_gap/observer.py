@@ -13,19 +13,18 @@ fading windows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pam_sim.compiled import HAVE_NUMBA
+from pam_sim.compiled import compiled
 from pam_sim.plant_kernel import run
 from pam_sim.plant_layout import (
     AGONIST,
     C_AMBIENT,
-    C_INERTIA,
+    C_EXTERNAL,
     M_TUBE,
     N_JOINT_OUTPUTS,
     N_MUSCLE_CONSTANTS,
@@ -52,16 +51,7 @@ CATCH_BANDWIDTH = 15.0  # rad/s
 NEUTRAL_SENSORS = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
 
-def _nogil[F: Callable[..., Any]](function: F) -> F:
-    if not HAVE_NUMBA:
-        return function
-    import numba  # noqa: PLC0415  (optional)
-
-    result: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    return result
-
-
-@_nogil
+@compiled
 def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
     c: Any,
     sensors: Any,
@@ -147,7 +137,7 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
             y[Y_POSITION] += (gains[3] if early else gains[1]) * error
             y[Y_VELOCITY] += (gains[4] if early else gains[2]) * error
         if len(external) > 0:
-            y[Y_VELOCITY] += external[k] * sample_time / c[C_INERTIA]
+            c[C_EXTERNAL] = external[k]
         run(
             c, tables, commands, k, nothing, no_pressures, shut, sample_time, step, y, work, row,
         )  # fmt: skip
@@ -239,7 +229,7 @@ def observe(
 
     def one(lane: int) -> None:
         _observe(
-            constants[lane],
+            constants[lane].copy(),
             sensors[lane],
             tables,
             commands,

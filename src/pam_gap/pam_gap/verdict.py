@@ -35,7 +35,9 @@ RIVAL_GAP = 0.5
 RIVAL_SHARE = 0.06
 """Nor is this share of the fall of the level."""
 CLOSED_AT_LEAST = 0.60
-"""Share of the RMS gap that effects with laws of many forms must close."""
+"""Share of the RMS gap that effects with laws of many forms must close, mean over channels."""
+GAP_OF_CHANNEL = 1.5
+"""RMS error over floor from which a channel has a gap that can close."""
 SHARP_FALL = 0.60
 """Share of the level that effects with laws of one form must take away."""
 SHARP = frozenset(
@@ -71,11 +73,7 @@ class Evidence:
     channels : int
         Number of channels.
     closed : float
-        Share of the RMS gap closed on held-out data.
-    explained : float
-        Largest share of a channel's leftover that a flexible law of the inputs explains.
-    rms_after : ndarray, shape (channels,)
-        RMS error over floor that the best leaves.
+        Share of the RMS gap closed on held-out data, mean over the channels that have one.
     """
 
     effects: tuple[str, ...]
@@ -83,8 +81,6 @@ class Evidence:
     level_after: float
     channels: int
     closed: float
-    explained: float
-    rms_after: Array
 
 
 def has_gap(level_before: float, channels: int) -> bool:
@@ -149,7 +145,16 @@ def decide(evidence: Evidence, rivals: Sequence[str]) -> str:
     return "ambiguous" if rivals else "named"
 
 
-def rms_over_floor(mean_square: Array, floor: Array) -> Array:
-    """RMS error over floor of each channel."""
-    value: Array = np.sqrt(mean_square / floor)
-    return value
+def closed_by_channel(before: Array, after: Array) -> float:
+    """Share of the gap closed, mean over channels: none outweighs others by its low noise.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (channels,)
+        RMS error over floor.
+    """
+    wide = before > GAP_OF_CHANNEL
+    if not wide.any():
+        return 1.0
+    share = (before - np.maximum(after, 1.0))[wide] / (before - 1.0)[wide]
+    return float(share.mean())

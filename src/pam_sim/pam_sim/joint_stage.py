@@ -22,6 +22,7 @@ from pam_sim.plant_layout import (
     C_DROOP_CONDUCTANCE,
     C_DROOP_VOLUME,
     C_EXPONENT,
+    C_EXTERNAL,
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_INERTIA,
@@ -212,7 +213,10 @@ def joint_rates(
     dy[Y_VELOCITY] = 0.0
     if free and not position_given:
         total = (
-            torque - c[C_VISCOUS] * speed - c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE])
+            torque
+            + c[C_EXTERNAL]
+            - c[C_VISCOUS] * speed
+            - c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE])
         )
         if sliding != 0.0:
             total -= sliding * dry_friction(c, speed)

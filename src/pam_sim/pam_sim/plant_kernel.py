@@ -19,6 +19,7 @@ from pam_sim.plant_layout import (
     ANTAGONIST,
     C_AMBIENT,
     C_COULOMB,
+    C_EXTERNAL,
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_LOWER,
@@ -164,7 +165,7 @@ def contact_of(
         return 0
     given = (False, pressure_given)
     torque = joint_rates(c, tables, y, work[0], u0, u1, work[5], 0.0, True, given, shut, h)
-    torque -= c[C_GRAVITY] * math.sin(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
+    torque += c[C_EXTERNAL] - c[C_GRAVITY] * math.sin(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
     if has_friction and abs(torque) <= dry_friction(c, 0.0):
         return LOCKED
     if (torque > 0.0 and at_upper) or (torque <= 0.0 and at_lower):

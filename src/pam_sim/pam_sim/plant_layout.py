@@ -50,6 +50,7 @@ MUSCLE_NOMINAL = (
     C_VISCOUS,
     C_GRAVITY,
     C_GRAVITY_ANGLE,
+    C_EXTERNAL,
     C_LOWER,
     C_UPPER,
     C_RT,
@@ -61,8 +62,8 @@ MUSCLE_NOMINAL = (
     C_STRIBECK,
     C_STRIBECK_SPEED,
     C_RATE,
-) = range(20)
-AGONIST = 20
+) = range(21)
+AGONIST = 21
 (
     M_TABLE,
     M_B,
