@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import random
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from pam_sim.demo.chain import BusChoice, multicast_bus
+from pam_sim.demo.chain import BusChoice, multicast_bus, private_domain
 from support.frames import FrameListener
 from support.probe import Probe
 
@@ -47,10 +46,7 @@ def patience(slow_host: bool) -> float:
 @pytest.fixture
 def ros_environment() -> dict[str, str]:
     """Environment of processes in a ROS domain of their own, on this machine alone."""
-    return {
-        "ROS_DOMAIN_ID": str(random.randint(1, 100)),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
+    return private_domain()
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -28,6 +27,7 @@ from std_msgs.msg import Float64MultiArray  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
 from pam_model.rig import load_rig  # noqa: E402
+from pam_sim.demo.chain import private_domain  # noqa: E402
 from pam_sim.plant import Plant  # noqa: E402
 from pam_sim.plant_parameters import PlantParameters  # noqa: E402
 
@@ -165,7 +165,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def domain() -> int:
-    return random.Random(os.getpid()).randint(1, 100)
+    return int(private_domain()["ROS_DOMAIN_ID"])
 
 
 @pytest.fixture(scope="module")

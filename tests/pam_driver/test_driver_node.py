@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 
 from pam_driver.board_dbc import default_dbc_path
 from pam_driver.codec import BoardCode, BoardCodec, BoardFault, BoardState
+from pam_sim.demo.chain import private_domain
 
 from .node_bench import ELBOW, NAMES, PATIENCE, DriverProcess, RealTimeBoard, RosPeer
 
@@ -34,7 +35,7 @@ class Bench:
     """One driver process with its board and a ROS peer."""
 
     def __init__(self, folder: Path, kind: str, codec: BoardCodec) -> None:
-        self.domain = random.randint(1, 100)
+        self.domain = int(private_domain()["ROS_DOMAIN_ID"])
         self.folder = folder
         self.bus: dict[str, Any] = {"interface": kind, "channel": VCAN}
         if kind == "udp_multicast":

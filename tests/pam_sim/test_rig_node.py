@@ -10,15 +10,13 @@ import time
 
 import pytest
 
+from pam_sim.demo.chain import private_domain
+
 from .conftest import ELBOW
 
 rclpy = pytest.importorskip("rclpy")
 
-DOMAIN = str(1 + os.getpid() % 100)
-ENVIRONMENT = os.environ | {
-    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    "ROS_DOMAIN_ID": DOMAIN,
-}
+ENVIRONMENT = os.environ | private_domain()
 PORT = 44000 + os.getpid() % 999
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import random
 import sys
 import time
@@ -30,7 +29,7 @@ from pam_driver.bus import CanPort, open_bus
 from pam_driver.codec import BoardCodec, FrameError, ValveCommand
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
-from pam_sim.demo.chain import private_domain
+from pam_sim.demo.chain import private_domain, set_environment
 from pam_sim.fuzz import BLOCK, ViolationError, injection, names, numbers
 
 CHANNEL: Final = "fuzz"
@@ -117,13 +116,13 @@ def made_nodes(rig: Path) -> Iterator[list[Any]]:
     PamError
         If the driver does not configure.
     """
-    os.environ.update(private_domain())
     arguments = ["--ros-args", "--params-file", str(rig)]
     for name in ("pam_driver", "pam_rig"):
         # two buses: boards that answered would be no fault, but garbage need not meet any
         for key, value in (("interface", "virtual"), ("channel", f"{CHANNEL}_{name}")):
             arguments += ["-p", f"{name}:bus.{key}:={value}"]
-    rclpy.init(args=[*arguments, "-p", "pam_driver:autostart:=false"])
+    with set_environment(private_domain()):
+        rclpy.init(args=[*arguments, "-p", "pam_driver:autostart:=false"])
     nodes: list[Any] = []
     try:
         for target in NODES.values():

@@ -32,7 +32,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from pam_model.errors import PamError
-from pam_sim.demo.chain import Chain, multicast_bus, private_domain
+from pam_sim.demo.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_sim.demo.processes import NodeProcess
 from pam_sim.process_use import Use, use_of
 from pam_sim.unpluggable_driver_node import PLUG
@@ -173,8 +173,8 @@ class LifecycleCycler(Node):  # type: ignore[misc]
 @contextmanager
 def _chain(rig: Path, plug: Path) -> Iterator[tuple[LifecycleCycler, Chain, NodeProcess]]:
     environment = private_domain()
-    os.environ.update(environment)
-    rclpy.init(args=[])
+    with set_environment(environment):
+        rclpy.init(args=[])
     node = LifecycleCycler()
     bus = multicast_bus()
     try:

@@ -13,7 +13,6 @@ one that comes too early, a vent that comes too late - is tried again, `TRIES` t
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import signal
 import sys
@@ -28,7 +27,7 @@ import rclpy
 from pam_driver.bus import open_bus
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
-from pam_sim.demo.chain import Chain, multicast_bus, private_domain
+from pam_sim.demo.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_sim.fault_injection import INJECTIONS
 from pam_sim.fault_kinds import KINDS, FaultKind, Reaction
 from pam_sim.fault_operator_node import FaultOperator
@@ -202,11 +201,11 @@ def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> Iterator[Row]:
         If the chain does not come up, or not again.
     """
     environment = private_domain()
-    os.environ.update(environment)
     bus = multicast_bus()
     rig = load_rig(rig_path)
     port = open_bus(bus.interface, bus.channel, port=bus.port)
-    rclpy.init(args=[])
+    with set_environment(environment):
+        rclpy.init(args=[])
     operator = FaultOperator(rig.joint_names, port)
     try:
         with Chain([rig_path], bus, environment) as chain:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from pathlib import Path
@@ -11,7 +10,7 @@ import rclpy
 from rclpy.node import Node
 
 from pam_model.rig import load_rig
-from pam_sim.demo.chain import MODULES, Chain, multicast_bus, private_domain
+from pam_sim.demo.chain import MODULES, Chain, multicast_bus, private_domain, set_environment
 from pam_sim.security_policy import POLICY, rights_of
 
 PATIENCE = 40.0  # s
@@ -29,9 +28,9 @@ def used_by(node: Node, name: str) -> dict[str, set[str]]:
 def differences(rig_path: Path) -> list[str]:
     """One line for each name that is used but not allowed, or allowed but not used."""
     environment = private_domain()
-    os.environ.update(environment)
     muscles = load_rig(rig_path).muscle_names
-    rclpy.init(args=[])
+    with set_environment(environment):
+        rclpy.init(args=[])
     node = rclpy.create_node("security_check")
     try:
         with Chain([rig_path], multicast_bus(), environment) as chain:

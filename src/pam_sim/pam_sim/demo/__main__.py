@@ -24,7 +24,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
-from pam_sim.demo.chain import BusChoice, Chain, best_bus, private_domain
+from pam_sim.demo.chain import BusChoice, Chain, best_bus, private_domain, set_environment
 from pam_sim.demo.figures import evaluate, show
 from pam_sim.demo.motions import APPROACH, Motion, all_motions
 from pam_sim.demo.page import write_page, write_picture
@@ -106,8 +106,8 @@ def perform(
     """
     runs: list[dict[str, Any]] = []
     total = sum(APPROACH + motion.duration + TAIL for _, motion in plays)
-    os.environ.update(chain.environment)
-    rclpy.init(args=[])
+    with set_environment(chain.environment):
+        rclpy.init(args=[])
     player = Player(rig.joint_names)
     columns = (TextColumn("{task.description:34}"), BarColumn(None), TimeRemainingColumn())
     try:
@@ -172,7 +172,10 @@ def run(options: argparse.Namespace, console: Console) -> int:
         parse_effects(options.true_effects)
         plant["hidden_effects"] = " ".join(options.true_effects)
     console.print(f"rig {rig_path}, bus: {bus}")
-    chain = Chain([rig_path], bus, private_domain())
+    environment = private_domain()
+    # who has set a domain wants to look on from it
+    environment["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
+    chain = Chain([rig_path], bus, environment)
     try:
         with chain:
             plays = programme(motions, not (options.no_baselines or options.short))

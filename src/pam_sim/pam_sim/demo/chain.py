@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import random
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +23,7 @@ MODULES = {
 }
 ON_THE_BUS = ("rig", "driver")
 MULTICAST_GROUP = "239.74.163.2"
+_domains = itertools.count(random.randrange(100))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +80,28 @@ def best_bus() -> BusChoice:
 
 
 def private_domain() -> dict[str, str]:
-    """Environment of a ROS domain that no other machine hears and hardly another run shares."""
+    """Environment of a ROS domain that no other machine hears and hardly another run shares.
+
+    Another one at every call: nodes that a chain has lost must not be met by the next one.
+    """
     # 101 and above run into the ports the kernel hands out
-    domain = os.environ.get("ROS_DOMAIN_ID") or str(random.randint(1, 100))
-    return {"ROS_DOMAIN_ID": domain, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    domain = 1 + next(_domains) % 100
+    return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+@contextmanager
+def set_environment(environment: Mapping[str, str]) -> Iterator[None]:
+    """Let this process's environment have these values until left."""
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 @dataclass(slots=True)
