@@ -7,6 +7,7 @@ Muscle"; forces from virtual work, F = -P dV/dL; trapped gas from P_abs (V + dea
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
@@ -84,7 +85,7 @@ def trapped_gas_slope(
     return -exponent * (pressure + ambient_pressure) * volume_slope / (volume + dead_volume)
 
 
-class AffineMuscle:
+class AffineMuscle(ABC):
     """Force, stiffness and closed stiffness of a model with F = pressure * A(L) + B(L).
 
     A model derived from this offers `coefficients`, `coefficient_slopes`, `volume` and
@@ -93,21 +94,21 @@ class AffineMuscle:
 
     name: ClassVar[str]
 
+    @abstractmethod
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """A(L) [m^2] and B(L) [N]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
         """dA/dL [m] and dB/dL [N/m]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def volume(self, length: Any) -> Any:
         """Gas volume [m^3], without the rig's dead volume."""
-        raise NotImplementedError
 
+    @abstractmethod
     def volume_slope(self, length: Any) -> Any:
         """dV/dL [m^2]."""
-        raise NotImplementedError
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
         """Pull [N] at gauge pressure [Pa] and length [m]; speed plays no part."""

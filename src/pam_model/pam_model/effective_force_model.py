@@ -9,6 +9,7 @@ a joint, not of a fit.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -60,7 +61,7 @@ def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
     return model
 
 
-class _Wrapper:
+class _Wrapper(ABC):
     """A model in terms of another one; pressure slopes by difference, unless better is known."""
 
     name: ClassVar[str] = "effective"
@@ -73,11 +74,11 @@ class _Wrapper:
     def length_bounds(self) -> tuple[float, float]:
         return self.inner.length_bounds
 
-    def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:
-        raise NotImplementedError
+    @abstractmethod
+    def force(self, pressure: float, length: float, velocity: float = 0.0) -> float: ...
 
-    def stiffness(self, pressure: float, length: float) -> float:
-        raise NotImplementedError
+    @abstractmethod
+    def stiffness(self, pressure: float, length: float) -> float: ...
 
     def pressure_slope(self, pressure: float, length: float) -> float:
         """dF/dP [m^2]."""

@@ -7,6 +7,7 @@ opposes dL/dt; a chamber that is shut keeps P_abs (V + dead volume)^exponent.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -160,7 +161,7 @@ class ElasticCylinder(ThinCylinder):
         return super().volume(length) - self.wall_volume
 
 
-class CurvedMuscle:
+class CurvedMuscle(ABC):
     """A muscle whose force is no straight line in pressure; it offers dF/dP instead.
 
     A model derived from this has `force`, `stiffness`, `pressure_slope`, and a gas volume, by
@@ -175,13 +176,13 @@ class CurvedMuscle:
         """(0, b) [m]."""
         return self.braid.length_bounds
 
+    @abstractmethod
     def stiffness(self, pressure: Any, length: Any) -> Any:
         """dF/dL at constant pressure [N/m]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def pressure_slope(self, pressure: Any, length: Any) -> Any:
         """dF/dP at constant length [m^2]."""
-        raise NotImplementedError
 
     def volume(self, length: Any) -> Any:
         """The ideal braid's gas volume [m^3]."""
