@@ -21,6 +21,8 @@ def generate_launch_description() -> LaunchDescription:
         "autostart": ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
         "startup_timeout": ParameterValue(LaunchConfiguration("startup_timeout"), value_type=float),
     }
+    # cycles keep their time on a busy host, if the user may have that (docs/on_a_robot.md)
+    priority = ParameterValue(LaunchConfiguration("realtime_priority"), value_type=int)
     elbow = PathJoinSubstitution([FindPackageShare("pam_bringup"), "config", "elbow.yaml"])
     return LaunchDescription(
         [
@@ -41,10 +43,15 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="10.0",
                 description="how long autostart waits for all boards [s]",
             ),
+            DeclareLaunchArgument(
+                "realtime_priority",
+                default_value="20",
+                description="of the driver's and controller's loops, where permitted; 0: ordinary",
+            ),
             Node(
                 package="pam_driver",
                 executable="driver_node",
-                parameters=[rig_file, bus],
+                parameters=[rig_file, bus, {"realtime_priority": priority}],
                 output="screen",
             ),
             Node(
@@ -56,7 +63,7 @@ def generate_launch_description() -> LaunchDescription:
             Node(
                 package="pam_control",
                 executable="controller_node",
-                parameters=[rig_file],
+                parameters=[rig_file, {"loop.realtime_priority": priority}],
                 output="screen",
             ),
         ]

@@ -41,7 +41,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         Parameter("law", "model_based", "-", 0, 0, f"control law: {' or '.join(LAWS)}"),
         _number("loop.rate", 1.0 / d.period, "Hz", 50.0, 2000.0, "control cycles", fixed=True),
         _number(
-            "loop.realtime_priority", 19, "-", 0, 99,
+            "loop.realtime_priority", 0, "-", 0, 99,
             "of the control thread (SCHED_FIFO) where the system permits it; 0: ordinary",
             fixed=True,
         ),

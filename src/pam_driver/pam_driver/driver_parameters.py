@@ -18,7 +18,7 @@ TABLE: Final = (
     ),
     Parameter("rate", 500.0, "Hz", 1.0, 1000.0, "cycles of the I/O thread"),
     Parameter(
-        "realtime_priority", 20, "-", 0, 99, "of the I/O thread (SCHED_FIFO) where the system "
+        "realtime_priority", 0, "-", 0, 99, "of the I/O thread (SCHED_FIFO) where the system "
         "permits it; 0: ordinary"
     ),
     Parameter("bus.interface", "socketcan", "-", 0, 0, "python-can's name of the interface"),

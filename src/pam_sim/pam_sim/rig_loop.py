@@ -15,8 +15,6 @@ from pam_sim.fault_injection import inject, mend, parse_injection
 from pam_sim.frame_faults import FaultyPort, FrameFaults
 from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
-REALTIME_PRIORITY = 21  # boards are hardware: nothing on the host keeps them waiting
-
 
 class RigLoop:
     """Serves a simulated rig to a bus from a thread of its own.
@@ -43,7 +41,12 @@ class RigLoop:
     """
 
     def __init__(
-        self, rig: SimulatedRig, port: CanPort, rate: float, truth_rate: float = 0.0
+        self,
+        rig: SimulatedRig,
+        port: CanPort,
+        rate: float,
+        truth_rate: float = 0.0,
+        realtime_priority: int = 0,
     ) -> None:
         self.sim = self._rig = rig
         self.frames = FrameFaults()
@@ -52,7 +55,7 @@ class RigLoop:
         self._later: list[tuple[float, Callable[[], None]]] = []
         self._asked: deque[Callable[[], None]] = deque()
         self._draw = random.Random(0)
-        self._loop = PeriodicLoop(self._turn, 1.0 / rate, "simulated rig", REALTIME_PRIORITY)
+        self._loop = PeriodicLoop(self._turn, 1.0 / rate, "simulated rig", realtime_priority)
         self.truth: GroundTruth = rig.ground_truth()
         self.truth_time = time.time()
         self._truth_every = max(1, round(rate / truth_rate)) if truth_rate > 0.0 else 0

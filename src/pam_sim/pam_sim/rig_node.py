@@ -49,6 +49,14 @@ PARAMETERS = (
         "faults", "", "-", 0, 0, "faults to bring about: seconds name value=number; seconds name"
     ),
     Parameter("rate", 1000.0, "Hz", 10.0, 10000.0, "turns of the simulation's thread"),
+    Parameter(
+        "realtime_priority",
+        0,
+        "-",
+        0,
+        99,
+        "of that thread (SCHED_FIFO) where the system permits it; 0: ordinary",
+    ),
     Parameter("step", DEFAULT_STEP, "s", 1e-6, 2e-3, "longest step of the plant"),
     Parameter("ground_truth_rate", 100.0, "Hz", 0.1, 1000.0, "how often the truth is published"),
     Parameter("measurement_rate", _B.measurement_rate, "Hz", 1.0, 10000.0, "of the boards"),
@@ -101,7 +109,13 @@ class RigNode(Node):  # type: ignore[misc]
             options["port"] = values["bus.port"]
         port = open_bus(interface, str(values["bus.channel"]), **options)
         truth_rate = values.number("ground_truth_rate")
-        self._loop = RigLoop(simulated, port, values.number("rate"), truth_rate)
+        self._loop = RigLoop(
+            simulated,
+            port,
+            values.number("rate"),
+            truth_rate,
+            int(values.number("realtime_priority")),
+        )
         self._loop.schedule(str(values["faults"]))
         self._skipped = 0.0
         topics = [

@@ -39,6 +39,12 @@ LAWS: dict[str, dict[str, Setting]] = {
     "no_feedforward": {"feedforward.enabled": False},
     "pressure_ratio_pid": {"law": "pressure_ratio_pid"},
 }
+# as on a robot; the boards come first: they would not wait for their host
+REALTIME: dict[str, dict[str, Setting]] = {
+    "rig": {"realtime_priority": 21},
+    "driver": {"realtime_priority": 20},
+    "controller": {"loop.realtime_priority": 20},
+}
 COMPARED = ("arm", "chirp")  # what the simpler laws play as well
 
 
@@ -118,8 +124,8 @@ def perform(
                 environment=chain.environment,
                 arguments=["--out", str(bag)],
             )
-            chain.start("rig", plant)
-            chain.start("driver", {"startup_timeout": START_TIMEOUT})
+            chain.start("rig", plant | REALTIME["rig"])
+            chain.start("driver", {"startup_timeout": START_TIMEOUT} | REALTIME["driver"])
             chain.start("model")
             player.wait_for_driver(START_TIMEOUT, chain.check)
             law_now = ""
@@ -131,7 +137,7 @@ def perform(
                         chain.stop("controller")
                         player.activate(chain.check)
                     progress.update(task, description="starting the controller")
-                    chain.start("controller", LAWS[law])
+                    chain.start("controller", LAWS[law] | REALTIME["controller"])
                     player.wait_for_controller(START_TIMEOUT, chain.check)
                     law_now = law
                 label = f"{motion.title}, {law.replace('_', ' ')}"
