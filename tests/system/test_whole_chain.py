@@ -13,6 +13,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from pam_driver.codec import Measurement
 
+from .conftest import RATE
+
 pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 
@@ -144,11 +146,11 @@ def recorded(path: Path) -> dict[str, tuple[str, list[tuple[float, float | None]
 JOINT_STATE = "sensor_msgs/msg/JointState"
 # topic: type, rate it is meant to have [1/s]
 LISTED = {
-    "/pressure_states": (JOINT_STATE, 500.0),
+    "/pressure_states": (JOINT_STATE, RATE),
     "/elbow_flexor/pressure": ("sensor_msgs/msg/FluidPressure", 10.0),
     "/elbow_extensor/pressure": ("sensor_msgs/msg/FluidPressure", 10.0),
-    "/joint_states": (JOINT_STATE, 500.0),
-    "/valve_commands": (JOINT_STATE, 500.0),
+    "/joint_states": (JOINT_STATE, RATE),
+    "/valve_commands": (JOINT_STATE, RATE),
     "/muscle_states": (JOINT_STATE, 100.0),
     "/joint_estimates": (JOINT_STATE, 100.0),
     "/joint_stiffness": ("std_msgs/msg/Float64MultiArray", 100.0),

@@ -16,6 +16,9 @@ _STEP_MEMORY: Final = 0.5
 _SHORTEST_GAP: Final = 0.01
 _LONGEST_GAP: Final = 0.1
 _NOISE_MEMORY: Final = 25  # samples
+_MEAN_SIZE: Final = math.sqrt(2.0 / math.pi)  # of Gaussian noise, over its sigma
+# Two gaps that differ by more than this factor say more of the host than of the sensor.
+_EVEN_GAPS: Final = 2.5
 _LOWEST_PRESSURE: Final = -20e3  # Pa gauge; no muscle is sucked empty
 
 
@@ -27,6 +30,7 @@ class _Signal:
         self._allowed = step_per_gap
         self._last = (math.nan, math.nan)
         self._time = NEVER
+        self._gap = math.nan
         self._step = 0.0
         self._step_at = NEVER
 
@@ -34,7 +38,8 @@ class _Signal:
         if not sample.time > self._time:
             return
         gap = sample.time - self._time
-        self._time = sample.time
+        stretch = gap / self._gap
+        self._time, self._gap = sample.time, gap
         before, last = self._last
         self._last = (last, sample.value)
         if gap > _LONGEST_GAP:
@@ -43,16 +48,23 @@ class _Signal:
         step = abs(sample.value - last) / (self._allowed * max(gap / _SHORTEST_GAP, 1.0))
         if step > self._step or now - self._step_at > _STEP_MEMORY:
             self._step, self._step_at = step, now
-        bend = abs(sample.value - 2.0 * last + before)
-        if not math.isnan(bend):
-            # of Gaussian noise: mean of |x| is 0.80 sigma, and the bend has sqrt(6) of it;
+        if not math.isnan(before) and 1.0 / _EVEN_GAPS <= stretch <= _EVEN_GAPS:
+            # the stamps or the samples are even: motion at a steady speed is no noise in either
+            # case, noise is some in both
+            sigma = min(_noise_of(last - before, sample.value - last, r) for r in (1.0, stretch))
             # one wild sample must not pass for noise
-            sigma = min(bend / 1.954, 4.0 * self.noise + 0.1 * self._allowed)
+            sigma = min(sigma, 4.0 * self.noise + 0.1 * self._allowed)
             self.noise += (sigma - self.noise) / _NOISE_MEMORY
 
     def step(self, now: float) -> float:
         """The greatest step of late over what is allowed."""
         return self._step if now - self._step_at <= _STEP_MEMORY else 0.0
+
+
+def _noise_of(first: float, second: float, stretch: float) -> float:
+    """Standard deviation that two steps suggest, the second taking `stretch` times as long."""
+    spread = math.sqrt(1.0 + (1.0 + stretch) ** 2 + stretch**2)
+    return abs(second - first * stretch) / (_MEAN_SIZE * spread)
 
 
 class SensorChecks:

@@ -1,0 +1,100 @@
+"""Diagnosis of 40 s at 500 Hz: time and memory, beside one simulation of the same recording.
+
+    python benchmarks/diagnosis_bench.py [--cases N] [--seed S] [--json FILE]
+
+The rigs hide two effects each, which take the longest to name. Times vary with the machine and its
+load; the ratio holds elsewhere. The goals are 60 s on two cores and 2 GiB.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+import timeit
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pam_gap.blind.cases import make_case
+from pam_model.rig import load_rig
+from pam_sim.plant import simulate
+from pam_sim.plant_parameters import PlantParameters
+
+SAMPLE_TIME = 0.002  # s
+GOAL_S, GOAL_GIB = 60.0, 2.0
+
+MEASURED = """
+import resource, sys, time
+from pam_gap.__main__ import main
+started = time.monotonic()
+code = main(sys.argv[1:])
+print(time.monotonic() - started, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
+raise SystemExit(code)
+"""
+
+
+def diagnose(case: Path, out: Path) -> tuple[float, float]:
+    """Wall time from start to exit [s] and largest memory [GiB] of a process that diagnoses."""
+    started = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURED, "diagnose", str(case / "recording.csv.gz"),
+         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise SystemExit(f"error: {done.stderr}")
+    return time.monotonic() - started, float(done.stdout.split()[-1])
+
+
+def simulation_time(case: Path) -> float:
+    """One compiled simulation of the case's commands [s], the least of five."""
+    rig = load_rig(case / "rig.yaml")
+    table = pd.read_csv(case / "recording.csv.gz")
+    commands = np.column_stack([table[f"valve_commands.{name}"] for name in rig.joints[0].muscles])
+    step = float(table["time"].iloc[1] - table["time"].iloc[0])
+    parameters = PlantParameters.from_rig(rig)
+    simulate(parameters, commands[:10], step)
+    return min(timeit.repeat(lambda: simulate(parameters, commands, step), number=1, repeat=5))
+
+
+def main() -> None:
+    """Measure, print a table, optionally write it as JSON."""
+    parser = argparse.ArgumentParser(description="Time and memory of a diagnosis.")
+    parser.add_argument("--cases", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path, help="also write the numbers here")
+    chosen = parser.parse_args()
+    random = np.random.default_rng(chosen.seed)
+    rows: list[dict[str, float | str]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        cases, sealed = Path(folder) / "cases", Path(folder) / "sealed"
+        while len(rows) < chosen.cases:
+            name = f"{len(rows):03d}-{random.integers(1_000_000)}"
+            label = make_case(name, "two", cases, sealed, random)
+            table = pd.read_csv(cases / name / "recording.csv.gz", usecols=["time"])
+            if abs(table["time"].iloc[1] - table["time"].iloc[0] - SAMPLE_TIME) > 1e-6:
+                continue
+            seconds, gib = diagnose(cases / name, Path(folder) / "out" / name)
+            once = simulation_time(cases / name)
+            rows.append({"hidden": " + ".join(label.effects), "samples": len(table),
+                         "seconds": seconds, "gib": gib, "simulation": once})  # fmt: skip
+    print(f"  {'hidden':44s} samples   wall [s]  memory [GiB]  one simulation [s]  ratio")
+    for row in rows:
+        print(
+            f"  {row['hidden']:44s} {row['samples']:7d}  {row['seconds']:9.1f}  {row['gib']:12.2f}"
+            f"  {row['simulation']:18.3f}  {float(row['seconds']) / float(row['simulation']):5.0f}"
+        )
+    worst, most = max(float(r["seconds"]) for r in rows), max(float(r["gib"]) for r in rows)
+    print(f"  goal {GOAL_S:g} s on two cores: {'met' if worst <= GOAL_S else 'missed'}")
+    print(f"  goal {GOAL_GIB:g} GiB: {'met' if most <= GOAL_GIB else 'missed'}")
+    if chosen.json:
+        chosen.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
