@@ -34,7 +34,13 @@ RELAXED: dict[str, dict[str, Setting]] = {
         "board_timeout": 3.0,
     },
     "model": {},
-    "controller": {"loop.rate": RATE, "loop.stale_after": 1.0},
+    # gains that stand the pauses of a busy host
+    "controller": {
+        "loop.rate": RATE,
+        "loop.stale_after": 1.0,
+        "loop.measurement_delay": 0.02,
+        "loop.command_delay": 0.02,
+    },
 }
 # An emulated processor is ten to twenty times slower.
 SLOW: dict[str, dict[str, Setting]] = {
