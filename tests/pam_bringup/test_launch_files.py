@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from pam_control.controller_parameters import parameter_table
 from pam_driver.driver_parameters import TABLE as DRIVER_PARAMETERS
 from pam_sim.rig_node import PARAMETERS as RIG_PARAMETERS
 
@@ -45,7 +46,10 @@ def test_every_started_node_is_installed(path):
 
 @pytest.mark.parametrize(
     ("name", "parameters"),
-    [("robot.launch.py", DRIVER_PARAMETERS), ("simulation.launch.py", RIG_PARAMETERS)],
+    [
+        ("robot.launch.py", [*DRIVER_PARAMETERS, *parameter_table([])]),
+        ("simulation.launch.py", RIG_PARAMETERS),
+    ],
 )
 def test_every_parameter_given_to_a_node_is_one_of_its_own(name, parameters):
     tree = ast.parse((ROOT / "src/pam_bringup/launch" / name).read_text())
