@@ -117,6 +117,13 @@ def test_motion_on_a_busy_host_is_no_noise(rig: Rig, sampled_late: bool) -> None
     assert 0.0005 < noisy < 0.006
 
 
+def test_noise_is_told_after_a_long_gap_that_another_follows(rig: Rig) -> None:
+    """Nothing remembered must not turn into a noise that is no number, above no limit for ever."""
+    tight = replace(rig, plausibility=replace(rig.plausibility, position_noise=2e-4))
+    gaps = [0.01, 0.11, 0.09] + [PERIOD] * 300
+    assert 0.001 < moving(SensorChecks(tight), gaps, True, 0.002) < 0.006
+
+
 def test_one_wild_sample_is_a_step_but_no_noise(signals: Signals) -> None:
     signals.run(100)
     found = signals.run(60, pressure=lambda k: 9e5 if k == 20 else 2e5)
