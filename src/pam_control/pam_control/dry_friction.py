@@ -47,7 +47,7 @@ class DryFriction:
         kinetic = effect_value(joint.effects, "stribeck_friction", "torque")
         return cls(
             effect_value(joint.effects, "coulomb_friction", "torque"),
-            static,
+            max(static, kinetic),
             kinetic,
             effect_value(joint.effects, "stribeck_friction", "speed"),
         )

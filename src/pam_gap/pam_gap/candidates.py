@@ -23,6 +23,9 @@ ONE_SIDED = ("valve_null_offset", "pressure_gain", "pressure_bias")
 
 SIDES = ("agonist", "antagonist")
 
+RISING_SPEEDS = (0.05, 0.3)
+"""Speeds [rad/s] over which a Stribeck curve may fall."""
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -120,7 +123,12 @@ def _sizes(rig: Rig, joint: Joint) -> dict[str, dict[str, _Sizes]]:
             "linear": _Sizes(
                 0.0, 40.0 * force / stroke, force / stroke * 0.2, (0.2 * force / stroke,)
             ),
-            "cubic": _Sizes(0.0, 100.0 * force / stroke**3, force / stroke**3 * 0.3, (0.0,)),
+            "cubic": _Sizes(
+                -20.0 * force / stroke**3,
+                100.0 * force / stroke**3,
+                0.3 * force / stroke**3,
+                (0.0,),
+            ),
         },
         "end_caps": {"factor": _Sizes(0.8, 1.5, 0.1, (1.07,))},
         "braid_extensibility": {
@@ -130,12 +138,14 @@ def _sizes(rig: Rig, joint: Joint) -> dict[str, dict[str, _Sizes]]:
             "compliance": _Sizes(0.0, stroke / force, 0.1 * stroke / force, (0.1 * stroke / force,))
         },
         "coulomb_friction": {
-            "torque": _Sizes(0.0, 5.0 * torque, 0.05 * torque, (0.05 * torque, 0.2 * torque))
+            "torque": _Sizes(0.0, 5.0 * torque, 0.05 * torque, (0.03 * torque, 0.15 * torque)),
+            "presliding_angle": _Sizes(1e-4, 3e-2, 0.7, (1e-3,), True),
         },
         "stribeck_friction": {
-            "static_torque": _Sizes(0.0, 5.0 * torque, 0.05 * torque, (0.15 * torque,)),
-            "torque": _Sizes(0.0, 5.0 * torque, 0.05 * torque, (0.07 * torque,)),
-            "speed": _Sizes(5e-3, 3.0, 0.7, (0.05, 0.3), True),
+            "static_torque": _Sizes(0.0, 5.0 * torque, 0.05 * torque, (0.06 * torque,)),
+            "torque": _Sizes(0.0, 5.0 * torque, 0.05 * torque, (0.04 * torque,)),
+            "speed": _Sizes(5e-3, 3.0, 0.7, RISING_SPEEDS, True),
+            "presliding_angle": _Sizes(1e-4, 3e-2, 0.7, (1e-3,), True),
         },
         "viscous_friction": {
             "extra": _Sizes(
@@ -150,10 +160,10 @@ def _sizes(rig: Rig, joint: Joint) -> dict[str, dict[str, _Sizes]]:
             "distance": _Sizes(0.02, 1.5, 0.5, (0.3,), True),
         },
         "pulley_radius": {"scale": _Sizes(0.5, 2.0, 0.05, (1.05, 0.95))},
-        "position_offset": {"offset": _Sizes(-0.9, 0.9, 0.03, (0.02,))},
+        "position_offset": {"offset": _Sizes(-0.9, 0.9, 0.03, (0.03, -0.03))},
         "position_delay": {"delay": _Sizes(0.0, 0.15, 0.01, (0.01, 0.03))},
-        "pressure_gain": {"gain": _Sizes(0.6, 1.6, 0.05, (1.04,))},
-        "pressure_bias": {"bias": _Sizes(-9e4, 9e4, 5e3, (4e3,))},
+        "pressure_gain": {"gain": _Sizes(0.6, 1.6, 0.05, (1.04, 0.96))},
+        "pressure_bias": {"bias": _Sizes(-9e4, 9e4, 5e3, (5e3, -5e3))},
         "pressure_lag": {"time_constant": _Sizes(0.0, 0.3, 0.01, (0.01, 0.03))},
     }
 
@@ -186,6 +196,32 @@ def _candidate(effect: Effect, sizes: Mapping[str, _Sizes], side: str) -> Candid
         for i in range(count)
     )
     return Candidate(effect.name, side, tuple(free), tuple(targets), starts)
+
+
+def richer_starts(rich: Candidate, simple: Candidate, values: Array) -> tuple[Array, ...]:
+    """Where to begin a richer law of the same effect, given where the simple one ended.
+
+    Stribeck friction from Coulomb friction: the same torque and presliding, a little more at rest,
+    over either a low or a high speed.
+
+    Parameters
+    ----------
+    rich, simple : Candidate
+        Of one pair of `selection.NESTED`.
+    values : ndarray
+        Of the simple one, in the order of its `free`.
+    """
+    known = {p.name: float(v) for p, v in zip(simple.free, values, strict=True)}
+    return tuple(
+        np.array(
+            [
+                {"static_torque": 1.4 * known["torque"], "torque": 0.9 * known["torque"],
+                 "speed": speed}.get(p.name, known.get(p.name, start))
+                for p, start in zip(rich.free, starts, strict=True)
+            ]
+        )
+        for speed, starts in zip(RISING_SPEEDS, rich.starts, strict=True)
+    )  # fmt: skip
 
 
 def candidates_for(rig: Rig, joint: Joint) -> tuple[Candidate, ...]:

@@ -188,6 +188,20 @@ def normal_equations(
     return hessian, slope
 
 
+ATTEMPTS = 3
+"""Dampings tried from one point before a fit ends there."""
+
+
+def trial_lanes(
+    hessian: Array, slope: Array, dampings: Sequence[Array], scaling: Scaling, at: Array
+) -> Array:
+    """Points to try from `at`: a step for each damping (per parameter), a part of the first."""
+    low, high = scaling.low - at, scaling.high - at
+    steps = [bounded_step(hessian + np.diag(d), slope, low, high) for d in dampings]
+    lanes: Array = at + np.array([*steps, 0.3 * steps[0]])
+    return lanes
+
+
 def fit(
     predict: Predictor,
     free: Sequence[FreeParameter],
@@ -242,7 +256,7 @@ def fit(
         jacobian[..., :reused] = cached
     fresh = np.arange(reused, n)
     taken = 0
-    for iteration in range(max_iterations):
+    for _ in range(max_iterations):
         if fresh.size:
             jacobian[..., fresh] = numerical_jacobian(predict, scaling, at, errors, fresh, 0.03)
         mean = np.maximum(mean_squares(errors, rows), 0.5 * floor)
@@ -250,21 +264,18 @@ def fit(
         hessian[np.diag_indices(n)] += scaling.weight**2
         slope += scaling.weight**2 * (at - scaling.centre)
         scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
-        trials = []
-        for factor in (0.0, 30.0):
-            damped = hessian + np.diag(scale * (damping * factor + 1e-10))
-            trials.append(at + bounded_step(damped, slope, scaling.low - at, scaling.high - at))
-        trials.append(at + 0.3 * (trials[0] - at))
-        lanes = np.array(trials)
-        lane_errors = predict(scaling.own(lanes))
-        values = objective(lane_errors, lanes)
-        winner = int(np.argmin(values))
-        fall = best - float(values[winner])
-        if not fall > 0.0:
-            damping *= 100.0
-            if damping > 1e4 or iteration > 0:
+        for attempt in range(ATTEMPTS):
+            dampings = [scale * (damping * factor + 1e-10) for factor in (min(attempt, 1), 30.0)]
+            lanes = trial_lanes(hessian, slope, dampings, scaling, at)
+            lane_errors = predict(scaling.own(lanes))
+            values = objective(lane_errors, lanes)
+            winner = int(np.argmin(values))
+            fall = best - float(values[winner])
+            if fall > 0.0:
                 break
-            continue
+            damping *= 1000.0
+        if not fall > 0.0:
+            break
         damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
         at, errors, best = lanes[winner], lane_errors[winner], float(values[winner])
         taken += 1

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pam_gap.candidates import Candidate
+from pam_gap.candidates import Candidate, richer_starts
 from pam_gap.fit import Array
 from pam_gap.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.selection import NESTED
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done."""
@@ -24,7 +25,7 @@ BEHIND = 6.0
 """Sum of log mean squares by which a candidate may trail the leader before it is dropped."""
 
 
-SCREENING = 2
+SCREENING = 3
 """Steps before candidates are compared: the first is often cut short by the nuisances."""
 SETTLED = 12
 """Steps by which a hypothesis is surely fitted to the end."""
@@ -80,6 +81,7 @@ class Search:
         self.candidates = tuple(candidates)
         self.progress = progress
         self.present = fitter.problem.present
+        self._last: dict[str, tuple[Array, ...]] = {}
 
     def level(self, hypothesis: Hypothesis) -> float:
         """What a hypothesis leaves above the floor, summed over channels in log mean squares."""
@@ -106,11 +108,14 @@ class Search:
         *,
         screened: int,
         finished: int,
-        all_starts: bool,
         task: str,
         shares: tuple[float, float],
+        warm: bool = False,
     ) -> list[Hypothesis]:
-        """Every hypothesis with one more effect than `base`, leaders fitted to the end."""
+        """Every hypothesis with one more effect than `base`, leaders fitted to the end.
+
+        With `warm` an effect begins where it stood when last it was tried beside others.
+        """
         reuse = base.result.jacobian
         values = base.result.values
         names = {m.label for m in base.members} | {m.effect for m in base.members}
@@ -119,6 +124,9 @@ class Search:
         low, high = shares
         for i, candidate in enumerate(rivals):
             self.progress(f"{task}: {candidate.effect}", low + (high - low) * 0.6 * i / len(rivals))
+            starts = candidate.starts
+            if warm:
+                starts = self._last.get(candidate.label, starts)
             tried = [
                 self.fitter.fit(
                     (*base.members, candidate),
@@ -126,31 +134,51 @@ class Search:
                     cached=reuse,
                     max_iterations=SCREENING,
                 )
-                for start in candidate.starts[: None if all_starts else 1]
+                for start in starts
             ]
-            found.append(min(tried, key=self.level))
+            best = min(tried, key=self.level)
+            found.append(best)
+            self._last[candidate.label] = (best.result.values[values.size :],)
         leaders = self._leaders(found, screened, 2 * BEHIND)
         done: list[Hypothesis] = []
         for i, h in enumerate(leaders):
             self.progress(f"{task}: {h.label}", low + (high - low) * (0.6 + 0.2 * i / screened))
-            done.append(self.refine(h, 4, reuse=reuse if reuse.shape[-1] else None))
+            done.append(self.refine(h, 5, reuse=reuse if reuse.shape[-1] else None))
+            done += self._richer(done[-1])
         leaders = self._leaders(done, finished, BEHIND)
         ends: list[Hypothesis] = []
         for i, h in enumerate(leaders):
             self.progress(f"{task}: {h.label}", low + (high - low) * (0.8 + 0.2 * i / finished))
-            ends.append(self.refine(h, 6))
-        rest = {h.label: h for h in found}
-        rest.update({h.label: h for h in done})
-        rest.update({h.label: h for h in ends})
-        return sorted(rest.values(), key=self.level)
+            ends.append(self.refine(h, 8))
+        kept: dict[str, Hypothesis] = {}
+        for h in (*found, *done, *ends):
+            if h.label not in kept or self.level(h) < self.level(kept[h.label]):
+                kept[h.label] = h
+        return sorted(kept.values(), key=self.level)
+
+    def _richer(self, h: Hypothesis) -> list[Hypothesis]:
+        """Richer laws of the newest effect, from where the simple one ended: never behind it."""
+        newest, others = h.members[-1], h.members[:-1]
+        at = len(h.result.values) - len(newest.free)
+        found: list[Hypothesis] = []
+        for candidate in self.candidates:
+            if (newest.effect, candidate.effect) in NESTED:
+                found += [
+                    self.fitter.fit(
+                        (*others, candidate),
+                        np.concatenate([h.result.values[:at], start]),
+                        cached=h.result.jacobian[..., :at],
+                        max_iterations=SETTLED,
+                    )
+                    for start in richer_starts(candidate, newest, h.result.values[at:])
+                ]
+        return found
 
     def singles(self) -> SearchResult:
         """The re-tuned nominal plant and every single effect."""
         self.progress("re-tuning nominal parameters", 0.0)
         nominal = self.fitter.fit_nominal()
-        found = self.extend(
-            nominal, screened=9, finished=3, all_starts=True, task="one effect", shares=(0.05, 0.4)
-        )
+        found = self.extend(nominal, screened=10, finished=5, task="one effect", shares=(0.05, 0.4))
         return SearchResult(nominal, [found])
 
     def without(self, h: Hypothesis, member: int) -> Hypothesis:
@@ -182,16 +210,17 @@ class Search:
         result.by_size[-1][0] = base
         size = len(base.members) + 1
         found = self.extend(
-            base, screened=5, finished=2, all_starts=False, task=f"{size} effects",
-            shares=(low, middle),
+            base, screened=8, finished=4, task=f"{size} effects",
+            shares=(low, middle), warm=size > 2,
         )  # fmt: skip
         best = found[0]
         if self.level(base) - self.level(best) > WORTH_A_CHALLENGE:
             # The newest member was chosen given the others; they were not chosen given it.
             for member in range(size - 1):
                 found += self.extend(
-                    self.without(best, member), screened=3, finished=2, all_starts=False,
+                    self.without(best, member), screened=4, finished=3,
                     task=f"in place of {best.members[member].effect}", shares=(middle, high),
+                    warm=True,
                 )  # fmt: skip
         distinct: dict[frozenset[str], Hypothesis] = {}
         for h in sorted(found, key=self.level):

@@ -236,7 +236,7 @@ _TABLE = (
         "polynomial elastic force",
         {
             "linear": _P("k_1", "N/m", 0.0, 0.0, 1e5, "linear rate"),
-            "cubic": _P("k_3", "N/m^3", 0.0, 0.0, 1e9, "cubic rate"),
+            "cubic": _P("k_3", "N/m^3", 0.0, -1e9, 1e9, "cubic rate; below 0: it softens"),
         },
     ),
     Effect(
@@ -276,21 +276,29 @@ _TABLE = (
         "joint",
         "joint",
         "dry friction at the joint",
-        "torque = -T_c sign(qd)",
-        "Coulomb friction",
-        {"torque": _P("T_c", "N m", 0.0, 0.0, 100.0, "magnitude")},
+        "torque = -T_c z, |z| <= 1, z turning by dq/q_p (Dahl); q_p = 0: z = sign(qd)",
+        "Coulomb friction; presliding: Dahl, A solid friction model (1968)",
+        {
+            "torque": _P("T_c", "N m", 0.0, 0.0, 100.0, "magnitude"),
+            "presliding_angle": _P(
+                "q_p", "rad", 0.0, 0.0, 0.1, "elastic turn before it slides", True
+            ),
+        },
     ),
     Effect(
         "stribeck_friction",
         "joint",
         "joint",
         "dry friction that falls with speed",
-        "torque = -(T_c + (T_s - T_c) exp(-(qd/w_s)^2)) sign(qd)",
-        "Stribeck curve",
+        "torque = -(T_c + (T_s - T_c) exp(-(qd/w_s)^2)) z, z as in coulomb_friction",
+        "Stribeck curve; presliding: Dahl, A solid friction model (1968)",
         {
-            "static_torque": _P("T_s", "N m", 0.0, 0.0, 100.0, "at rest; 0: no such friction"),
+            "static_torque": _P("T_s", "N m", 0.0, 0.0, 100.0, "at rest; T_c where below"),
             "torque": _P("T_c", "N m", 0.0, 0.0, 100.0, "at speed"),
             "speed": _P("w_s", "rad/s", 0.1, 1e-3, 10.0, "over which it falls", True),
+            "presliding_angle": _P(
+                "q_p", "rad", 0.0, 0.0, 0.1, "elastic turn before it slides", True
+            ),
         },
     ),
     Effect(

@@ -26,6 +26,7 @@ from pam_sim.plant_layout import (
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_INERTIA,
+    C_PRESLIDING,
     C_RADIUS,
     C_RT,
     C_STRIBECK,
@@ -49,6 +50,7 @@ from pam_sim.plant_layout import (
     S_TEMPERATURE,
     S_VALVE_PRESSURE,
     Y_AGONIST,
+    Y_BRISTLE,
     Y_POSITION,
     Y_RESERVOIR,
     Y_VELOCITY,
@@ -211,12 +213,22 @@ def joint_rates(
     torque = radius * (first - second)
     dy[Y_POSITION] = speed
     dy[Y_VELOCITY] = 0.0
+    dy[Y_BRISTLE] = 0.0
+    bristle = 0.0
+    if c[C_PRESLIDING] > 0.0 and free:
+        turn = min(max(speed / c[C_PRESLIDING], -1.0 / step), 1.0 / step)
+        dy[Y_BRISTLE] = turn - abs(turn) * y[Y_BRISTLE]
+        grip = dry_friction(c, speed)
+        # Canudas de Wit et al. (1995): the bristles of a joint at rest are damped critically.
+        damping = 2.0 * math.sqrt(grip * c[C_PRESLIDING] * c[C_INERTIA])
+        bristle = grip * y[Y_BRISTLE] + damping * dy[Y_BRISTLE]
     if free and not position_given:
         total = (
             torque
             + c[C_EXTERNAL]
             - c[C_VISCOUS] * speed
             - c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE])
+            - bristle
         )
         if sliding != 0.0:
             total -= sliding * dry_friction(c, speed)

@@ -3,7 +3,8 @@
 The constants, states and outputs are flat arrays laid out in plant_layout. Dry friction and end
 stops are decided once per step: a joint at rest whose torque is below the friction stays locked
 for the step, one that slides sees friction against the speed it started with and stops where it
-would turn round. That is exact sticking, and stable for any friction at any step.
+would turn round. That is exact sticking, and stable for any friction at any step. Where a
+presliding angle is given, sticking is elastic instead (joint_stage) and nothing is locked by it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from pam_sim.plant_layout import (
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_LOWER,
+    C_PRESLIDING,
     C_RADIUS,
     C_RATE,
     C_STRIBECK,
@@ -154,7 +156,7 @@ def contact_of(
     h: float,
 ) -> int:
     """What holds the joint for a step: LOCKED, the sign dry friction acts against, or 0."""
-    has_friction = c[C_COULOMB] > 0.0 or c[C_STRIBECK] != 0.0
+    has_friction = c[C_PRESLIDING] <= 0.0 and (c[C_COULOMB] > 0.0 or c[C_STRIBECK] != 0.0)
     speed = y[Y_VELOCITY]
     at_lower = y[Y_POSITION] <= c[C_LOWER]
     at_upper = y[Y_POSITION] >= c[C_UPPER]

@@ -61,9 +61,10 @@ MUSCLE_NOMINAL = (
     C_COULOMB,
     C_STRIBECK,
     C_STRIBECK_SPEED,
+    C_PRESLIDING,
     C_RATE,
-) = range(21)
-AGONIST = 21
+) = range(22)
+AGONIST = 22
 (
     M_TABLE,
     M_B,
@@ -104,8 +105,8 @@ ANTAGONIST = AGONIST + N_MUSCLE_CONSTANTS
 N_CONSTANTS = AGONIST + 2 * N_MUSCLE_CONSTANTS
 
 # --- states ------------------------------------------------------------------------------------
-Y_POSITION, Y_VELOCITY, Y_RESERVOIR = 0, 1, 2
-Y_AGONIST = 3
+Y_POSITION, Y_VELOCITY, Y_RESERVOIR, Y_BRISTLE = 0, 1, 2, 3
+Y_AGONIST = 4
 S_SPOOL, S_PRESSURE, S_VALVE_PRESSURE, S_TEMPERATURE, S_CREEP, S_HYSTERESIS = range(6)
 N_MUSCLE_STATES = 6
 Y_ANTAGONIST = Y_AGONIST + N_MUSCLE_STATES
@@ -114,6 +115,7 @@ STATE_NAMES = (
     "position",
     "velocity",
     "reservoir_pressure",
+    "friction_bristle",
     *(
         f"{muscle}.{state}"
         for muscle in MUSCLES

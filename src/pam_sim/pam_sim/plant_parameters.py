@@ -248,8 +248,13 @@ def derive_constants(values: Vector) -> Vector:
     c[lay.C_DROOP_VOLUME] = p["supply_droop.volume"]
     static, sliding = p["stribeck_friction.static_torque"], p["stribeck_friction.torque"]
     c[lay.C_COULOMB] = p["coulomb_friction.torque"] + sliding
-    c[lay.C_STRIBECK] = static - sliding
+    # Friction that rises with speed is no Stribeck curve.
+    c[lay.C_STRIBECK] = max(static - sliding, 0.0)
     c[lay.C_STRIBECK_SPEED] = p["stribeck_friction.speed"]
+    # One joint has one law of dry friction: where both effects are there, the softer contact.
+    c[lay.C_PRESLIDING] = max(
+        p["coulomb_friction.presliding_angle"], p["stribeck_friction.presliding_angle"]
+    )
     for side, m in zip(lay.MUSCLES, (lay.AGONIST, lay.ANTAGONIST), strict=True):
         own = {key[len(side) + 1 :]: value for key, value in p.items() if key.startswith(side)}
         c[m : m + lay.N_MUSCLE_CONSTANTS] = _muscle_constants(own)
@@ -354,6 +359,9 @@ def _limit_stiff_volumes(c: Vector) -> None:
 def _fastest_rate(c: Vector) -> float:
     """An upper estimate of the fastest rate in the plant [1/s], to choose a stable step."""
     fastest = 0.0
+    if c[lay.C_PRESLIDING] > 0.0:
+        grip = c[lay.C_COULOMB] + c[lay.C_STRIBECK]
+        fastest = 3.0 * math.sqrt(grip / (c[lay.C_PRESLIDING] * c[lay.C_INERTIA]))
     gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY]
     for m in (lay.AGONIST, lay.ANTAGONIST):
         slope = _slope_at_rest(c[m + lay.M_CRITICAL])
