@@ -13,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
+from pam_model.bladder_elasticity import bladder_pull
 from pam_model.braid import trapped_gas_slope
 from pam_model.effects import effect_value
 from pam_model.force_model import AffineForceModel, ForceModel, ModelParameter
@@ -133,21 +134,16 @@ class _Ends(_Wrapper):
     def _inside(self, length: float) -> float:
         return self._rest + self._factor * (length - self._rest)
 
-    def _bladder(self, length: float) -> float:
-        stretch = length - self._rest
-        return (self._linear + self._cubic * stretch * stretch) * stretch
-
-    def _bladder_slope(self, length: float) -> float:
-        stretch = length - self._rest
-        return self._linear + 3.0 * self._cubic * stretch * stretch
+    def _bladder(self, length: float) -> tuple[float, float]:
+        return bladder_pull(length - self._rest, self._linear, self._cubic)
 
     def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:
         braid = self.inner.force(pressure, self._inside(length), self._factor * velocity)
-        return float(braid) + self._bladder(length)
+        return float(braid) + self._bladder(length)[0]
 
     def stiffness(self, pressure: float, length: float) -> float:
         braid = self._factor * float(self.inner.stiffness(pressure, self._inside(length)))
-        return braid + self._bladder_slope(length)
+        return braid + self._bladder(length)[1]
 
 
 class _AffineEnds(_Ends):
@@ -157,11 +153,11 @@ class _AffineEnds(_Ends):
 
     def coefficients(self, length: float) -> tuple[float, float]:
         scale, passive = self.inner.coefficients(self._inside(length))
-        return float(scale), float(passive) + self._bladder(length)
+        return float(scale), float(passive) + self._bladder(length)[0]
 
     def coefficient_slopes(self, length: float) -> tuple[float, float]:
         scale, passive = self.inner.coefficient_slopes(self._inside(length))
-        rate = self._factor * float(passive) + self._bladder_slope(length)
+        rate = self._factor * float(passive) + self._bladder(length)[1]
         return self._factor * float(scale), rate
 
     def pressure_slope(self, pressure: float, length: float) -> float:

@@ -232,11 +232,11 @@ _TABLE = (
         "muscle",
         "muscle",
         "passive elastic force of the bladder about the rest length",
-        "F = F_static + k_1 (L - rest_length) + k_3 (L - rest_length)^3",
+        "F = F_static + k_1 s + k_3 s^3, s = L - rest_length; k_3 < 0: held from its largest on",
         "polynomial elastic force",
         {
             "linear": _P("k_1", "N/m", 0.0, 0.0, 1e5, "linear rate"),
-            "cubic": _P("k_3", "N/m^3", 0.0, -1e9, 1e9, "cubic rate; below 0: it softens"),
+            "cubic": _P("k_3", "N/m^3", 0.0, -1e9, 1e9, "cubic rate; below 0 it softens"),
         },
     ),
     Effect(

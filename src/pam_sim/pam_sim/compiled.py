@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pam_model import bladder_elasticity
+
 try:
     if os.environ.get("PAM_NO_NUMBA", "0") not in ("", "0"):
         raise ImportError
@@ -25,13 +27,20 @@ try:
 except ImportError:
     HAVE_NUMBA = False
 
+_HERE = Path(__file__).parent
 KERNEL_SOURCES = (
-    "compiled.py",
-    "plant_layout.py",
-    "gas_stage.py",
-    "muscle_stage.py",
-    "joint_stage.py",
-    "plant_kernel.py",
+    *(
+        _HERE / name
+        for name in (
+            "compiled.py",
+            "plant_layout.py",
+            "gas_stage.py",
+            "muscle_stage.py",
+            "joint_stage.py",
+            "plant_kernel.py",
+        )
+    ),
+    Path(bladder_elasticity.__file__),
 )
 
 
@@ -41,11 +50,10 @@ def _cache_folder() -> str:
     numba's own cache looks at the file of the outermost function alone and would go on using an
     old compilation of what it calls.
     """
-    here = Path(__file__).parent
     digest = hashlib.sha256()
-    for name in KERNEL_SOURCES:
-        digest.update((here / name).read_bytes())
-    folder = here / "__pycache__" / f"numba-{digest.hexdigest()[:12]}"
+    for source in KERNEL_SOURCES:
+        digest.update(source.read_bytes())
+    folder = _HERE / "__pycache__" / f"numba-{digest.hexdigest()[:12]}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pam_model.bladder_elasticity import bladder_pull
 from pam_sim.compiled import compiled
 from pam_sim.plant_layout import (
     M_B,
@@ -31,6 +32,8 @@ from pam_sim.plant_layout import (
     M_THREAD,
     M_WALL,
 )
+
+bladder = compiled(bladder_pull)
 
 
 @compiled
@@ -97,9 +100,9 @@ def braid_force(
         slope -= 2.0 * pressure * stretched * by_length * scale
         area += (b * b - stretched * stretched - 2.0 * pressure * stretched * by_pressure) * scale
     if c[m + M_ELASTIC] != 0.0 or c[m + M_CUBIC] != 0.0:
-        stretch = length - c[m + M_REST]
-        force += stretch * (c[m + M_ELASTIC] + c[m + M_CUBIC] * stretch * stretch)
-        slope += c[m + M_ELASTIC] + 3.0 * c[m + M_CUBIC] * stretch * stretch
+        own, own_slope = bladder(length - c[m + M_REST], c[m + M_ELASTIC], c[m + M_CUBIC])
+        force += own
+        slope += own_slope
     return force, slope, area
 
 
