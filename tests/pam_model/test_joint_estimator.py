@@ -116,3 +116,17 @@ def test_shut_chambers_are_stiffer() -> None:
     fixed = fed(JointEstimator(RIG)).estimate(10.0).joint_stiffnesses
     shut = fed(JointEstimator(RIG, closed_chambers=True)).estimate(10.0).joint_stiffnesses
     assert all(more > less for more, less in zip(shut, fixed, strict=True))
+
+
+def test_a_late_message_does_not_replace_a_newer_one() -> None:
+    estimator = fed(JointEstimator(RIG))
+    expected = estimator.estimate(10.02).joint_torques
+    estimator.take_pressures(9.95, NAMES, [0.0] * 4)
+    estimator.take_positions(9.95, ["elbow", "shoulder"], [0.0, 0.0], [0.0, 0.0])
+    assert list(estimator.estimate(10.02).joint_torques) == list(expected)
+
+
+def test_a_clock_set_back_does_not_freeze_the_estimate() -> None:
+    estimator = fed(JointEstimator(RIG))
+    fed(estimator, stamp=5.0)
+    assert estimator.estimate(5.02).problems == []

@@ -17,6 +17,7 @@ import numpy as np
 from pam_gap.fit import Array, FreeParameter
 from pam_model.effects import EFFECTS, Effect
 from pam_model.rig import Joint, Muscle, Rig
+from pam_sim.force_table import closed_form
 
 ONE_SIDED = ("valve_null_offset", "pressure_gain", "pressure_bias")
 """Effects of one valve or one sensor: tried on each muscle by itself."""
@@ -92,6 +93,10 @@ def _sizes(rig: Rig, joint: Joint) -> dict[str, dict[str, _Sizes]]:
     s = _scales(rig, joint)
     flow, volume, force, torque = s["flow"], s["volume"], s["force"], s["torque"]
     stroke, reach = s["stroke"], s["reach"]
+    # Ends pull less than a cylinder, never more: k >= 1 (Tondu and Lopez 2000), as written times
+    # what is found.
+    forms = [closed_form(rig.muscle(name)) for name in joint.muscles]
+    written_ends = max(form[1] if form is not None else 1.0 for form in forms)
     return {
         "valve_dead_zone": {"overlap": _Sizes(0.0, 0.4, 0.05, (0.05, 0.02, 0.12))},
         "valve_null_offset": {"offset": _Sizes(-0.25, 0.25, 0.03, (0.02, -0.02))},
@@ -130,7 +135,7 @@ def _sizes(rig: Rig, joint: Joint) -> dict[str, dict[str, _Sizes]]:
                 (0.0,),
             ),
         },
-        "end_caps": {"factor": _Sizes(0.8, 1.5, 0.1, (1.07,))},
+        "end_caps": {"factor": _Sizes(1.0 / written_ends, 1.5, 0.1, (1.07,))},
         "braid_extensibility": {
             "compliance": _Sizes(0.0, 0.2 / reach, 0.01 / reach, (0.01 / reach,))
         },

@@ -28,6 +28,7 @@ from pam_gap.search import Progress, Search, SearchResult, silent
 from pam_gap.selection import bootstrap_weights, confidence_set, contains, levels
 from pam_gap.unknown_test import explain_leftover
 from pam_gap.verdict import (
+    PRICE,
     Evidence,
     accepts_further,
     closed_by_channel,
@@ -90,6 +91,11 @@ class JointDiagnosis:
     def held_out_level(self, score: HeldOut) -> float:
         """Level of a held-out score."""
         return float(levels(score.sums.sum(0), score.counts.sum(0), self.floor, self.present))
+
+    def priced_level(self, score: HeldOut) -> float:
+        """Level with what the free numbers cost: of two that leave the same, the simpler leads."""
+        free = sum(len(member.free) for member in score.hypothesis.members)
+        return self.held_out_level(score) + PRICE * free
 
     def over_floor(self, score: HeldOut) -> Array:
         """RMS error over floor of each channel that is there."""
@@ -157,7 +163,7 @@ class JointDiagnosis:
             rivals = [s for s in scores if len(s.hypothesis.members) == size]
             if not rivals:
                 break
-            best = min(rivals, key=self.held_out_level)
+            best = min(rivals, key=self.priced_level)
             for simple in sorted(rivals, key=self.held_out_level):
                 if contains(best.hypothesis.effects, simple.hypothesis.effects) and prefers_simple(
                     self.held_out_level(simple), self.held_out_level(best), before

@@ -134,7 +134,7 @@ class Menu:
         )
         low, high = self.entry.position_limits
         inside = self.statics.position_range
-        self.reach = 0.6 * min(-low, -inside[0], high, inside[1])
+        self.reach = 0.8 * min(-low, -inside[0], high, inside[1])
         self.has_flow_valves = all(
             rig.muscle(name).valve.kind == "flow" for name in self.entry.muscles
         )

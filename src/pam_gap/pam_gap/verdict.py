@@ -34,6 +34,8 @@ RIVAL_GAP = 0.5
 """Levels closer than this are no decision between two laws that are both approximate."""
 RIVAL_SHARE = 0.06
 """Nor is this share of the fall of the level."""
+PRICE = 0.05
+"""Level that each free number of a hypothesis has to bring when equals are put in order."""
 CLOSED_AT_LEAST = 0.60
 """Share of the RMS gap that effects with laws of many forms must close, mean over channels."""
 GAP_OF_CHANNEL = 1.5
@@ -146,7 +148,9 @@ def decide(evidence: Evidence, rivals: Sequence[str]) -> str:
 
 
 def closed_by_channel(before: Array, after: Array) -> float:
-    """Share of the gap closed, mean over channels: none outweighs others by its low noise.
+    """Share of the gap closed, mean over channels weighted by the logarithm of their gap.
+
+    So no channel outweighs others by its low noise, nor one with hardly a gap those with one.
 
     Parameters
     ----------
@@ -157,4 +161,4 @@ def closed_by_channel(before: Array, after: Array) -> float:
     if not wide.any():
         return 1.0
     share = (before - np.maximum(after, 1.0))[wide] / (before - 1.0)[wide]
-    return float(share.mean())
+    return float(np.average(np.maximum(share, 0.0), weights=np.log(before[wide])))

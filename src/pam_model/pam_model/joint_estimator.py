@@ -87,10 +87,12 @@ class JointEstimator:
         for index, name in enumerate(names):
             known = self._calibration.get(name)
             if known is not None:
+                taken += 1
+                if self._is_overtaken(stamp, self._pressures.get(name)):
+                    continue
                 gain, bias = known
                 value = pressures[index] if index < len(pressures) else NAN
                 self._pressures[name] = stamp, (value - bias) / gain
-                taken += 1
         return taken
 
     def take_positions(
@@ -107,11 +109,17 @@ class JointEstimator:
         taken = 0
         for index, name in enumerate(names):
             if name in self._offset:
+                taken += 1
+                if self._is_overtaken(stamp, self._positions.get(name)):
+                    continue
                 position = positions[index] if index < len(positions) else NAN
                 velocity = velocities[index] if index < len(velocities) else NAN
                 self._positions[name] = stamp, position - self._offset[name], velocity
-                taken += 1
         return taken
+
+    def _is_overtaken(self, stamp: float, kept: tuple[float, ...] | None) -> bool:
+        """Whether a newer value came first; one far newer is of a clock since set back."""
+        return kept is not None and 0.0 < kept[0] - stamp <= self.max_age
 
     def estimate(self, now: float) -> Estimate:
         """Everything that the measurements at hand tell at time `now` [s]."""
