@@ -72,6 +72,26 @@ def test_a_richer_law_contains_the_simple_one() -> None:
     assert not contains(("creep",), ("creep",))
 
 
+@pytest.mark.parametrize(
+    ("rich", "named", "others"),
+    [
+        (3.95, "coulomb_friction", []),
+        (3.5, "coulomb_friction", ["stribeck_friction"]),
+        (2.0, "stribeck_friction", []),
+    ],
+)
+def test_a_richer_law_is_a_rival_where_it_leaves_less(
+    engine: JointDiagnosis, rich: float, named: str, others: list[str]
+) -> None:
+    nominal = score((), 20.0)
+    scores = [score(("coulomb_friction",), 4.0), score(("stribeck_friction",), rich, free=4)]
+    chosen = engine.choose(nominal, scores)
+    assert chosen is not None
+    assert chosen.hypothesis.effects == (named,)
+    rivals = engine.rivals(chosen, scores, nominal)
+    assert [r.hypothesis.effects[0] for r in rivals] == others
+
+
 def test_no_gap_and_no_gain_are_no_names() -> None:
     assert decide(Evidence((), 0.1, 0.1, 3, 0.0), ()) == "none"
     assert decide(Evidence(("creep",), 9.0, 8.9, 3, 0.0), ()) == "unknown"

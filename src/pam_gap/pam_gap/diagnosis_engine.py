@@ -28,6 +28,7 @@ from pam_gap.search import Progress, Search, SearchResult, silent
 from pam_gap.selection import bootstrap_weights, confidence_set, contains, levels
 from pam_gap.unknown_test import explain_leftover
 from pam_gap.verdict import (
+    NO_GAIN,
     PRICE,
     Evidence,
     accepts_further,
@@ -184,21 +185,26 @@ class JointDiagnosis:
     def rivals(self, chosen: HeldOut, scores: Sequence[HeldOut], nominal: HeldOut) -> list[HeldOut]:
         """Hypotheses of the chosen one's size that the data cannot tell from it.
 
-        A rival must bring at least half of what the chosen one's last effect brings.
+        A rival must bring at least half of what the chosen one's last effect brings. A richer law
+        that the chosen one is a form of is one where it leaves less, though not clearly.
         """
+        level = self.held_out_level(chosen)
         size = len(chosen.hypothesis.members)
         smaller = [nominal, *(s for s in scores if len(s.hypothesis.members) < size)]
-        limit = 0.5 * (self.held_out_level(chosen) + min(map(self.held_out_level, smaller)))
+        limit = 0.5 * (level + min(map(self.held_out_level, smaller)))
         alike = [
             s
             for s in scores
             if len(s.hypothesis.members) == size
             and self.held_out_level(s) < limit
             and set(s.hypothesis.effects) != set(chosen.hypothesis.effects)
-            and not contains(s.hypothesis.effects, chosen.hypothesis.effects)
+            and (
+                not contains(s.hypothesis.effects, chosen.hypothesis.effects)
+                or level - self.held_out_level(s) > NO_GAIN
+            )
         ]
         inside = confidence_set([chosen, *alike], self.floor, self.present)[1:]
-        before, level = self.held_out_level(nominal), self.held_out_level(chosen)
+        before = self.held_out_level(nominal)
         return [
             s
             for s, tied in zip(alike, inside, strict=True)
