@@ -11,8 +11,9 @@ import pandas as pd
 import pytest
 
 from pam_gap.__main__ import main
+from pam_gap.answer import merged_groups
 from pam_gap.computed_channels import without_computed
-from pam_gap.diagnosis_engine import JointDiagnosis, merged_groups
+from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.fit import mean_squares
 from pam_gap.gap_figures import noise_level
 from pam_gap.locate import locate

@@ -1,4 +1,4 @@
-"""One joint from recordings to a diagnosis: locate, name, close."""
+"""One joint from recordings to a diagnosis: search, score, choose, tell apart, propose."""
 
 from __future__ import annotations
 
@@ -7,25 +7,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pam_gap.answer import AnswerForm, advice
 from pam_gap.candidates import applicable, candidates_for
-from pam_gap.confidence import (
-    Interval,
-    for_another_motion,
-    gap_closed,
-    parameter_intervals,
-)
-from pam_gap.diagnosis import ChannelGap, Diagnosis, FoundParameter, ScoredCandidate
-from pam_gap.fit import Array, FitResult
-from pam_gap.gap_figures import UNITS, gap_figures, noise_level
+from pam_gap.diagnosis import Diagnosis
+from pam_gap.fit import FitResult
+from pam_gap.gap_figures import noise_level
 from pam_gap.held_out import Folds, HeldOut, block_sums, make_folds, score_all
 from pam_gap.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.improved_rig import improve_rig
-from pam_gap.locate import Location, locate
-from pam_gap.next_experiment import Proposal, propose
+from pam_gap.locate import locate
+from pam_gap.next_experiment import propose
 from pam_gap.prediction import PredictionProblem
 from pam_gap.recording import SHUT, Recording, RecordingError
 from pam_gap.search import Progress, Search, SearchResult, silent
-from pam_gap.selection import bootstrap_weights, confidence_set, contains, levels
+from pam_gap.selection import confidence_set, contains, held_out_level
 from pam_gap.unknown_test import explain_leftover
 from pam_gap.verdict import (
     NO_GAIN,
@@ -38,7 +32,6 @@ from pam_gap.verdict import (
     is_rival,
     prefers_simple,
 )
-from pam_model.effects import EFFECTS
 from pam_model.rig import Rig
 
 FINALISTS = 8
@@ -91,17 +84,12 @@ class JointDiagnosis:
 
     def held_out_level(self, score: HeldOut) -> float:
         """Level of a held-out score."""
-        return float(levels(score.sums.sum(0), score.counts.sum(0), self.floor, self.present))
+        return held_out_level(score, self.floor, self.present)
 
     def priced_level(self, score: HeldOut) -> float:
         """Level with what the free numbers cost: of two that leave the same, the simpler leads."""
         free = sum(len(member.free) for member in score.hypothesis.members)
         return self.held_out_level(score) + PRICE * free
-
-    def over_floor(self, score: HeldOut) -> Array:
-        """RMS error over floor of each channel that is there."""
-        ratio: Array = np.sqrt(score.mean_square / self.floor)[self.present]
-        return ratio
 
     def written(self) -> HeldOut:
         """The plant as written, which was fitted to nothing."""
@@ -232,14 +220,18 @@ class JointDiagnosis:
                 before,
                 self.held_out_level(chosen),
                 channels,
-                closed_by_channel(self.over_floor(nominal), self.over_floor(chosen)),
+                closed_by_channel(
+                    nominal.over_floor(self.floor, self.present),
+                    chosen.over_floor(self.floor, self.present),
+                ),
             )
             rivals = self.rivals(chosen, tried, nominal)
             verdict = decide(evidence, [r.hypothesis.label for r in rivals])
         nominal_vector = self.fitter.vector((), result.nominal.result.values)
         location = locate(self.problem, nominal_vector, result.nominal.result.errors)
         self.progress("gap figures", 0.96)
-        diagnosis = self.answer(verdict, result, written, nominal, tried, chosen, rivals, location)
+        form = AnswerForm(self.fitter, self.folds)
+        diagnosis = form.fill(verdict, result, written, nominal, tried, chosen, rivals, location)
         if verdict in ("ambiguous", "unknown"):
             self.progress("next experiment", 0.97)
             survivors = diagnosis.survivors
@@ -260,184 +252,3 @@ class JointDiagnosis:
         }
         self.progress("done", 1.0)
         return diagnosis
-
-    def strongest_first(self, effects: Sequence[str], result: SearchResult) -> tuple[str, ...]:
-        """Effects in the order of what each explains alone."""
-        order = [h.effects[0] for h in result.by_size[0]]
-        return tuple(sorted(dict.fromkeys(effects), key=order.index))
-
-    def answer(
-        self,
-        verdict: str,
-        result: SearchResult,
-        written: HeldOut,
-        nominal: HeldOut,
-        tried: Sequence[HeldOut],
-        chosen: HeldOut | None,
-        rivals: Sequence[HeldOut],
-        location: Location,
-    ) -> Diagnosis:
-        """Put what was found into the contract's form."""
-        is_named = verdict in ("named", "ambiguous") and chosen is not None
-        final = chosen if is_named and chosen is not None else nominal
-        effects: tuple[str, ...] = ()
-        groups: list[tuple[str, ...]] = []
-        if is_named and chosen is not None:
-            own = self.strongest_first(chosen.hypothesis.effects, result)
-            others: list[str] = []
-            for rival in rivals:
-                missing = [e for e in own if e not in rival.hypothesis.effects]
-                new = [e for e in rival.hypothesis.effects if e not in own]
-                others += new
-                groups.append((*missing, *new))
-            effects = tuple(dict.fromkeys((*own, *others)))
-        stage: str | None = EFFECTS[effects[0]].stage if effects else None
-        if verdict == "unknown":
-            stage = location.worst
-        values = self.fitter.vector(final.hypothesis.members, final.hypothesis.result.values)
-        return Diagnosis(
-            verdict=verdict,
-            stage=stage,
-            effects=effects,
-            candidates=self.weights(result, tried, chosen if is_named else None),
-            indistinguishable=merged_groups(groups),
-            parameters=self.parameters(final.hypothesis) if is_named else {},
-            gap=self.gap(written, final),
-            closed=for_another_motion(
-                gap_closed(written, final, self.floor, self.present),
-                written,
-                self.floor,
-                self.present,
-            )
-            if is_named
-            else None,
-            next_experiment="",
-            joint=self.rig.joints[self.joint].name,
-            ranking=self.ranking(nominal, tried),
-            location=location,
-            horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
-            improved=self.improved(final.hypothesis) if is_named else None,
-            written_values=self.problem.base.values,
-            improved_values=values,
-            survivors=(final.hypothesis, *(r.hypothesis for r in rivals)) if is_named else (),
-            facts={
-                "level_before": self.held_out_level(nominal),
-                "level_after": self.held_out_level(final),
-            },
-        )
-
-    def weights(
-        self, result: SearchResult, tried: Sequence[HeldOut], chosen: HeldOut | None
-    ) -> tuple[tuple[str, float], ...]:
-        """Every candidate with its weight: bootstrap shares of hypotheses of the accepted size."""
-        size = len(chosen.hypothesis.members) if chosen is not None else 1
-        same = [s for s in tried if len(s.hypothesis.members) == size]
-        weight: dict[str, float] = {}
-        if same:
-            shares = bootstrap_weights(same, self.floor, self.present)
-            for score, share in zip(same, shares, strict=True):
-                for effect in score.hypothesis.effects:
-                    weight[effect] = weight.get(effect, 0.0) + float(share)
-        first = self.strongest_first(chosen.hypothesis.effects, result) if chosen else ()
-        for h in result.by_size[0]:
-            weight.setdefault(h.effects[0], 0.0)
-        order = [h.effects[0] for h in result.by_size[0]]
-        names = sorted(
-            weight, key=lambda e: (e not in first, first.index(e) if e in first else 0,
-                                   -weight[e], order.index(e))
-        )  # fmt: skip
-        return tuple((name, min(weight[name], 1.0)) for name in names)
-
-    def parameters(self, h: Hypothesis) -> dict[str, dict[str, FoundParameter]]:
-        """Parameters of the named effects with intervals and units."""
-        intervals = parameter_intervals(self.fitter, self.folds, h)
-        at = len(self.fitter.nuisances)
-        found: dict[str, dict[str, FoundParameter]] = {}
-        for member in h.members:
-            entry: dict[str, FoundParameter] = {}
-            for parameter in member.free:
-                key = parameter.name.partition(".")[0]
-                name = f"{parameter.name}.{member.side}" if member.side else parameter.name
-                unit = EFFECTS[member.effect].parameters[key].unit
-                entry[name] = FoundParameter(intervals[at], unit)
-                at += 1
-            found[member.effect] = entry
-        return found
-
-    def gap(self, before: HeldOut, after: HeldOut) -> dict[str, ChannelGap]:
-        """RMS prediction error of each channel on held-out data."""
-        scale = np.sqrt(np.mean([d.block_deviation**2 for d in self.problem.data], axis=0))
-        return {
-            self.problem.names[c]: ChannelGap(
-                float(np.sqrt(before.mean_square[c]) * scale[c]),
-                float(np.sqrt(after.mean_square[c]) * scale[c]),
-                float(np.sqrt(self.floor[c]) * scale[c]),
-                UNITS[c],
-            )
-            for c in np.nonzero(self.present)[0]
-        }
-
-    def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:
-        """Scored hypotheses, best first, with what each leaves of the gap."""
-        entries = []
-        ranked = sorted(tried, key=self.held_out_level)
-        shares: Array = (
-            bootstrap_weights(ranked, self.floor, self.present) if ranked else np.zeros(0)
-        )
-        for score, share in zip(ranked, shares, strict=True):
-            closed = gap_closed(nominal, score, self.floor, self.present)
-            remaining = Interval(1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low)
-            entries.append(
-                ScoredCandidate(
-                    score.hypothesis.effects,
-                    float(share),
-                    remaining,
-                    self.objections(score),
-                    self.held_out_level(score),
-                    tuple(self.over_floor(score).tolist()),
-                )
-            )
-        return tuple(entries)
-
-    def objections(self, score: HeldOut) -> str:
-        """What speaks against a hypothesis beside its error: bounds, folds that disagree."""
-        free, _, _ = self.fitter.problem_parts(score.hypothesis.members)
-        notes = []
-        for i in range(len(self.fitter.nuisances), len(free)):
-            parameter, value = free[i], float(score.hypothesis.result.values[i])
-            reach = 1e-3 * (parameter.high - parameter.low)
-            if value >= parameter.high - reach:
-                notes.append(f"{parameter.name} at its upper bound")
-            first, second = (float(fold[i]) for fold in score.fold_values)
-            if abs(first - second) > 0.5 * (abs(first) + abs(second)) > 0.5 * parameter.size:
-                notes.append(f"{parameter.name} differs between folds")
-        return "; ".join(notes)
-
-    def improved(self, h: Hypothesis) -> Rig:
-        """The rig with what was found written into it."""
-        _, targets, factor = self.fitter.problem_parts(h.members)
-        return improve_rig(self.rig, self.joint, h, targets, factor)
-
-
-def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:
-    """What to record next, in words; empty where nothing more is needed."""
-    if proposal is not None:
-        return proposal.sentence()
-    if verdict == "ambiguous":
-        return "the same motion with load cells and at another gravity angle"
-    if verdict == "unknown":
-        sensors = "" if present[3:].any() else " with load cells"
-        return f"holds and slow reversals over the whole range{sensors}, to see what it depends on"
-    return ""
-
-
-def merged_groups(groups: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
-    """Sets that share a member, joined."""
-    merged: list[list[str]] = []
-    for group in groups:
-        home = next((m for m in merged if set(m) & set(group)), None)
-        if home is None:
-            merged.append(list(dict.fromkeys(group)))
-        else:
-            home += [e for e in group if e not in home]
-    return tuple(tuple(group) for group in merged)

@@ -55,6 +55,11 @@ class HeldOut:
         mean: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
         return mean
 
+    def over_floor(self, floor: Array, present: np.ndarray) -> Array:
+        """RMS error over floor of each channel that is there."""
+        ratio: Array = np.sqrt(self.mean_square / floor)[present]
+        return ratio
+
 
 def make_folds(problem: PredictionProblem) -> Folds:
     """Cut a problem's counted rows into two folds."""

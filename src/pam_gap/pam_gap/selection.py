@@ -38,6 +38,11 @@ def levels(sums: Array, counts: Array, floor: Array, present: np.ndarray) -> Arr
     return value
 
 
+def held_out_level(score: HeldOut, floor: Array, present: np.ndarray) -> float:
+    """Level of a held-out score: the sum over its channels of log mean square over floor."""
+    return float(levels(score.sums.sum(0), score.counts.sum(0), floor, present))
+
+
 def bootstrap_weights(
     scores: Sequence[HeldOut], floor: Array, present: np.ndarray, seed: int = 0
 ) -> Array:
