@@ -17,7 +17,7 @@ from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.fit import mean_squares
 from pam_gap.gap_figures import noise_level
 from pam_gap.locate import locate
-from pam_gap.prediction import PredictionProblem
+from pam_gap.prediction import PredictionProblem, PredictionSettings
 from pam_gap.recording import Recording
 from pam_model.rig import Rig, load_rig, save_rig
 from pam_sim.compiled import HAVE_NUMBA
@@ -38,8 +38,8 @@ def test_a_true_plant_leaves_noise(rig: Rig, record: Maker) -> None:
     problem = PredictionProblem(rig, 0, [record(duration=8.0)])
     values = problem.base.values
     for horizon in (0.1, 0.3):
-        errors = problem.errors(values[None], horizon=horizon)[0]
-        floor = noise_level(problem, values, horizon=horizon)
+        errors = problem.errors(values[None], PredictionSettings(horizon))[0]
+        floor = noise_level(problem, values, PredictionSettings(horizon))
         assert (mean_squares(errors, problem.counted) < 1.5 * floor)[:3].all()
 
 

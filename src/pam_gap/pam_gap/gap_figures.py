@@ -7,12 +7,12 @@ draw of that noise is added to the measurements.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pam_gap.fit import Array, mean_squares
-from pam_gap.prediction import PredictionProblem
+from pam_gap.prediction import AS_FITTED, PredictionProblem, PredictionSettings
 
 ONE_STEP_BANDWIDTH = 200.0  # rad/s, of the position's pull
 UNITS = ("Pa", "Pa", "rad", "N", "N")
@@ -20,18 +20,16 @@ UNITS = ("Pa", "Pa", "rad", "N", "N")
 
 @dataclass(frozen=True, slots=True)
 class Horizon:
-    """One way to predict: its name and how the observer is set for it."""
+    """One way to predict, and its name."""
 
     name: str
-    pull: float
-    bandwidth: float
-    window: float
+    settings: PredictionSettings
 
 
 HORIZONS = (
-    Horizon("one step", 1e-4, ONE_STEP_BANDWIDTH, 0.0),
-    Horizon("0.5 s", np.inf, 0.0, 0.5),
-    Horizon("free run", np.inf, 0.0, 0.0),
+    Horizon("one step", PredictionSettings(1e-4, position_bandwidth=ONE_STEP_BANDWIDTH)),
+    Horizon("0.5 s", PredictionSettings(np.inf, window_time=0.5)),
+    Horizon("free run", PredictionSettings(np.inf)),
 )
 
 
@@ -47,10 +45,12 @@ class GapFigure:
     floor: float
 
 
-def noise_level(problem: PredictionProblem, values: Array, **settings: float) -> Array:
+def noise_level(
+    problem: PredictionProblem, values: Array, settings: PredictionSettings = AS_FITTED
+) -> Array:
     """J_c that noise alone leaves at these predictions, shape (channels,), at least a little."""
-    plain = problem.errors(values[None], **settings)[0]  # type: ignore[arg-type]
-    noisy = problem.errors(values[None], noise_seed=12345, **settings)[0]  # type: ignore[arg-type]
+    plain = problem.errors(values[None], settings)[0]
+    noisy = problem.errors(values[None], replace(settings, noise_seed=12345))[0]
     return np.maximum(mean_squares(noisy - plain, problem.counted), 0.05)
 
 
@@ -72,14 +72,9 @@ def gap_figures(
     scale = np.sqrt(np.mean([data.block_deviation**2 for data in problem.data], axis=0))
     figures = []
     for horizon in HORIZONS:
-        settings = {
-            "horizon": horizon.pull,
-            "position_bandwidth": horizon.bandwidth,
-            "window_time": horizon.window,
-        }
-        both = problem.errors(np.array([before, after]), **settings)  # type: ignore[arg-type]
+        both = problem.errors(np.array([before, after]), horizon.settings)
         rms = np.sqrt(mean_squares(both, chosen))
-        floor = np.sqrt(noise_level(problem, after, **settings))
+        floor = np.sqrt(noise_level(problem, after, horizon.settings))
         for c in np.nonzero(problem.present)[0]:
             figures.append(
                 GapFigure(

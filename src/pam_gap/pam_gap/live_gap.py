@@ -12,7 +12,7 @@ import numpy as np
 
 from pam_gap.fit import mean_squares
 from pam_gap.gap_figures import HORIZONS, UNITS, noise_level
-from pam_gap.prediction import SETTLING, PredictionProblem
+from pam_gap.prediction import SETTLING, PredictionProblem, PredictionSettings
 from pam_gap.recording import (
     COMMANDS,
     JOINTS,
@@ -155,12 +155,7 @@ class LiveWindow:
         use = np.nonzero(problem.present)[0].tolist()
         figures = []
         for horizon in WATCHED:
-            settings = {
-                "horizon": horizon.pull,
-                "position_bandwidth": horizon.bandwidth,
-                "window_time": horizon.window,
-            }
-            error, floor = _rms(problem, settings)
+            error, floor = _rms(problem, horizon.settings)
             figures += [
                 ChannelFigure(
                     problem.names[c],
@@ -174,17 +169,17 @@ class LiveWindow:
             ]
         stages: dict[str, float] = {}
         if problem.has_commands:
-            error, floor = _rms(problem, {"follow_motion": bool(problem.present[2])})
+            error, floor = _rms(problem, PredictionSettings(follow_motion=bool(problem.present[2])))
             stages["valve"] = float(np.max((error / floor)[:2]))
         if problem.present[2]:
-            error, floor = _rms(problem, {"horizon": TIGHT})
+            error, floor = _rms(problem, PredictionSettings(TIGHT))
             stages["muscle and joint"] = float(error[2] / floor[2])
         return LiveGap(problem.rig.joints[problem.joint].name, tuple(figures), stages)
 
 
-def _rms(problem: PredictionProblem, settings: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+def _rms(problem: PredictionProblem, settings: PredictionSettings) -> tuple[np.ndarray, np.ndarray]:
     """RMS error and floor of each channel in units of its noise."""
     values = problem.base.values
-    errors = problem.errors(values[None], **settings)[0]  # type: ignore[arg-type]
-    floor = noise_level(problem, values, **settings)
+    errors = problem.errors(values[None], settings)[0]
+    floor = noise_level(problem, values, settings)
     return np.sqrt(mean_squares(errors, problem.counted)), np.sqrt(floor)

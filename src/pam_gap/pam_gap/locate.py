@@ -15,7 +15,7 @@ import numpy as np
 
 from pam_gap.fit import Array, mean_squares
 from pam_gap.gap_figures import noise_level
-from pam_gap.prediction import BLOCK, PredictionProblem
+from pam_gap.prediction import BLOCK, PredictionProblem, PredictionSettings
 
 FORCE_HORIZON = 3.0  # rad/s, of the motion's pull in torque -> motion
 
@@ -49,13 +49,13 @@ class Location:
 
 
 def _ratio(
-    problem: PredictionProblem, values: Array, channels: Sequence[int], **settings: float
+    problem: PredictionProblem, values: Array, channels: Sequence[int], settings: PredictionSettings
 ) -> float | None:
     use = [c for c in channels if problem.present[c]]
     if not use:
         return None
-    errors = problem.errors(values[None], **settings)[0]  # type: ignore[arg-type]
-    floor = noise_level(problem, values, **settings)
+    errors = problem.errors(values[None], settings)[0]
+    floor = noise_level(problem, values, settings)
     return float(np.sqrt(np.max((mean_squares(errors, problem.counted) / floor)[use])))
 
 
@@ -181,14 +181,21 @@ def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location
             StageGap(
                 "valve",
                 "commands and measured motion -> pressures",
-                _ratio(problem, values, (0, 1), follow_motion=bool(problem.present[2])),
+                _ratio(
+                    problem,
+                    values,
+                    (0, 1),
+                    PredictionSettings(follow_motion=bool(problem.present[2])),
+                ),
             )
         )
     else:
         stages.append(
             StageGap("valve", "commands -> pressures", None, "no valve commands in the recording")
         )
-    pulls = _ratio(problem, values, (3, 4), follow_pressures=True, follow_motion=True)
+    pulls = _ratio(
+        problem, values, (3, 4), PredictionSettings(follow_pressures=True, follow_motion=True)
+    )
     stages.append(
         StageGap(
             "muscle",
@@ -205,7 +212,7 @@ def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location
             StageGap(
                 "joint",
                 "measured pressures -> position",
-                _ratio(problem, values, (2,), follow_pressures=True),
+                _ratio(problem, values, (2,), PredictionSettings(follow_pressures=True)),
                 "" if problem.present[2] else "no joint position in the recording",
             )
         )

@@ -95,6 +95,36 @@ class Channels:
     external: Array | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class PredictionSettings:
+    """How far a prediction is held to the measurements; as a fit sees it by default.
+
+    Attributes
+    ----------
+    horizon : float or None
+        Time in which a pressure error fades [s]; infinite for a free run, None for the problem's.
+    position_bandwidth : float
+        Above 0 the motion follows the measured one [rad/s].
+    window_time : float
+        Above 0 the state starts anew from the measurements after this time [s].
+    follow_motion, follow_pressures : bool
+        The motion, the pressures are the measured ones; pressures always where no commands tell
+        what they should do.
+    noise_seed : int or None
+        Adds one more draw of the channels' noise to the measurements.
+    """
+
+    horizon: float | None = None
+    position_bandwidth: float = 0.0
+    window_time: float = 0.0
+    follow_motion: bool = False
+    follow_pressures: bool = False
+    noise_seed: int | None = None
+
+
+AS_FITTED = PredictionSettings()
+
+
 def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:
     """The N_CHANNELS channels of one joint by contract name, in the observer's order."""
     entry = rig.joints[joint]
@@ -262,13 +292,7 @@ class PredictionProblem:
     def errors(
         self,
         values: Array,
-        *,
-        horizon: float | None = None,
-        position_bandwidth: float = 0.0,
-        window_time: float = 0.0,
-        follow_motion: bool = False,
-        follow_pressures: bool = False,
-        noise_seed: int | None = None,
+        settings: PredictionSettings = AS_FITTED,
     ) -> Array:
         """Whitened prediction errors of plants given as full parameter vectors.
 
@@ -276,17 +300,8 @@ class PredictionProblem:
         ----------
         values : ndarray, shape (lanes, n_parameters)
             In the order of `plant_parameters.NAMES`.
-        horizon : float, optional
-            Time in which a pressure error fades [s]; infinite for a free run.
-        position_bandwidth : float
-            Above 0 the motion follows the measured one [rad/s].
-        window_time : float
-            Above 0 the state starts anew from the measurements after this time [s].
-        follow_motion, follow_pressures : bool
-            The motion, the pressures are the measured ones; pressures always where no commands
-            tell what they should do.
-        noise_seed : int, optional
-            Adds one more draw of the channels' noise to the measurements.
+        settings : PredictionSettings
+            How far the predictions are held to the measurements.
 
         Returns
         -------
@@ -294,19 +309,20 @@ class PredictionProblem:
             In units of the block's noise; NaN where nothing is known, infinite never.
         """
         parts = []
-        followed = follow_pressures or not self.has_commands
+        followed = settings.follow_pressures or not self.has_commands
+        horizon = self.horizon if settings.horizon is None else settings.horizon
         window = 0
         if followed:
-            window = FOLLOW_BOTH if follow_motion else FOLLOW_PRESSURES
-        elif follow_motion:
+            window = FOLLOW_BOTH if settings.follow_motion else FOLLOW_PRESSURES
+        elif settings.follow_motion:
             window = FOLLOW_MOTION
         for data in self.data:
             mounted = as_mounted(values, data.recording.mounting)
             constants = np.array([derive_constants(v) for v in mounted])
             sensors = np.array([sensor_constants(v) for v in mounted])
             measured = data.measured
-            if noise_seed is not None:
-                generator = np.random.default_rng(noise_seed)
+            if settings.noise_seed is not None:
+                generator = np.random.default_rng(settings.noise_seed)
                 scale = np.nan_to_num(data.deviation)
                 measured = measured + scale * generator.standard_normal(measured.shape)
             sample_time = data.recording.sample_time
@@ -326,11 +342,11 @@ class PredictionProblem:
                 initial,
                 sample_time=sample_time,
                 step=STEP,
-                horizon=np.inf if followed else self.horizon if horizon is None else horizon,
-                position_bandwidth=position_bandwidth,
-                window=window if window else round(window_time / sample_time),
+                horizon=np.inf if followed else horizon,
+                position_bandwidth=settings.position_bandwidth,
+                window=window if window else round(settings.window_time / sample_time),
                 restart=restart_values(measured, sample_time)
-                if window_time > 0.0 or window
+                if settings.window_time > 0.0 or window
                 else None,
                 external=data.external,
                 shut=followed or data.recording.mounting == SHUT,
