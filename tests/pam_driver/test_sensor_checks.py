@@ -6,10 +6,11 @@ import math
 import random
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pam_driver.board_monitor import Sample
-from pam_driver.sensor_checks import SensorChecks
+from pam_driver.sensor_checks import SensorChecks, _noise_of
 from pam_model.pressure_plausibility import Deviation
 from pam_model.rig import Plausibility, Rig
 
@@ -122,6 +123,15 @@ def test_noise_is_told_after_a_long_gap_that_another_follows(rig: Rig) -> None:
     tight = replace(rig, plausibility=replace(rig.plausibility, position_noise=2e-4))
     gaps = [0.01, 0.11, 0.09] + [PERIOD] * 300
     assert 0.001 < moving(SensorChecks(tight), gaps, True, 0.002) < 0.006
+
+
+@pytest.mark.parametrize("stretch", [0.6, 1.0, 1.7])
+def test_white_noise_is_told_by_its_deviation_at_any_spacing(stretch: float) -> None:
+    """On the mean, and whatever the steady speed."""
+    generator = np.random.default_rng(3)
+    x = 2.5 * generator.standard_normal((20000, 3)) + 40.0 * np.array([0.0, 1.0, 1.0 + stretch])
+    told = [_noise_of(b - a, c - b, stretch) for a, b, c in x.tolist()]
+    assert np.mean(told) == pytest.approx(2.5, rel=0.02)
 
 
 def test_one_wild_sample_is_a_step_but_no_noise(signals: Signals) -> None:
