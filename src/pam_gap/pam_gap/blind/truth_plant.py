@@ -1,11 +1,12 @@
 """A second plant, for making recordings whose hidden effect the diagnosis must find.
 
-It shares no formula with the simulation the diagnosis fits, so that a right name is no echo of
-equal code: gas as mass and energy instead of pressure, LuGre friction (Canudas de Wit et al.,
-1995) for dry friction, Prandtl-Ishlinskii play operators for thread friction with the thread
-model's own scale (P pi D L), a springpot of Maxwell elements for creep, a Mooney-Rivlin bladder,
-the implicit thread tension for extensible braids, the square-root law of a long tube, convective
-heat transfer that grows with density, a two-pole spool; semi-implicit Euler at 0.05 ms.
+Its formulas are others than those of the simulation the diagnosis fits, so that a right name is
+no echo of equal code (but for what has one form, and Dahl's law, a case of LuGre's): gas as mass
+and energy instead of pressure, LuGre friction (Canudas de Wit et al., 1995) for dry friction,
+Prandtl-Ishlinskii play operators for thread friction with the thread model's own scale (P pi D
+L), a springpot of Maxwell elements for creep, a Mooney-Rivlin bladder, the implicit thread
+tension for extensible braids, the square-root law of a long tube, convective heat transfer that
+grows with density, a two-pole spool; semi-implicit Euler at 0.05 ms.
 
 Compiled by numba where it is installed; without it the same code runs, some 300 times slower.
 """
