@@ -100,6 +100,14 @@ def test_what_is_missing_is_said() -> None:
     assert "no pressure_states" in window.gap(0).problem
 
 
+def test_a_wild_stamp_is_a_problem_and_passes() -> None:
+    """Of a broken clock; kept apart, it would span a grid larger than any memory."""
+    window = LiveWindow(load_rig(ELBOW), 5.0)
+    for at in [*(np.arange(1000) * PERIOD).tolist(), 1e12, *(np.arange(4) * PERIOD).tolist()]:
+        window.take(PRESSURES, at, MUSCLES, (2e5 + at, 2e5))
+    assert "heard so far" in window.gap(0).problem
+
+
 @pytest.mark.system
 def test_node_reports_on_diagnostics(
     probe: Any, ros_environment: dict[str, str], patience: float

@@ -146,3 +146,10 @@ def test_quantisation_survives_rounded_decimals() -> None:
     step = 2 * np.pi / 16384
     values = np.round(np.round(random.normal(0, 0.01, 4000) / step) * step, 5)
     assert quantisation(values) == pytest.approx(step, rel=0.05)
+
+
+def test_a_stamp_far_off_is_told_and_costs_no_memory() -> None:
+    time = np.append(np.arange(1000) * 2e-3, 1e12)
+    raw = RawRecording(Path("log.csv"), {"pressure_states.flexor": RawChannel(time, np.sin(time))})
+    with pytest.raises(RecordingError, match="stamp that is far off"):
+        resample(raw)

@@ -3,7 +3,7 @@
 Each is something that any antagonistic joint with its controller can do without new hardware: a
 position reference and a co-contraction (mean of both pressures) over time, perhaps ended by valve
 commands that take the loop's place, perhaps with the joint mounted turned over or locked. All stay
-within the position limits and within 60 % of the pressure that the rig allows, start at rest at
+within the position limits and within 80 % of the pressure that the rig allows, start at rest at
 position 0, and move no faster than the smooth steps written here.
 """
 
@@ -27,6 +27,7 @@ POSITION_GAIN = 0.1  # of the highest pressure, per rad of position error
 LOOP_RATE = 6.0  # 1/s, of the pressure loop at the supply's flow
 SETTLE = 2.0  # s at rest before anything moves
 GRID = 0.05  # s, on which static pressures are solved
+HIGHEST = 0.79  # of the highest pressure: what a reference never exceeds
 LOWEST = 0.03  # of the highest pressure: what a reference never goes below
 
 
@@ -157,7 +158,9 @@ class Menu:
             below = self.statics.torque(p - probe, p + probe, q)
             slope = (above - below) / (2.0 * probe)
             solved[i] = (gravity - 0.5 * (above + below)) / slope if slope > 0.0 else 0.0
-        room = np.maximum(level[at] - LOWEST * self.highest, 0.0)
+        room = np.minimum(
+            level[at] - LOWEST * self.highest, HIGHEST * self.highest - level[at]
+        ).clip(0.0)
         result: Array = np.interp(time, time[at], np.clip(solved, -room, room))
         return result
 

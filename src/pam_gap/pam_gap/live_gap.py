@@ -27,6 +27,8 @@ from pam_model.rig import Rig
 SHORTEST = SETTLING + 1.0  # s, of a window that says anything
 TIGHT = 0.01  # s, in which pressures follow the measured ones
 WATCHED = HORIZONS[:2]
+MOST_KEPT = 100_000
+"""Samples of a channel, however little their stamps advance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +112,9 @@ class LiveWindow:
         for name, value in zip(names, values, strict=False):
             channel = f"{topic}{name}{suffix}"
             if channel in self._known:
-                kept = self._samples.setdefault(channel, deque())
+                kept = self._samples.setdefault(channel, deque(maxlen=MOST_KEPT))
+                if kept and stamp < kept[-1][0] - self.length:
+                    kept.clear()  # the clock was set back
                 kept.append((stamp, float(value)))
                 while kept[-1][0] - kept[0][0] > self.length:
                     kept.popleft()

@@ -34,6 +34,8 @@ SHUT = "shut"
 """Both valves shut all the time."""
 
 GAP_PERIODS = 5.0  # a hole longer than this many of the channel's periods is not bridged
+MOST_ROWS = 1e7
+"""Rows of the grid; more than five hours at 500 Hz."""
 SPIKE = 25.0  # one sample this many noise widths off both neighbours is a fault of the log
 _EPOCH = 1e8  # a time stamp above this is an absolute one
 
@@ -212,6 +214,12 @@ def resample(raw: RawRecording, step: float | None = None, regular: bool = True)
         raise RecordingError(
             f"{raw.source}: the channels overlap for {end - start:.3g} s; "
             f"expected at least {100 * chosen:.3g} s"
+        )
+    if end - start > MOST_ROWS * chosen:
+        raise RecordingError(
+            f"{raw.source}: {end - start:.3g} s at a step of {chosen:.3g} s are "
+            f"{(end - start) / chosen:.3g} rows, more than {MOST_ROWS:.0g}; cut the recording, or "
+            "look for a stamp that is far off"
         )
     slow = sorted({f"{1 / p:.4g} Hz" for p in periods.values() if p > 1.5 * chosen})
     if slow:

@@ -220,6 +220,11 @@ def _effect_values(rig: Rig, joint: Joint, muscles: tuple[Muscle, Muscle]) -> di
     return values
 
 
+RIGID_CONTACT = 1.0001e-4
+"""Presliding angle [rad] up to which a contact is taken as rigid: encoders hardly show it, and the
+steps that its stiffness would need are short."""
+
+
 def derive_constants(values: Vector) -> Vector:
     """What the kernels use (plant_layout.C_*, M_*): effects merged into the nominal numbers.
 
@@ -252,9 +257,10 @@ def derive_constants(values: Vector) -> Vector:
     c[lay.C_STRIBECK] = max(static - sliding, 0.0)
     c[lay.C_STRIBECK_SPEED] = p["stribeck_friction.speed"]
     # One joint has one law of dry friction: where both effects are there, the softer contact.
-    c[lay.C_PRESLIDING] = max(
+    presliding = max(
         p["coulomb_friction.presliding_angle"], p["stribeck_friction.presliding_angle"]
     )
+    c[lay.C_PRESLIDING] = presliding if presliding > RIGID_CONTACT else 0.0
     for side, m in zip(lay.MUSCLES, (lay.AGONIST, lay.ANTAGONIST), strict=True):
         own = {key[len(side) + 1 :]: value for key, value in p.items() if key.startswith(side)}
         c[m : m + lay.N_MUSCLE_CONSTANTS] = _muscle_constants(own)
