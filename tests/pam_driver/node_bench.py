@@ -105,10 +105,15 @@ class DriverProcess:
     def wait(self) -> int:
         return self.process.wait(PATIENCE)
 
-    def kill(self) -> None:
+    def end(self) -> None:
+        """Politely first: Fast DDS can crash a process that shared memory with a killed one."""
         if self.process.poll() is None:
-            self.process.kill()
-            self.process.wait(10.0)
+            self.process.terminate()
+            try:
+                self.process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait(10.0)
 
 
 class RosPeer:

@@ -60,7 +60,7 @@ class Bench:
 
     def close(self) -> None:
         for driver in self.drivers:
-            driver.kill()
+            driver.end()
         self.board.stop()
         self.peer.close()
 
