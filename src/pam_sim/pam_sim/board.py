@@ -150,7 +150,8 @@ class SimulatedBoard:
         self._samples = 0
         self.counter_step = 1
         self._told: tuple[BoardState, BoardFault] | None = None
-        self._due = {Measurement: now, Status: now, Heartbeat: now}
+        self._grid = now
+        self._turns: dict[type[BoardMessage], int] = {Measurement: 0, Status: 0, Heartbeat: 0}
         self._periods = {
             Measurement: 1.0 / self.settings.measurement_rate,
             Status: 1.0 / self.settings.status_rate,
@@ -227,12 +228,15 @@ class SimulatedBoard:
         return [self._codec.encode(self.number, message) for message in messages]
 
     def _is_due(self, kind: type[BoardMessage], now: float) -> bool:
-        due, period = self._due[kind], self._periods[kind]
+        # Counted, not added up: after an hour of sums the grid would have moved by a rounding
+        # error that costs a turn.
+        period = self._periods[kind]
+        due = self._grid + self._turns[kind] * period
         if now < due - 1e-9:
             return False
         # A late caller gets one frame, not a burst; the grid stays. A caller whose clock is a
         # rounding error early must not get the same frame again in its next turn.
-        self._due[kind] = due + period * (math.floor(max(now - due, 0.0) / period + 1e-9) + 1)
+        self._turns[kind] += math.floor(max(now - due, 0.0) / period + 1e-9) + 1
         return True
 
     def _take_valve_command(self, command: ValveCommand, now: float) -> None:
