@@ -212,7 +212,6 @@ def fit(
     cached: Array | None = None,
     max_iterations: int = 8,
     tolerance: float = 1e-3,
-    give_up_above: float = np.inf,
 ) -> FitResult:
     """Fit from one start.
 
@@ -234,8 +233,6 @@ def fit(
         Steps at most.
     tolerance : float
         Relative fall of the mean log J below which the fit ends.
-    give_up_above : float
-        An objective that a hopeless candidate may stop above after three steps.
     """
     scaling = Scaling(free)
     n = len(free)
@@ -280,7 +277,5 @@ def fit(
         at, errors, best = lanes[winner], lane_errors[winner], float(values[winner])
         taken += 1
         if fall < tolerance * total:
-            break
-        if taken >= 3 and best > give_up_above:
             break
     return FitResult(scaling.own(at), errors, best, jacobian, taken)

@@ -93,7 +93,6 @@ class HypothesisFitter:
         rows: Rows | None = None,
         cached: Array | None = None,
         max_iterations: int = 8,
-        give_up_above: float = np.inf,
         tolerance: float = 1e-3,
     ) -> Hypothesis:
         """Fit one hypothesis from one start (nuisances first, then members' parameters)."""
@@ -112,7 +111,6 @@ class HypothesisFitter:
                 floor=self.floor,
                 cached=cached,
                 max_iterations=max_iterations,
-                give_up_above=give_up_above,
                 tolerance=tolerance,
             )
         mean = mean_squares(result.errors, problem.counted)
