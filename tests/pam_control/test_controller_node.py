@@ -30,6 +30,7 @@ from pam_model.rig import load_rig  # noqa: E402
 from pam_sim.demo.chain import private_domain  # noqa: E402
 from pam_sim.plant import Plant  # noqa: E402
 from pam_sim.plant_parameters import PlantParameters  # noqa: E402
+from support.processes import end  # noqa: E402
 
 pytestmark = pytest.mark.system
 
@@ -190,9 +191,7 @@ def controller(bench, domain):
         assert process.poll() is None, process.stderr.read()
         yield process
     finally:
-        if process.poll() is None:
-            process.kill()
-        process.wait()
+        end(process)
 
 
 def test_commands_carry_spools_in_position_and_nothing_in_effort(bench, controller):

@@ -22,6 +22,7 @@ from std_srvs.srv import Trigger
 
 from pam_driver.bus import open_bus
 from pam_driver.codec import BoardCodec
+from support.processes import end
 
 from .fake_board import FakeBoard
 
@@ -106,14 +107,7 @@ class DriverProcess:
         return self.process.wait(PATIENCE)
 
     def end(self) -> None:
-        """Politely first: Fast DDS can crash a process that shared memory with a killed one."""
-        if self.process.poll() is None:
-            self.process.terminate()
-            try:
-                self.process.wait(PATIENCE)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait(10.0)
+        end(self.process, PATIENCE)
 
 
 class RosPeer:
