@@ -124,6 +124,7 @@ class RosPeer:
         for topic, kind in {
             "pressure_states": JointState,
             "joint_states": JointState,
+            "sent_valve_commands": JointState,
             "elbow_flexor/pressure": FluidPressure,
             "/diagnostics": DiagnosticArray,
         }.items():

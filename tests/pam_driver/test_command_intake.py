@@ -171,3 +171,18 @@ def test_a_full_scale_below_max_pressure_is_the_limit(rig: Rig) -> None:
     assert intake.take(NamedCommand(NAMES, (NAN, 0.0), (), (1.0, NAN)), 8.0) == (1.0, 0.0)
     command = NamedCommand(NAMES, (NAN, 0.0), (), (1.5, NAN))
     assert refused(intake, command)[1] == "elbow_flexor: 1.5 Pa, expected 0 to 1 Pa"
+
+
+def test_commands_go_back_into_their_units(
+    intake: CommandIntake, regulated: CommandIntake, rig: Rig
+) -> None:
+    assert intake.in_units((0.25, -0.5)) == ([0.25, -0.5], [])
+    position, effort = regulated.in_units((0.25, -0.5))
+    assert (math.isnan(position[0]), position[1]) == (True, -0.5)
+    assert (effort[0], math.isnan(effort[1])) == (200_000.0, True)
+    muscles = [
+        replace(m, valve=replace(m.valve, kind="pressure_regulator", full_scale=4e5))
+        for m in rig.muscles
+    ]
+    both = CommandIntake(replace(rig, muscles=tuple(muscles)), TIMEOUT)
+    assert both.in_units((0.25, 0.5)) == ([], [1e5, 2e5])

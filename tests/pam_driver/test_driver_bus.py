@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.bus import ReceivedFrame
+from pam_driver.bus import ReceivedFrame, SendOutcome
 from pam_driver.codec import BoardCode, BoardCodec, Measurement
 from pam_driver.command_intake import NamedCommand
 from pam_driver.safety_state import SafetyState
@@ -36,6 +36,20 @@ def test_the_snapshot_tells_the_state_after_the_cycle(bench: ExactBench) -> None
     assert bench.step(1, GOOD).state is SafetyState.ACTIVE
     bench.pressures = (9e5, 0.0)
     assert bench.step(1, GOOD).state is SafetyState.FAULT
+
+
+def test_the_snapshot_tells_what_the_boards_were_told(bench: ExactBench) -> None:
+    vents = (-1.0, -1.0)
+    assert bench.step(8).sent == vents
+    bench.driver.activate(bench.now)
+    assert bench.step(1).sent == vents
+    assert bench.step(1, (0.25, -0.5)).sent == (0.25, -0.5)
+    assert bench.step(2).sent == (0.25, -0.5)
+    bench.port.outcome = SendOutcome.QUEUE_FULL
+    assert bench.step(1).sent == ()
+    bench.port.outcome = SendOutcome.SENT
+    bench.driver.vent(bench.now)
+    assert bench.step(1, (0.25, -0.5)).sent == vents
 
 
 def test_the_counter_of_commands_goes_on_by_one_and_wraps(bench: ExactBench) -> None:

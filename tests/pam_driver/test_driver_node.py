@@ -96,6 +96,11 @@ def test_from_frames_to_topics_and_back(make_bench: Callable[[str], Bench], kind
     age = time.time() - (pressure.header.stamp.sec + 1e-9 * pressure.header.stamp.nanosec)
     assert -0.1 < age < PATIENCE
     assert peer.heard["elbow_flexor/pressure"][-1].fluid_pressure == 251_325.0
+    sent = peer.heard["sent_valve_commands"]
+    assert list(sent[0].position) == [-1.0, -1.0]
+    peer.until(lambda: list(sent[-1].position) == peer.position, "commands as sent")
+    assert list(sent[-1].name) == NAMES
+    assert not sent[-1].effort
     peer.until(lambda: peer.diagnostics("pam_driver: board 0"), "diagnostics")
     values = {pair.key: pair.value for pair in peer.diagnostics("pam_driver: board 0").values}
     assert values["supply pressure [Pa absolute]"] == "701320"

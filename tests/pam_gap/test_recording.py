@@ -9,7 +9,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.import_recording import import_recording
-from pam_gap.noise_floor import channel_noise, quantisation
+from pam_gap.noise_floor import channel_noise, noise_floor, quantisation
 from pam_gap.recording import RawChannel, RawRecording, RecordingError, resample
 
 PRESSURE = "pressure_states.flexor"
@@ -69,6 +69,34 @@ def test_bags_are_read_by_measurement_stamp(tmp_path: Path, plugin: StoragePlugi
     )
 
 
+@pytest.mark.parametrize(("count", "expected"), [(300, 0.25), (0, -0.5)])
+def test_what_the_driver_sent_stands_for_what_was_asked(
+    tmp_path: Path, count: int, expected: float
+) -> None:
+    """Unless nothing of it was recorded."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    state = store.types["sensor_msgs/msg/JointState"]
+    header, stamp = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+    empty = np.zeros(0)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, number, value in (
+            ("/valve_commands", 300, -0.5),
+            ("/sent_valve_commands", count, 0.25),
+        ):
+            link = writer.add_connection(topic, state.__msgtype__, typestore=store)
+            for k in range(number):
+                now = 1_700_000_000_000_000_000 + k * 4_000_000
+                made = header(stamp(now // 10**9, now % 10**9), "")
+                message = state(
+                    header=made, name=["flexor"], position=np.array([value]), velocity=empty,
+                    effort=empty,
+                )  # fmt: skip
+                writer.write(link, now, store.serialize_cdr(message, state.__msgtype__))
+    recording = import_recording(tmp_path / "bag")
+    assert set(recording.values) == {COMMAND}
+    assert (recording.values[COMMAND] == expected).all()
+
+
 def test_resampling_of_jittered_stamps_adds_no_lag() -> None:
     random = np.random.default_rng(3)
     time = np.sort(np.arange(4000) * 0.002 + random.uniform(-6e-4, 6e-4, 4000))
@@ -87,6 +115,53 @@ def test_commands_are_held_not_interpolated() -> None:
     steps = np.where(slow % 0.2 < 0.1, 0.3, -0.3)
     recording = resample(raw(position=(time, motion(time)), command=(slow, steps)))
     assert set(np.unique(recording.values[COMMAND])) == {-0.3, 0.3}
+
+
+def test_commands_between_the_points_of_the_grid_act_for_the_rest_of_the_step() -> None:
+    """Neither lost nor late: what was commanded in all, and its centre in time, stay."""
+    random = np.random.default_rng(4)
+    time = np.arange(4000) * 0.002
+    late = np.sort(time + random.uniform(0.0, 2e-3, 4000))
+    late[0] = 0.0
+    steps = random.uniform(-1.0, 1.0, 4000)
+    recording = resample(raw(position=(time, motion(time)), command=(late, steps)), 0.002)
+    commands, count = recording.values[COMMAND], recording.time.size
+    edges = np.append(late, late[-1])
+    for end in (1000, 2000, 3000):
+        width = np.diff(np.minimum(edges, end * 0.002))
+        assert commands[:end].sum() * 0.002 == pytest.approx(steps @ width, abs=1e-5)
+    assert count > 3990
+
+
+def test_even_commands_stay_as_they_are() -> None:
+    time = 5.0 + np.round(np.arange(2000) * 0.002 + 1e-7 * np.cos(np.arange(2000)), 7)
+    steps = np.random.default_rng(5).uniform(-1.0, 1.0, 2000)
+    recording = resample(raw(position=(time, motion(time)), command=(time, steps)))
+    np.testing.assert_array_equal(recording.values[COMMAND], steps)
+    assert not recording.samples
+
+
+def test_stamps_in_the_middle_between_points_of_the_grid_count() -> None:
+    random = np.random.default_rng(6)
+    time = np.arange(4000) * 0.002
+    between = time + 0.001 + random.uniform(-2e-4, 2e-4, 4000)
+    recording = resample(
+        raw(position=(between, motion(between)), pressure=(time, 1e5 + motion(time))), 0.002
+    )
+    start = between[0]
+    assert recording.valid[POSITION].all()
+    expected = motion(recording.time + start)
+    np.testing.assert_allclose(recording.values[POSITION], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("offset", [0.0, 2.5e-4, 1e-3])
+def test_interpolation_does_not_hide_noise(offset: float) -> None:
+    random = np.random.default_rng(7)
+    time = np.arange(8000) * 0.002
+    shifted = time + offset
+    noisy = 2e5 + 1e5 * motion(shifted) + 150.0 * random.standard_normal(time.size)
+    recording = resample(raw(position=(time, motion(time)), pressure=(shifted, noisy)), 0.002)
+    assert noise_floor(recording)[PRESSURE].deviation == pytest.approx(150.0, rel=0.05)
 
 
 def test_gaps_are_left_out_and_slow_channels_count_at_their_samples_only() -> None:

@@ -119,6 +119,27 @@ def test_steps_do_not_depend_on_when_the_host_calls(rig):
     assert after([0.0931, 0.0937, 0.14]) == pytest.approx(even, abs=1e-12)
 
 
+def test_a_command_acts_from_when_it_arrived(rig):
+    """Not from when a late host looked: the past would be driven by what came after it."""
+
+    def after(seen):
+        simulated = SimulatedRig(rig, quality=QUIET)
+        codec = BoardCodec.from_dbc()
+        simulated.advance(0.06)
+        for counter, enable in enumerate(((False, False), (True, True))):
+            simulated.on_frame(*codec.encode(0, ValveCommand((0.4, 0.0), enable, counter)), 0.06)
+        simulated.advance(0.08)
+        shut = codec.encode(0, ValveCommand((0.0, 0.0), (True, True), 2))
+        simulated.on_frame(*shut, seen, seen - 0.085)
+        simulated.advance(0.12)
+        return simulated.ground_truth().pressures[0]
+
+    at_once = after(0.085)
+    assert at_once > 1e4
+    assert after(0.115) == at_once
+    assert after(0.0853) == at_once
+
+
 def test_lost_time_is_told(rig):
     simulated = SimulatedRig(rig)
     simulated.advance(5.0)

@@ -70,6 +70,7 @@ class CommandIntake:
         self._muscles = rig.muscles
         self._index = {name: index for index, name in enumerate(rig.muscle_names)}
         self._scale = tuple(_scale(muscle) for muscle in rig.muscles)
+        self._is_flow = tuple(muscle.valve.kind == "flow" for muscle in rig.muscles)
         self._newest = -math.inf
 
     def take(self, command: NamedCommand, now: float) -> tuple[float, ...]:
@@ -97,6 +98,26 @@ class CommandIntake:
         self.accepted += 1
         return values
 
+    def in_units(self, fractions: Sequence[float]) -> tuple[list[float], list[float]]:
+        """Fractions of full scale, by muscle, as a JointState's position and effort.
+
+        Returns
+        -------
+        position, effort : list of float
+            Spool -1..1 of flow valves, Pa gauge of regulators; NaN where a muscle does not use the
+            field, empty where none does.
+        """
+        if all(self._is_flow):
+            return list(fractions), []
+        values = [part * scale[2] for part, scale in zip(fractions, self._scale, strict=True)]
+        if not any(self._is_flow):
+            return [], values
+        both = list(zip(values, self._is_flow, strict=True))
+        return (
+            [value if is_flow else math.nan for value, is_flow in both],
+            [math.nan if is_flow else value for value, is_flow in both],
+        )
+
     def _checked(self, command: NamedCommand, now: float) -> tuple[float, ...]:
         self._check_age(command.age, now)
         names, position, velocity, effort, _ = command
@@ -114,8 +135,7 @@ class CommandIntake:
             if fractions[index] == fractions[index]:
                 raise CommandError("name", f"{name} stands there twice")
             muscle = self._muscles[index]
-            flow = muscle.valve.kind == "flow"
-            used, unused = (position, effort) if flow else (effort, position)
+            used, unused = (position, effort) if self._is_flow[index] else (effort, position)
             for other in (unused, velocity):
                 if other and not math.isnan(other[place]):
                     raise CommandError("field", _wrong_field(muscle))

@@ -94,6 +94,9 @@ class Snapshot(NamedTuple):
         By joint [rad], [rad/s], NaN if not fresh.
     joint_stamp : float
         Wall-clock time of the oldest of them [s], 0 if none is fresh.
+    sent : tuple of float
+        Command by muscle as fraction of full scale, those that vent included; empty if the bus
+        did not take it.
     """
 
     state: SafetyState
@@ -102,6 +105,7 @@ class Snapshot(NamedTuple):
     positions: tuple[float, ...]
     velocities: tuple[float, ...]
     joint_stamp: float
+    sent: tuple[float, ...] = ()
 
 
 class Driver:
@@ -287,9 +291,8 @@ class Driver:
             if found and self.state in {SafetyState.READY, SafetyState.ACTIVE}:
                 self.faults = found
                 self._event(SafetyEvent.FAULT, now)
-            if OUTPUTS[self.state].send:
-                self._send_valve_commands(now)
-            return snapshot._replace(state=self.state)
+            sent = self._send_valve_commands(now) if OUTPUTS[self.state].send else ()
+            return snapshot._replace(state=self.state, sent=sent)
 
     def _event(self, event: SafetyEvent, now: float) -> None:
         """Follow the table; leaving `ACTIVE` forgets the command."""
@@ -434,9 +437,11 @@ class Driver:
                 text = f"at {sample.value:.3f} rad, position_limits are {low:g} to {high:g} rad"
                 yield Condition("position_limit", joint.name, text)
 
-    def _send_valve_commands(self, now: float) -> None:
+    def _send_valve_commands(self, now: float) -> tuple[float, ...]:
+        """Command every board; what they were told, empty if one of them was not."""
         fractions = self._fractions if OUTPUTS[self.state].enable else None
         self._counter = (self._counter + 1) & 0xFF
+        told = self._vents if fractions is None else fractions
         for board, muscles in self.wiring.boards.items():
             values = [0.0] * CHANNELS
             enable = [False] * CHANNELS
@@ -448,6 +453,9 @@ class Driver:
             frame_id, data = self._codec.encode(board, command)
             if self._port.send(frame_id, data, now) is SendOutcome.SENT:
                 self._sent_at[board] = now
+            else:
+                told = ()
+        return told
 
     def _send_to_all(self, code: BoardCode, now: float) -> None:
         for board in self.boards:

@@ -76,6 +76,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
         self._pressure_states = self.create_publisher(JointState, "pressure_states", 10)
         self._joint_states = self.create_publisher(JointState, "joint_states", 10)
+        self._sent_commands = self.create_publisher(JointState, "sent_valve_commands", 10)
         self._fluid_pressures = [
             self.create_publisher(FluidPressure, f"{name}/pressure", 10)
             for name in self._rig.muscle_names
@@ -232,6 +233,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """One cycle, in the I/O thread."""
         wall_now = time.time()
         snapshot = driver.cycle(now, wall_now)
+        sent_at = time.time()
         self._snapshot = snapshot
         message = JointState(name=self._rig.muscle_names, effort=snapshot.pressures)
         message.header.stamp = _stamp(snapshot.pressure_stamp or wall_now)
@@ -244,6 +246,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             )
             message.header.stamp = _stamp(snapshot.joint_stamp or wall_now)
             self._joint_states.publish(message)
+        if snapshot.sent:
+            position, effort = driver.intake.in_units(snapshot.sent)
+            message = JointState(name=self._rig.muscle_names, position=position, effort=effort)
+            message.header.stamp = _stamp(sent_at)
+            self._sent_commands.publish(message)
 
     def _on_valve_commands(self, message: Any) -> None:
         driver = self._driver

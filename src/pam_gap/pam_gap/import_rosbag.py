@@ -18,10 +18,15 @@ from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.broken_bag import STORAGES, is_unfinished, salvage, storage_files
-from pam_gap.recording import SUPPLY, RawChannel, RawRecording, RecordingError
+from pam_gap.recording import COMMANDS, SUPPLY, RawChannel, RawRecording, RecordingError
+
+_COMMANDS = "valve_commands"
+_SENT = "sent_valve_commands"
+"""What the driver told the boards and when: where it was recorded, it stands for the commands."""
 
 _FIELDS = {
-    "valve_commands": ("position", "effort"),
+    _SENT: ("position", "effort"),
+    _COMMANDS: ("position", "effort"),
     "pressure_states": ("effort",),
     "joint_states": ("position",),
     "muscle_states": ("effort", "position"),
@@ -51,6 +56,10 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
             found[leaf].add(connection.topic)
     if any(c.topic.rsplit("/", 1)[-1] == ESTIMATES for c in reader.connections):
         found.pop("muscle_states", None)
+    if any(c.topic in found[_SENT] and c.msgcount for c in reader.connections):
+        del found[_COMMANDS]
+    else:
+        del found[_SENT]
     for leaf, topics in found.items():
         if len(topics) > 1:
             raise RecordingError(
@@ -63,7 +72,9 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
 
 
 def _channel(topic: str, name: str, field: str) -> str:
-    if topic in ("valve_commands", "pressure_states"):
+    if topic in (_COMMANDS, _SENT):
+        return f"{COMMANDS}{name}"
+    if topic == "pressure_states":
         return f"{topic}.{name}"
     return f"{topic}.{name}.{field}"
 
@@ -80,7 +91,7 @@ def _joint_state(topic: str, message: Any) -> list[tuple[str, float]]:
             if np.isfinite(value)
         ]
         rows += known
-        if known and topic == "valve_commands":
+        if known and topic in (_COMMANDS, _SENT):
             break
     return rows
 

@@ -90,8 +90,11 @@ def channel_noise(values: Array, valid: Mask | None = None) -> ChannelNoise:
 
 def noise_floor(recording: Recording) -> Mapping[str, ChannelNoise]:
     """Noise of every measured channel of a recording (commands are known, not measured)."""
+    samples = recording.samples
     return {
-        name: channel_noise(values, recording.valid[name])
+        name: channel_noise(samples[name])
+        if name in samples
+        else channel_noise(values, recording.valid[name])
         for name, values in recording.values.items()
         if not name.startswith(COMMANDS)
     }

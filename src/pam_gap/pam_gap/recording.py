@@ -1,9 +1,9 @@
 """A recording on one even time grid, and how uneven logs are brought onto it.
 
 Nothing here low-passes: a filtered channel would look like a lag of the rig. Commands are held
-(that is what a valve does between two messages), measurements are interpolated linearly to the
-grid and count only where a true sample lies within half a step and no gap is bridged. Every
-repair is written down in words.
+(that is what a valve does between two messages) and count for the part of a step in which they
+held; measurements are interpolated linearly to the grid and count only near true samples, where no
+gap is bridged. Every repair is written down in words.
 """
 
 from __future__ import annotations
@@ -37,6 +37,8 @@ GAP_PERIODS = 5.0  # a hole longer than this many of the channel's periods is no
 MOST_ROWS = 1e7
 """Rows of the grid; more than five hours at 500 Hz."""
 SPIKE = 25.0  # one sample this many noise widths off both neighbours is a fault of the log
+SAME_TIME = 1e-3
+"""Of a step: a stamp this close to a point of the grid is on it."""
 _EPOCH = 1e8  # a time stamp above this is an absolute one
 
 
@@ -81,6 +83,9 @@ class Recording:
         What was done to the data, in words.
     mounting : str
         Empty as the rig file says, `TURNED_OVER`, `LOCKED`, or `SHUT` (valves shut all the time).
+    samples : mapping of str to ndarray, shape (any,)
+        Measurements as logged, whose noise interpolation has not averaged out; empty where no
+        value was interpolated.
     """
 
     source: Path
@@ -90,6 +95,7 @@ class Recording:
     valid: Mapping[str, Mask]
     repairs: tuple[str, ...]
     mounting: str = ""
+    samples: Mapping[str, Array] = field(default_factory=dict)
 
     def has(self, channel: str) -> bool:
         """Whether the channel was recorded."""
@@ -136,6 +142,24 @@ def _periods(channels: Mapping[str, RawChannel]) -> dict[str, float]:
     return {name: float(np.median(np.diff(raw.time))) for name, raw in channels.items()}
 
 
+def _mean_command(raw: RawChannel, grid: Array, step: float) -> Array:
+    """What was commanded from each point of the grid to the next, on average.
+
+    To take the command that is there at each point would delay the others by half a step.
+    """
+    place = (raw.time - grid[0]) / step
+    near = np.round(place)
+    place = np.where(np.abs(place - near) < SAME_TIME, near, place)
+    area = np.concatenate(([0.0], np.cumsum(raw.value[:-1] * np.diff(place))))
+    edges = np.arange(grid.size + 1, dtype=np.float64)
+    last = np.clip(np.searchsorted(place, edges, side="right") - 1, 0, place.size - 1)
+    held = raw.value[last]
+    changes = last[1:] - last[:-1] - (place[last[1:]] == edges[1:]) > 0
+    mean = np.diff(area[last] + held * (edges - place[last]))
+    result: Array = np.where(changes, mean, held[:-1])
+    return result
+
+
 def _onto_grid(
     name: str, raw: RawChannel, grid: Array, step: float, period: float, repairs: list[str]
 ) -> tuple[Array, Mask]:
@@ -144,7 +168,7 @@ def _onto_grid(
     following = np.clip(after, 0, raw.time.size - 1)
     age = grid - raw.time[last]
     if name.startswith(COMMANDS):
-        held = raw.value[last]
+        held = _mean_command(raw, grid, step)
         valid = (age >= -0.5 * step) & (age < GAP_PERIODS * max(period, step))
         missing = int((~valid).sum())
         if missing:
@@ -154,7 +178,8 @@ def _onto_grid(
     nearest = np.minimum(np.abs(age), np.abs(raw.time[following] - grid))
     value = np.interp(grid, raw.time, raw.value)
     bridged = width > GAP_PERIODS * max(period, step)
-    valid = (nearest <= 0.5 * step * (1.0 + 1e-6)) & ~(bridged & (nearest > 0.05 * step))
+    near = (nearest <= 0.5 * step * (1.0 + 1e-6)) | (width <= 1.5 * step)
+    valid = near & ~(bridged & (nearest > 0.05 * step))
     holes = np.diff(raw.time) > GAP_PERIODS * max(period, step)
     if holes.any():
         repairs.append(
@@ -162,6 +187,11 @@ def _onto_grid(
             "all, left out of every comparison"
         )
     return value, valid
+
+
+def _is_on_grid(raw: RawChannel, start: float, step: float) -> bool:
+    place = (raw.time - start) / step
+    return bool(np.all(np.abs(place - np.round(place)) < SAME_TIME))
 
 
 def resample(raw: RawRecording, step: float | None = None, regular: bool = True) -> Recording:
@@ -232,7 +262,14 @@ def resample(raw: RawRecording, step: float | None = None, regular: bool = True)
     valid: dict[str, Mask] = {}
     for name, channel in channels.items():
         values[name], valid[name] = _onto_grid(name, channel, grid, chosen, periods[name], repairs)
-    return Recording(raw.source, chosen, grid - start, values, valid, tuple(repairs))
+    samples = {
+        name: channel.value
+        for name, channel in channels.items()
+        if not name.startswith(COMMANDS) and not _is_on_grid(channel, start, chosen)
+    }
+    return Recording(
+        raw.source, chosen, grid - start, values, valid, tuple(repairs), samples=samples
+    )
 
 
 def from_columns(

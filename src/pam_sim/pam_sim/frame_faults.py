@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 import random
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -125,7 +126,7 @@ class FaultyPort:
         for frame in self._port.receive_all(now):
             for identifier, data in self._faults.pass_on(frame[:2], "down", now):
                 frames.append(ReceivedFrame(identifier, data, frame.stamp))
-        frames += [ReceivedFrame(*frame, now) for frame in self._faults.due("down", now)]
+        frames += [ReceivedFrame(*frame, time.time()) for frame in self._faults.due("down", now)]
         return frames
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import random
 import time
 from collections import deque
@@ -60,6 +61,7 @@ class RigLoop:
         self.truth_time = time.time()
         self._truth_every = max(1, round(rate / truth_rate)) if truth_rate > 0.0 else 0
         self._turns = 0
+        self._drained_at = self.now
 
     def at(self, time: float, action: Callable[[], None]) -> None:
         """Do something at a time [s]; from the loop's own thread or before it starts."""
@@ -100,6 +102,10 @@ class RigLoop:
 
     def start(self) -> None:
         """Begin to serve."""
+        self._rig.begin(time.monotonic())
+        # a full collection would stop the loop for longer than a driver waits for a pressure
+        gc.collect()
+        gc.freeze()
         self._loop.start()
 
     def share_priority(self) -> None:
@@ -131,13 +137,19 @@ class RigLoop:
 
     def _turn(self, now: float) -> None:
         self.now = now
+        if self._turns == 0:
+            self._rig.begin(now)
         while self._asked:
             self._asked.popleft()()
         for entry in [entry for entry in self._later if entry[0] <= now]:
             self._later.remove(entry)
             entry[1]()
+        # as in the driver: bounds the age when the wall clock steps
+        longest, self._drained_at = now - self._drained_at, now
+        wall_now = time.time()
         for frame in self._port.receive_all(now):
-            self._rig.on_frame(frame.frame_id, frame.data, now)
+            age = min(max(wall_now - frame.stamp, 0.0), longest)
+            self._rig.on_frame(frame.frame_id, frame.data, now, age)
         for frame_id, data in self._rig.advance(now):
             self._port.send(frame_id, data, now)
         self._turns += 1

@@ -7,8 +7,9 @@ running nodes really use.
 
 from __future__ import annotations
 
+import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -55,8 +56,8 @@ class Rights:
 POLICY: Mapping[str, Rights] = {
     "pam_driver": Rights(
         publishes=(
-            "pressure_states", "joint_states", "{muscle}/pressure", "diagnostics",
-            "~/transition_event",
+            "pressure_states", "joint_states", "sent_valve_commands", "{muscle}/pressure",
+            "diagnostics", "~/transition_event",
         ),
         subscribes=("valve_commands",),
         serves=("~/vent", "~/clear_faults", *_LIFECYCLE_SERVES),
@@ -130,13 +131,18 @@ def policy_xml(muscles: tuple[str, ...]) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def main() -> int:
-    """Write the policy of the elbow: `python -m pam_sim.security_policy FILE [muscle ...]`."""
-    if len(sys.argv) < 2:
-        print("python -m pam_sim.security_policy FILE [muscle ...]", file=sys.stderr)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the policy of a rig's muscles."""
+    parser = argparse.ArgumentParser(prog="python -m pam_sim.security_policy", description=__doc__)
+    parser.add_argument("file", type=Path, help="where to write it")
+    parser.add_argument("muscles", nargs="*", help="names (default: those of the elbow)")
+    given = parser.parse_args(arguments)
+    muscles = tuple(given.muscles) or ("elbow_flexor", "elbow_extensor")
+    try:
+        given.file.write_text(policy_xml(muscles), encoding="utf-8")
+    except OSError as error:
+        print(f"{given.file}: cannot be written: {error.strerror}", file=sys.stderr)
         return 2
-    muscles = tuple(sys.argv[2:]) or ("elbow_flexor", "elbow_extensor")
-    Path(sys.argv[1]).write_text(policy_xml(muscles), encoding="utf-8")
     return 0
 
 

@@ -152,11 +152,33 @@ class SimulatedRig:
         """The boards by number."""
         return self._boards
 
-    def on_frame(self, frame_id: int, data: bytes, now: float) -> None:
-        """Hand a frame to every board; each takes its own."""
+    def on_frame(self, frame_id: int, data: bytes, now: float, age: float = 0.0) -> None:
+        """Hand a frame to every board; each takes its own.
+
+        Until the frame arrived the plant moves by the commands before it, to the nearest step.
+
+        Parameters
+        ----------
+        frame_id : int
+        data : bytes
+        now : float
+            [s], not before the last one told.
+        age : float
+            How long ago the frame arrived [s].
+        """
+        whole = self._whole_steps(now)
+        self._go_on(min(round((now - age - self._now) / self._period), whole))
         for number, board in self._boards.items():
             if number not in self.faults.frozen:
                 board.on_frame(frame_id, data, now)
+
+    def begin(self, now: float) -> None:
+        """Let time start at `now` [s] with one step, so that steps end when a caller's turns do.
+
+        The first of all loads the compiled plant, which takes as long as hundreds of others.
+        """
+        self._now = now - self._period
+        self._go_on(1)
 
     def restart_board(self, number: int, now: float) -> None:
         """Power-up of a board at `now` [s], as after a brown-out."""
@@ -178,17 +200,12 @@ class SimulatedRig:
     def advance(self, now: float) -> list[Frame]:
         """Bring plant and boards forward to `now` [s]; return the frames the boards send.
 
-        A caller that is late gets the missing steps at once, with the commands known now; after
-        more than a second the rest is dropped and added to `lost_time`.
+        The plant is at the nearest whole step.
+
+        A caller that is late gets the missing steps at once; after more than a second the rest is
+        dropped and added to `lost_time`.
         """
-        behind = now - self._now
-        if behind > FULLEST_CATCH_UP:
-            self.lost_time += behind - FULLEST_CATCH_UP
-            self._now = now - FULLEST_CATCH_UP
-        steps = math.floor((now - self._now) / self._period + 1e-6)
-        if steps > 0:
-            self._now += steps * self._period
-            self._move(steps)
+        self._go_on(self._whole_steps(now))
         for number in self.faults.reset_by_watchdog(now):
             self.restart_board(number, now)
         frames: list[Frame] = []
@@ -224,6 +241,18 @@ class SimulatedRig:
                 result.forces[index] = output[f"{side}.force"]
                 result.speeds[index] = sign * speed * plant.parameters["pulley_radius.scale"]
         return result
+
+    def _whole_steps(self, now: float) -> int:
+        behind = now - self._now
+        if behind > FULLEST_CATCH_UP:
+            self.lost_time += behind - FULLEST_CATCH_UP
+            self._now = now - FULLEST_CATCH_UP
+        return round((now - self._now) / self._period)
+
+    def _go_on(self, steps: int) -> None:
+        if steps > 0:
+            self._now += steps * self._period
+            self._move(steps)
 
     def _move(self, steps: int) -> None:
         commands = [0.0] * len(self.rig.muscles)
