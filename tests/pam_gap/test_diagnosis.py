@@ -5,6 +5,7 @@ on rigs with other physics is shown by `python -m pam_gap blind`.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -28,8 +29,6 @@ needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="a whole search needs th
 
 
 def without(recording: Recording, prefix: str) -> Recording:
-    from dataclasses import replace
-
     keep = {k: v for k, v in recording.values.items() if not k.startswith(prefix)}
     return replace(recording, values=keep)
 
@@ -92,6 +91,30 @@ def test_effects_are_named(
 
 
 @needs_numba
+@pytest.mark.parametrize(
+    ("delay", "is_stamped", "effects"),
+    [(0.002, True, ()), (0.002, False, ("command_delay",)), (0.02, True, ("command_delay",))],
+)
+def test_how_long_a_message_takes_is_no_effect(
+    rig: Rig, record: Maker, delay: float, is_stamped: bool, effects: tuple[str, ...]
+) -> None:
+    """Up to a sample; a table, whose channels share their stamps, leaves nothing open."""
+    recording = record({"command_delay.delay": delay})
+    if is_stamped:
+        samples = {k: v for k, v in recording.values.items() if not k.startswith("valve")}
+        recording = replace(recording, samples=samples)
+    diagnosis = JointDiagnosis(rig, 0, [recording]).run()
+    assert diagnosis.effects == effects
+    if not effects:
+        assert diagnosis.verdict == "none"
+    elif is_stamped:
+        # what the log takes is not written into the rig as well
+        assert diagnosis.improved is not None
+        for muscle in diagnosis.improved.muscles:
+            assert muscle.effects["command_delay"]["delay"] == pytest.approx(delay, abs=0.004)
+
+
+@needs_numba
 def test_without_commands_the_valve_stage_is_left_out(rig: Rig, record: Maker) -> None:
     recording = without(record({"coulomb_friction.torque": 0.6}), "valve_commands")
     diagnosis = JointDiagnosis(rig, 0, [recording]).run()
@@ -141,8 +164,6 @@ def test_mistakes_end_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_computed_pulls_are_no_load_cells(rig: Rig, record: Maker) -> None:
-    from dataclasses import replace
-
     measured = record(duration=6.0, cells=True)
     assert without_computed(measured, rig).values.keys() == measured.values.keys()
     joint = rig.joints[0]

@@ -17,13 +17,13 @@ ELBOW = load_rig(Path(__file__).parents[2] / "config" / "elbow.yaml")
 def test_every_parameter_a_fit_moves_arrives(tmp_path: Path) -> None:
     """Written, read and made a plant of again, the file has every fitted value."""
     joint = ELBOW.joints[0]
-    _, nuisances = nuisances_for(ELBOW, joint)
+    nuisances = nuisances_for(ELBOW, joint)
     before = PlantParameters.from_rig(ELBOW).values
     for candidate in candidates_for(ELBOW, joint):
         free = len(nuisances) + len(candidate.free)
         values = np.concatenate([np.linspace(0.985, 1.015, len(nuisances)), candidate.starts[0]])
         result = FitResult(values, np.zeros((0, 5)), 0.0, np.zeros((0, 5, free)), 0)
-        targets = [(name,) for name in nuisances] + list(candidate.targets)
+        targets = [nuisance.targets for nuisance in nuisances] + list(candidate.targets)
         factors = [True] * len(nuisances) + [False] * len(candidate.free)
         hypothesis = Hypothesis((candidate,), result, np.ones(5))
         improved = improve_rig(ELBOW, 0, hypothesis, targets, factors)

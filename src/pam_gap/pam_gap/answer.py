@@ -201,8 +201,11 @@ class AnswerForm:
         return "; ".join(notes)
 
     def improved(self, h: Hypothesis) -> Rig:
-        """The rig with what was found written into it."""
+        """The rig with what was found written into it; how long messages take is not the rig's."""
         _, targets, factor = self.fitter.problem_parts(h.members)
+        for place, nuisance in enumerate(self.fitter.nuisances):
+            if not nuisance.is_factor:
+                targets[place] = ()
         return improve_rig(self.rig, self.joint, h, targets, factor)
 
 

@@ -161,7 +161,7 @@ def _sizes(rig: Rig, joint: Joint) -> dict[str, dict[str, _Sizes]]:
             )
         },
         "payload": {
-            "mass": _Sizes(0.0, 30.0, 0.2, (0.3,)),
+            "mass": _Sizes(1e-3, 30.0, 0.5, (0.3,), True),
             "distance": _Sizes(0.02, 1.5, 0.5, (0.3,), True),
         },
         "pulley_radius": {"scale": _Sizes(0.5, 2.0, 0.05, (1.05, 0.95))},
@@ -268,19 +268,30 @@ def applicable(
     return position or effect in ("pressure_gain", "pressure_bias")
 
 
-def nuisances_for(rig: Rig, joint: Joint) -> tuple[tuple[FreeParameter, ...], tuple[str, ...]]:
-    """The nominal parameters that may be off within the rig's tolerance, and where they go.
+@dataclass(frozen=True, slots=True)
+class Nuisance:
+    """A number that may be off without being an effect, and where it goes.
 
-    Returns
-    -------
-    free : tuple of FreeParameter
-        As factors on the written values, centred on 1; none for a tolerance of 0.
+    Attributes
+    ----------
+    free : FreeParameter
+        Starts at its centre.
     targets : tuple of str
-        The plant parameter each of them scales.
+        The plant parameters it sets, or scales.
+    is_factor : bool
+        Whether it multiplies the written values.
     """
+
+    free: FreeParameter
+    targets: tuple[str, ...]
+    is_factor: bool
+
+
+def nuisances_for(rig: Rig, joint: Joint) -> tuple[Nuisance, ...]:
+    """The nominal parameters that may be off within the rig's tolerance; none for 0."""
     tolerance = rig.parameter_tolerance
     if tolerance <= 0.0:
-        return (), ()
+        return ()
     names: list[str] = ["supply_pressure"]
     for key in ("pulley_radius", "inertia", "viscous_friction", "gravity_torque", "gravity_angle"):
         if getattr(joint, key) != 0.0:
@@ -292,15 +303,41 @@ def nuisances_for(rig: Rig, joint: Joint) -> tuple[tuple[FreeParameter, ...], tu
                 names.append(f"{side}.{key}")
         for key in ("sonic_conductance", "critical_ratio", "time_constant"):
             names.append(f"{side}.valve.{key}")
-    free = tuple(
-        FreeParameter(
-            name,
-            1.0 - 1.05 * tolerance,
-            1.0 + 1.05 * tolerance,
-            0.3 * tolerance,
-            prior=tolerance / math.sqrt(3.0),
-            centre=1.0,
+    return tuple(
+        Nuisance(
+            FreeParameter(
+                name,
+                1.0 - 1.05 * tolerance,
+                1.0 + 1.05 * tolerance,
+                0.3 * tolerance,
+                prior=tolerance / math.sqrt(3.0),
+                centre=1.0,
+            ),
+            (name,),
+            is_factor=True,
         )
         for name in names
     )
-    return free, tuple(names)
+
+
+def transport_time(sample_time: float, written: float) -> Nuisance:
+    """What stamps of messages leave open: on its way a command is for part of a sample.
+
+    Commands are stamped when they are sent, measurements when they arrive.
+
+    Parameters
+    ----------
+    sample_time : float
+        Of the recording [s].
+    written : float
+        Delay of commands that the rig file has already [s].
+    """
+    free = FreeParameter(
+        "transport time",
+        written,
+        written + sample_time,
+        0.3 * sample_time,
+        prior=sample_time / math.sqrt(3.0),
+        centre=written,
+    )
+    return Nuisance(free, tuple(f"{side}.command_delay.delay" for side in SIDES), is_factor=False)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pam_gap.candidates import Candidate, nuisances_for
+from pam_gap.candidates import Candidate, nuisances_for, transport_time
 from pam_gap.fit import Array, FitResult, FreeParameter, fit, mean_squares
 from pam_gap.prediction import PredictionProblem
 from pam_sim.plant_parameters import INDEX
@@ -59,17 +59,20 @@ class HypothesisFitter:
     def __init__(self, problem: PredictionProblem, floor: Array) -> None:
         self.problem = problem
         self.floor = floor
-        joint = problem.rig.joints[problem.joint]
-        self.nuisances, self.nuisance_targets = nuisances_for(problem.rig, joint)
+        self.nuisances = nuisances_for(problem.rig, problem.rig.joints[problem.joint])
+        stamped = [d.recording.sample_time for d in problem.data if d.recording.samples]
+        if stamped and problem.has_commands:
+            written = problem.base["agonist.command_delay.delay"]
+            self.nuisances += (transport_time(max(stamped), written),)
         self.nominal: Hypothesis | None = None
 
     def problem_parts(
         self, members: Sequence[Candidate]
     ) -> tuple[list[FreeParameter], list[tuple[str, ...]], list[bool]]:
         """Free parameters of a hypothesis, their targets, whether each is a factor."""
-        free = list(self.nuisances)
-        targets: list[tuple[str, ...]] = [(name,) for name in self.nuisance_targets]
-        factor = [True] * len(free)
+        free = [nuisance.free for nuisance in self.nuisances]
+        targets = [nuisance.targets for nuisance in self.nuisances]
+        factor = [nuisance.is_factor for nuisance in self.nuisances]
         for member in members:
             free += member.free
             targets += member.targets
@@ -119,5 +122,6 @@ class HypothesisFitter:
     def fit_nominal(self) -> Hypothesis:
         """Re-tune the nominal parameters alone; kept as the start of everything else."""
         if self.nominal is None:
-            self.nominal = self.fit((), np.ones(len(self.nuisances)), max_iterations=6)
+            start = np.array([nuisance.free.centre for nuisance in self.nuisances])
+            self.nominal = self.fit((), start, max_iterations=6)
         return self.nominal
