@@ -41,6 +41,7 @@ def test_tables_are_read_alike(tmp_path: Path, suffix: str) -> None:
     assert recording.sample_time == pytest.approx(0.002)
     np.testing.assert_allclose(recording.values[POSITION], motion(time), atol=1e-12)
     assert any("remark" in text for text in recording.repairs)
+    assert recording.one_clock
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
@@ -94,6 +95,7 @@ def test_what_the_driver_sent_stands_for_what_was_asked(
                 writer.write(link, now, store.serialize_cdr(message, state.__msgtype__))
     recording = import_recording(tmp_path / "bag")
     assert set(recording.values) == {COMMAND}
+    assert not recording.one_clock
     assert (recording.values[COMMAND] == expected).all()
 
 

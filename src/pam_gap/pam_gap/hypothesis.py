@@ -60,7 +60,7 @@ class HypothesisFitter:
         self.problem = problem
         self.floor = floor
         self.nuisances = nuisances_for(problem.rig, problem.rig.joints[problem.joint])
-        stamped = [d.recording.sample_time for d in problem.data if d.recording.samples]
+        stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
         if stamped and problem.has_commands:
             written = problem.base["agonist.command_delay.delay"]
             self.nuisances += (transport_time(max(stamped), written),)

@@ -56,11 +56,24 @@ class RawChannel:
 
 @dataclass(slots=True)
 class RawRecording:
-    """What a file holds before any repair: channels by contract name, and remarks of the reader."""
+    """What a file holds before any repair.
+
+    Attributes
+    ----------
+    source : Path
+        The file.
+    channels : dict of str to RawChannel
+        By contract name.
+    remarks : list of str
+        Of the reader.
+    one_clock : bool
+        Whether all channels share their stamps, as in a table, or each message brings its own.
+    """
 
     source: Path
     channels: dict[str, RawChannel]
     remarks: list[str] = field(default_factory=list)
+    one_clock: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +99,8 @@ class Recording:
     samples : mapping of str to ndarray, shape (any,)
         Measurements as logged, whose noise interpolation has not averaged out; empty where no
         value was interpolated.
+    one_clock : bool
+        Whether all channels share their stamps.
     """
 
     source: Path
@@ -96,6 +111,7 @@ class Recording:
     repairs: tuple[str, ...]
     mounting: str = ""
     samples: Mapping[str, Array] = field(default_factory=dict)
+    one_clock: bool = True
 
     def has(self, channel: str) -> bool:
         """Whether the channel was recorded."""
@@ -194,7 +210,7 @@ def _is_on_grid(raw: RawChannel, start: float, step: float) -> bool:
     return bool(np.all(np.abs(place - np.round(place)) < SAME_TIME))
 
 
-def resample(raw: RawRecording, step: float | None = None, regular: bool = True) -> Recording:
+def resample(raw: RawRecording, step: float | None = None) -> Recording:
     """Bring a raw recording onto one even grid.
 
     Parameters
@@ -203,8 +219,6 @@ def resample(raw: RawRecording, step: float | None = None, regular: bool = True)
         Channels as logged.
     step : float, optional
         Grid step [s]; default is the shortest median period of any channel, rounded to 1 us.
-    regular : bool
-        Report jitter of the stamps (off for tables whose time column is one for all).
 
     Returns
     -------
@@ -230,14 +244,13 @@ def resample(raw: RawRecording, step: float | None = None, regular: bool = True)
     chosen = step if step is not None else round(min(periods.values()), 6)
     if not chosen > 0.0:
         raise RecordingError(f"{raw.source}: time does not advance; expected seconds, rising")
-    if regular:
-        for name, channel in channels.items():
-            spread = float(np.percentile(np.abs(np.diff(channel.time) / periods[name] - 1.0), 99))
-            if spread > 0.05:
-                repairs.append(
-                    f"{name}: stamps jitter by {100 * spread:.0f} % of a period (99th percentile); "
-                    "resampled by stamp"
-                )
+    for name, channel in channels.items():
+        spread = float(np.percentile(np.abs(np.diff(channel.time) / periods[name] - 1.0), 99))
+        if spread > 0.05:
+            repairs.append(
+                f"{name}: stamps jitter by {100 * spread:.0f} % of a period (99th percentile); "
+                "resampled by stamp"
+            )
     start = max(channel.time[0] for channel in channels.values())
     end = min(channel.time[-1] for channel in channels.values())
     if end - start < 100 * chosen:
@@ -268,8 +281,9 @@ def resample(raw: RawRecording, step: float | None = None, regular: bool = True)
         if not name.startswith(COMMANDS) and not _is_on_grid(channel, start, chosen)
     }
     return Recording(
-        raw.source, chosen, grid - start, values, valid, tuple(repairs), samples=samples
-    )
+        raw.source, chosen, grid - start, values, valid, tuple(repairs),
+        samples=samples, one_clock=raw.one_clock,
+    )  # fmt: skip
 
 
 def from_columns(
@@ -282,4 +296,5 @@ def from_columns(
         source,
         {name: RawChannel(time.copy(), values) for name, values in columns.items()},
         list(remarks or []),
+        one_clock=True,
     )
