@@ -8,15 +8,18 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from pam_gap.__main__ import main
 from pam_gap.answer import merged_groups
+from pam_gap.candidates import candidates_for
 from pam_gap.computed_channels import without_computed
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.fit import mean_squares
 from pam_gap.gap_figures import noise_level
+from pam_gap.held_out import score_held_out
 from pam_gap.locate import locate
 from pam_gap.prediction import PredictionProblem, PredictionSettings
 from pam_gap.recording import Recording
@@ -109,6 +112,23 @@ def test_how_long_a_message_takes_is_no_effect(
         assert diagnosis.improved is not None
         for muscle in diagnosis.improved.muscles:
             assert muscle.effects["command_delay"]["delay"] == pytest.approx(delay, abs=0.004)
+
+
+@needs_numba
+def test_what_is_reported_is_fitted_from_the_written_numbers(rig: Rig, record: Maker) -> None:
+    """A fit that stands at the ends of the tolerance is freed; one at its best stays."""
+    loose = replace(rig, parameter_tolerance=0.02)
+    hidden = record({"payload.mass": 0.5, "payload.distance": 0.3})
+    engine = JointDiagnosis(loose, 0, [hidden])
+    candidates = candidates_for(loose, loose.joints[0])
+    payload = next(c for c in candidates if c.effect == "payload")
+    ends = [nuisance.free.high for nuisance in engine.fitter.nuisances]
+    caught = engine.fitter.fit((payload,), np.array([*ends, 0.3, 0.3]), max_iterations=1)
+    score = score_held_out(engine.fitter, engine.folds, caught)
+    settled = engine.settled(score)
+    assert engine.held_out_level(settled) < engine.held_out_level(score) - 1.0
+    again = engine.settled(settled)
+    assert engine.held_out_level(again) <= engine.held_out_level(settled)
 
 
 @needs_numba
