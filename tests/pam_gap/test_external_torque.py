@@ -51,6 +51,8 @@ def test_hysteresis_is_found_in_the_measured_pair(tmp_path: Path) -> None:
     script = ROOT / "benchmarks" / "measured_pair.py"
     subprocess.run([sys.executable, script, "--out", tmp_path], check=True, capture_output=True)
     answer = json.loads((tmp_path / "diagnosis.json").read_text())
-    assert answer["effects"][0] == "hysteresis"
-    dry = {"coulomb_friction", "stribeck_friction"}  # at one pressure they look alike
-    assert set(answer["effects"]) <= {"hysteresis", *dry}
+    # at one pressure dry friction looks alike, and which of them leads is a toss-up
+    alike = {"hysteresis", "coulomb_friction", "stribeck_friction"}
+    assert "hysteresis" in answer["effects"]
+    assert set(answer["effects"]) <= alike
+    assert answer["verdict"] == ("named" if answer["effects"] == ["hysteresis"] else "ambiguous")
