@@ -114,6 +114,13 @@ def test_how_long_a_message_takes_is_no_effect(
             assert muscle.effects["command_delay"]["delay"] == pytest.approx(delay, abs=0.004)
 
 
+def test_delays_written_apart_for_the_muscles_stay(rig: Rig, record: Maker) -> None:
+    recording = replace(record(duration=8.0), one_clock=False)
+    slow = replace(rig.muscles[0], effects={"command_delay": {"delay": 0.02}})
+    for written, count in ((rig, 1), (rig.with_muscle(slow), 0)):
+        assert len(JointDiagnosis(written, 0, [recording]).fitter.nuisances) == count
+
+
 @needs_numba
 def test_what_is_reported_is_fitted_from_the_written_numbers(rig: Rig, record: Maker) -> None:
     """A fit that stands at the ends of the tolerance is freed; one at its best stays."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pam_gap.candidates import Candidate, nuisances_for, transport_time
+from pam_gap.candidates import SIDES, Candidate, nuisances_for, transport_time
 from pam_gap.fit import Array, FitResult, FreeParameter, fit, mean_squares
 from pam_gap.prediction import PredictionProblem
 from pam_sim.plant_parameters import INDEX
@@ -61,9 +61,10 @@ class HypothesisFitter:
         self.floor = floor
         self.nuisances = nuisances_for(problem.rig, problem.rig.joints[problem.joint])
         stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
-        if stamped and problem.has_commands:
-            written = problem.base["agonist.command_delay.delay"]
-            self.nuisances += (transport_time(max(stamped), written),)
+        written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}
+        # delays written apart for the two muscles are known, transport included
+        if stamped and problem.has_commands and len(written) == 1:
+            self.nuisances += (transport_time(max(stamped), written.pop()),)
         self.nominal: Hypothesis | None = None
 
     def problem_parts(

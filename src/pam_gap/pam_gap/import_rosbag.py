@@ -56,10 +56,9 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
             found[leaf].add(connection.topic)
     if any(c.topic.rsplit("/", 1)[-1] == ESTIMATES for c in reader.connections):
         found.pop("muscle_states", None)
-    if any(c.topic in found[_SENT] and c.msgcount for c in reader.connections):
-        del found[_COMMANDS]
-    else:
-        del found[_SENT]
+    sent = found.get(_SENT, set())
+    told = any(c.topic in sent and c.msgcount for c in reader.connections)
+    found.pop(_COMMANDS if told else _SENT, None)
     for leaf, topics in found.items():
         if len(topics) > 1:
             raise RecordingError(
