@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pam_gap.blind.cases import make_case
+from pam_check.blind.cases import make_case
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import simulate
 from pam_model.rig import load_rig
-from pam_sim.plant import simulate
-from pam_sim.plant_parameters import PlantParameters
 
 SAMPLE_TIME = 0.002  # s
 GOAL_S, GOAL_GIB = 60.0, 2.0

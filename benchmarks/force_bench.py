@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pam_model.force_model import MuscleGeometry, create_force_model
-from pam_model.muscle_bank import MuscleBank
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model
+from pam_model.muscles.muscle_bank import MuscleBank
 
 MUSCLES = 16
 BARE = "bare arithmetic, plain Python"

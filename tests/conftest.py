@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from pam_sim.demo.chain import BusChoice, multicast_bus, private_domain
+from pam_check.chain import BusChoice, multicast_bus, private_domain
+from pam_model.rig import Rig, load_rig
 from support.frames import FrameListener
 from support.probe import Probe
+from support.rigs import ELBOW
 
 # before rclpy reads it; the processes inherit it
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -29,6 +32,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def rig_path() -> Path:
     """The rig file of one elbow."""
     return ROOT / "config" / "elbow.yaml"
+
+
+@pytest.fixture(scope="session")
+def rig() -> Rig:
+    return load_rig(ELBOW)
+
+
+@pytest.fixture(scope="session")
+def make_rig(rig):
+    """The elbow with fields of its gas, joint, both muscles or both valves changed."""
+
+    def make(*, gas=None, joint=None, muscle=None, valve=None, **top) -> Rig:
+        result = replace(rig, gas=replace(rig.gas, **(gas or {})), **top)
+        result = result.with_joint(replace(result.joints[0], **(joint or {})))
+        for entry in result.muscles:
+            new_valve = replace(entry.valve, **(valve or {}))
+            result = result.with_muscle(replace(entry, valve=new_valve, **(muscle or {})))
+        return result
+
+    return make
 
 
 @pytest.fixture(scope="session")

@@ -12,8 +12,8 @@ import sys
 
 import atheris
 
-with atheris.instrument_imports(include=["pam_driver", "pam_model.pressure_plausibility"]):
-    from pam_sim.fuzz_bytes import TARGETS
+with atheris.instrument_imports(include=["pam_driver", "pam_driver.safety.pressure_plausibility"]):
+    from pam_check.fuzz.byte_targets import TARGETS
 
 atheris.Setup(sys.argv, TARGETS[os.environ["FUZZ_TARGET"]])
 atheris.Fuzz()

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Changes the driver's safety path, one small change at a time, in a copy of the tree, and sees
-# whether the tests notice. A pattern (for example 'pam_driver.sensor_checks*') narrows it down.
+# whether the tests notice. A pattern (for example 'pam_driver.safety.sensor_checks*') narrows it down.
 # Result: out/mutation/report.txt. Exit code 1 if less than 90 % are noticed.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -23,8 +23,8 @@ setup(
     entry_points={
         "console_scripts": [
             "diagnose = pam_gap.diagnose:main",
-            "monitor = pam_gap.monitor_node:main",
-            "play = pam_gap.play_node:main",
+            "monitor = pam_gap.live.monitor_node:main",
+            "play = pam_gap.experiments.play_node:main",
         ]
     },
 )

@@ -8,7 +8,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(),
-    package_data={"": ["py.typed", "data/*", "*.j2"]},
+    package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -18,12 +18,11 @@ setup(
     zip_safe=False,
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
-    description="Simulated rig with valve boards on a CAN bus, and the demo.",
+    description="Simulated rig with valve boards on a CAN bus.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
             "rig = pam_sim.rig_node:main",
-            "demo = pam_sim.demo.__main__:main",
         ]
     },
 )

@@ -15,11 +15,11 @@ import pytest
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
-from pam_control.trajectory import TrajectoryPoint
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.sensors import SensorFilter
+from pam_model.plant.simulate import Plant
 from pam_model.rig import Rig, load_rig, rig_from_parameters
-from pam_sim.plant import Plant
-from pam_sim.plant_parameters import PlantParameters
-from pam_sim.sensors import SensorFilter
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
 TICK = 1e-3  # s

@@ -26,10 +26,10 @@ from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Float64MultiArray  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
+from pam_check.chain import private_domain  # noqa: E402
+from pam_model.plant.parameters import PlantParameters  # noqa: E402
+from pam_model.plant.simulate import Plant  # noqa: E402
 from pam_model.rig import load_rig  # noqa: E402
-from pam_sim.demo.chain import private_domain  # noqa: E402
-from pam_sim.plant import Plant  # noqa: E402
-from pam_sim.plant_parameters import PlantParameters  # noqa: E402
 from support.processes import end  # noqa: E402
 
 pytestmark = pytest.mark.system

@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from pam_control.gain_design import ControlDesignError, margins
-from pam_control.inverse_dynamics import InverseDynamics
-from pam_control.linear_joint import LoopTiming, frequency_response, state_space
-from pam_control.operating_points import operating_point
-from pam_control.pid import Pid, PidGains
-from pam_control.position_stiffness_controller import PositionStiffnessController
-from pam_control.pressure_ratio_pid import PressureRatioPid
+from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_control.feedback.gain_design import ControlDesignError, margins
+from pam_control.feedback.linear_joint import LoopTiming, frequency_response, state_space
+from pam_control.feedback.operating_points import operating_point
+from pam_control.feedback.pid import Pid, PidGains
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.laws.pressure_ratio_pid import PressureRatioPid
+from pam_control.references.trajectory import JointReference
 from pam_control.settings import ControlSettings
-from pam_control.trajectory import JointReference
-from pam_model.antagonistic_joint import AntagonisticJoint
-from pam_sim.plant import initial_state, simulate
-from pam_sim.plant_parameters import PlantParameters
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import initial_state, simulate
 
 LAWS = [
     (PositionStiffnessController, True),

@@ -6,21 +6,21 @@ import math
 import numpy as np
 import pytest
 
-from pam_control.bladder_creep import BladderCreep
+from pam_control.compensation.bladder_creep import BladderCreep
+from pam_control.compensation.dry_friction import SMOOTHING_SPEED, DryFriction
+from pam_control.compensation.history_torque import HistoryTorque
+from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_control.compensation.thread_hysteresis import ThreadHysteresis
+from pam_control.compensation.valve_inverse import ROUNDED, ValveInverse
 from pam_control.control_step import Measurement
-from pam_control.dry_friction import SMOOTHING_SPEED, DryFriction
-from pam_control.gain_design import margins
-from pam_control.history_torque import HistoryTorque
-from pam_control.inverse_dynamics import InverseDynamics
-from pam_control.position_stiffness_controller import PositionStiffnessController
+from pam_control.feedback.gain_design import margins
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.references.trajectory import JointReference
 from pam_control.settings import ControlSettings
-from pam_control.thread_hysteresis import ThreadHysteresis
-from pam_control.trajectory import JointReference
-from pam_control.valve_inverse import ROUNDED, ValveInverse
 from pam_model.effects import EFFECTS
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import Joint
-from pam_sim.plant import initial_state, simulate
-from pam_sim.plant_parameters import PlantParameters
 
 SETTLE = 2.0
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from pam_control.position_stiffness_controller import PositionStiffnessController
-from pam_control.pressure_ratio_pid import PressureRatioPid
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.laws.pressure_ratio_pid import PressureRatioPid
+from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
-from pam_control.trajectory import TrajectoryPoint
 
 SETTLE = 2.0
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pam_control.reference_generator import ReferenceGenerator
-from pam_control.trajectory import (
+from pam_control.references.reference_generator import ReferenceGenerator
+from pam_control.references.trajectory import (
     CommandError,
     JointSpline,
     TrajectoryPoint,

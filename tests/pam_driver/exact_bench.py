@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 from typing import Any
 
-from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
-from pam_driver.codec import (
+from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
     BoardCommand,
@@ -18,11 +17,12 @@ from pam_driver.codec import (
     Status,
     ValveCommand,
 )
-from pam_driver.command_intake import NamedCommand
+from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety_state import SafetyState
-from pam_model.pressure_plausibility import Deviation
+from pam_driver.safety.command_intake import NamedCommand
+from pam_driver.safety.pressure_plausibility import Deviation
+from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
 
 NAMES = ("elbow_flexor", "elbow_extensor")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pam_driver.bus import CanPort
-from pam_driver.codec import (
+from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
     BoardCommand,
@@ -17,6 +16,7 @@ from pam_driver.codec import (
     Status,
     ValveCommand,
 )
+from pam_driver.bus import CanPort
 
 
 class FakeBoard:

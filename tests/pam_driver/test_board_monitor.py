@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from pam_driver.board_monitor import BoardMonitor, Condition, Sample
-from pam_driver.codec import BoardFault, BoardState, Heartbeat, Measurement, Status
+from pam_driver.boards.pam_board.codec import BoardFault, BoardState, Heartbeat, Measurement, Status
+from pam_driver.boards.pam_board.monitor import BoardMonitor, Condition, Sample
 
 # halves and quarters, so that a limit can be met exactly
 TIMEOUT, SENSOR_TIMEOUT = 0.5, 0.25

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pam_driver.codec import (
+from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
     BoardCommand,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.command_intake import CommandError, CommandIntake, NamedCommand
+from pam_driver.safety.command_intake import CommandError, CommandIntake, NamedCommand
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 

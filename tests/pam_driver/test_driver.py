@@ -9,8 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.bus import BusState, CanPort, SendOutcome, open_bus
-from pam_driver.codec import (
+from pam_driver.boards.pam_board.codec import (
     BoardCodec,
     BoardFault,
     BoardState,
@@ -19,11 +18,12 @@ from pam_driver.codec import (
     Status,
     ValveCommand,
 )
-from pam_driver.command_intake import CommandError, NamedCommand
+from pam_driver.boards.wiring import RigWiring
+from pam_driver.bus import BusState, CanPort, SendOutcome, open_bus
 from pam_driver.driver import ActivationError, Driver, Snapshot
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.rig_wiring import RigWiring
-from pam_driver.safety_state import SafetyState
+from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig
 

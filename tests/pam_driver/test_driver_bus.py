@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
+from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, Measurement
 from pam_driver.bus import ReceivedFrame, SendOutcome
-from pam_driver.codec import BoardCode, BoardCodec, Measurement
-from pam_driver.command_intake import NamedCommand
-from pam_driver.safety_state import SafetyState
+from pam_driver.safety.command_intake import NamedCommand
+from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
 
 from .exact_bench import GOOD, NAMES, TICK, ExactBench

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.board_monitor import Condition
+from pam_driver.boards.pam_board.codec import BoardCodec, ValveCommand
+from pam_driver.boards.pam_board.monitor import Condition
 from pam_driver.bus import BusState, SendOutcome
-from pam_driver.codec import BoardCodec, ValveCommand
-from pam_driver.command_intake import CommandError, NamedCommand
 from pam_driver.driver import ActivationError
-from pam_driver.safety_state import SafetyState
+from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.states import SafetyState
 from pam_model.rig import Encoder, Rig
 
 from .exact_bench import GOOD, NAMES, TICK, ExactBench

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from pam_driver.board_monitor import Condition
+from pam_driver.boards.pam_board.codec import BoardCodec
+from pam_driver.boards.pam_board.monitor import Condition
 from pam_driver.bus import CanPort
-from pam_driver.codec import BoardCodec
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_settings import DriverSettings
-from pam_model.periodic import LoopStatistics
 from pam_model.rig import Rig
+from pam_ros.periodic import LoopStatistics
 
 
 def status_of(diagnostics: DriverDiagnostics, name: str) -> DiagnosticStatus:

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.board_monitor import Condition
-from pam_driver.codec import BoardCodec, BoardState
-from pam_driver.safety_state import SafetyState
-from pam_model.pressure_plausibility import Deviation
+from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
+from pam_driver.boards.pam_board.monitor import Condition
+from pam_driver.safety.pressure_plausibility import Deviation
+from pam_driver.safety.states import SafetyState
 from pam_model.rig import Plausibility, Rig
 
 from .exact_bench import GOOD, SUPPLY, TICK, ExactBench, Judge

@@ -16,9 +16,9 @@ import pytest
 from lifecycle_msgs.msg import Transition
 from sensor_msgs.msg import JointState
 
-from pam_driver.board_dbc import default_dbc_path
-from pam_driver.codec import BoardCode, BoardCodec, BoardFault, BoardState
-from pam_sim.demo.chain import private_domain
+from pam_check.chain import private_domain
+from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, BoardFault, BoardState
+from pam_driver.boards.pam_board.dbc import default_dbc_path
 
 from .node_bench import ELBOW, NAMES, PATIENCE, DriverProcess, RealTimeBoard, RosPeer
 

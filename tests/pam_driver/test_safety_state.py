@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pam_driver.safety_state import (
+from pam_driver.safety.states import (
     OUTPUTS,
     TRANSITIONS,
     SafetyEvent,

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_gap.recording import Recording
+from pam_gap.recordings.recording import Recording
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import Plant
 from pam_model.rig import Rig, load_rig
-from pam_sim.plant import Plant
-from pam_sim.plant_parameters import PlantParameters
 
 SAMPLE_TIME = 0.004
 Maker = Callable[..., Recording]

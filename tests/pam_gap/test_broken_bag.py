@@ -18,8 +18,8 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from pam_gap.import_recording import import_recording
-from pam_gap.recording import RecordingError
+from pam_gap.recordings.import_recording import import_recording
+from pam_gap.recordings.recording import RecordingError
 
 POSITION = "joint_states.elbow.position"
 PERIOD = 4_000_000  # ns

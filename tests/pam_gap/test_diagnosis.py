@@ -13,18 +13,18 @@ import pandas as pd
 import pytest
 
 from pam_gap.__main__ import main
-from pam_gap.answer import merged_groups
-from pam_gap.candidates import candidates_for
-from pam_gap.computed_channels import without_computed
+from pam_gap.answer.write_answer import merged_groups
 from pam_gap.diagnosis_engine import JointDiagnosis
-from pam_gap.fit import mean_squares
-from pam_gap.gap_figures import noise_level
-from pam_gap.held_out import score_held_out
-from pam_gap.locate import locate
-from pam_gap.prediction import PredictionProblem, PredictionSettings
-from pam_gap.recording import Recording
+from pam_gap.inference.candidates import candidates_for
+from pam_gap.inference.held_out import score_held_out
+from pam_gap.prediction.fit import mean_squares
+from pam_gap.prediction.gap_figures import noise_level
+from pam_gap.prediction.locate import locate
+from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
+from pam_gap.recordings.computed_channels import without_computed
+from pam_gap.recordings.recording import Recording
+from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.rig import Rig, load_rig, save_rig
-from pam_sim.compiled import HAVE_NUMBA
 
 from .conftest import Maker
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_gap.prediction import PredictionProblem
-from pam_gap.recording import SHUT, Recording
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.recording import SHUT, Recording
+from pam_model.plant.parameters import INDEX
 from pam_model.rig import Rig
-from pam_sim.plant_parameters import INDEX
 
 ROOT = Path(__file__).parents[2]
 FRICTION = 0.8  # N m

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pam_gap.fit import FreeParameter, bounded_step, fit, mean_squares
+from pam_gap.prediction.fit import FreeParameter, bounded_step, fit, mean_squares
 
 ROWS = np.ones(400, dtype=bool)
 

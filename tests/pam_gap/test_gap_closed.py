@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_gap.blind.untouched import untouched_closed
-from pam_gap.confidence import Interval, for_another_motion
-from pam_gap.fit import FitResult
-from pam_gap.held_out import HeldOut
-from pam_gap.hypothesis import Hypothesis
+from pam_check.blind.untouched import untouched_closed
+from pam_gap.inference.confidence import Interval, for_another_motion
+from pam_gap.inference.held_out import HeldOut
+from pam_gap.inference.hypothesis import Hypothesis
+from pam_gap.prediction.fit import FitResult
 
 
 def held_out(rms: float) -> HeldOut:
@@ -47,8 +47,8 @@ def test_interval_never_shrinks() -> None:
 def test_the_true_rig_closes_the_gap_of_another_motion(tmp_path: Path) -> None:
     """A rig file with the true payload closes it; one with nothing added closes nothing."""
     pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
-    from pam_gap.blind.cases import rig_parameters, to_table
-    from pam_gap.blind.truth_plant import Excitation, Sensors, TruthJoint, TruthMuscle, run_truth
+    from pam_check.blind.cases import rig_parameters, to_table
+    from pam_check.blind.truth_plant import Excitation, Sensors, TruthJoint, TruthMuscle, run_truth
     from pam_model.rig import rig_from_parameters, save_rig
 
     joint = TruthJoint(0.03, 0.05, 0.25, 4.9, 0.0, -1.0, 1.0, 293.15, 101325.0, 701325.0)

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pam_gap.candidates import candidates_for, nuisances_for
-from pam_gap.fit import FitResult
-from pam_gap.hypothesis import Hypothesis
-from pam_gap.improved_rig import improve_rig
+from pam_gap.answer.improved_rig import improve_rig
+from pam_gap.inference.candidates import candidates_for, nuisances_for
+from pam_gap.inference.hypothesis import Hypothesis
+from pam_gap.prediction.fit import FitResult
+from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.rig import load_rig, save_rig
-from pam_sim.plant_parameters import INDEX, PlantParameters
 
 ELBOW = load_rig(Path(__file__).parents[2] / "config" / "elbow.yaml")
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pam_gap.live_gap import LiveWindow
-from pam_gap.recording import COMMANDS, JOINTS, PRESSURES
+from pam_gap.live.live_gap import LiveWindow
+from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import Plant, initial_state
 from pam_model.rig import load_rig
-from pam_sim.plant import Plant, initial_state
-from pam_sim.plant_parameters import PlantParameters
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
 MUSCLES = ["elbow_flexor", "elbow_extensor"]

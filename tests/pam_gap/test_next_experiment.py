@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 import yaml
 
-from pam_gap.blind.experiments import ambiguity
-from pam_gap.candidates import candidates_for
-from pam_gap.excitations import Excitation, Menu, smooth_path
-from pam_gap.experiment_files import COMMANDS, DETAILS, TRAJECTORY, read_experiment
-from pam_gap.experiment_loop import ExperimentLoop, loop_gain
-from pam_gap.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.next_experiment import ExperimentPlanner, propose, simulate_excitation
-from pam_gap.prediction import PredictionProblem, as_mounted
-from pam_gap.recording import LOCKED, TURNED_OVER, Recording
+from pam_check.blind.experiments import ambiguity
+from pam_gap.experiments.excitations import Excitation, Menu, smooth_path
+from pam_gap.experiments.files import COMMANDS, DETAILS, TRAJECTORY, read_experiment
+from pam_gap.experiments.loop import ExperimentLoop, loop_gain
+from pam_gap.experiments.next_experiment import ExperimentPlanner, propose, simulate_excitation
+from pam_gap.inference.candidates import candidates_for
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.prediction.problem import PredictionProblem, as_mounted
+from pam_gap.recordings.recording import LOCKED, TURNED_OVER, Recording
 from pam_model.errors import PamError
+from pam_model.plant.parameters import INDEX
 from pam_model.rig import load_rig
-from pam_sim.plant_parameters import INDEX
 
 # Without nuisances a fit has a few lanes instead of twenty.
 ELBOW = replace(
@@ -195,7 +195,7 @@ def test_loop_drives_towards_the_reference_and_hands_over() -> None:
 
 def hidden_rig() -> Any:
     pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
-    from pam_gap.blind.truth_plant import Sensors, TruthJoint, TruthMuscle
+    from pam_check.blind.truth_plant import Sensors, TruthJoint, TruthMuscle
 
     joint = TruthJoint(0.03, 0.05, 0.25, 4.9, 0.0, -1.0, 1.0, 293.15, 101325.0, 701325.0)
     muscle = TruthMuscle(0.2758, 1.856, 0.24996, 0.225, 2e-5, 4e-9, 0.3, 0.005)
@@ -204,7 +204,7 @@ def hidden_rig() -> Any:
 
 @pytest.mark.parametrize("name", ["turned_over", "locked_joint", "vented_swing", "leak_down"])
 def test_hidden_rig_carries_it_out(name: str) -> None:
-    from pam_gap.blind.carry_out import carry_out
+    from pam_check.blind.carry_out import carry_out
 
     e: Excitation = MENU[name]
     joint, muscles, sensors = hidden_rig()

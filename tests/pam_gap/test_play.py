@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from pam_gap.excitations import Excitation, Menu
-from pam_gap.experiment_files import write_experiment
+from pam_gap.experiments.excitations import Excitation, Menu
+from pam_gap.experiments.files import write_experiment
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import Plant
 from pam_model.rig import load_rig
-from pam_sim.plant import Plant
-from pam_sim.plant_parameters import PlantParameters
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
 MUSCLES = ["elbow_flexor", "elbow_extensor"]
@@ -45,7 +45,8 @@ def test_plays_then_vents(
     write_experiment(tmp_path, load_rig(ELBOW), 0, excitation, {})
     heard = probe.listen(JointState, "valve_commands")
     node = subprocess.Popen(
-        [sys.executable, "-m", "pam_gap.play_node", "--ros-args", "--params-file", str(ELBOW),
+        [sys.executable, "-m", "pam_gap.experiments.play_node",
+         "--ros-args", "--params-file", str(ELBOW),
          "-p", f"experiment:={tmp_path}", "-p", "approach:=1.0", "-p", "max_age:=0.9"],
         env=os.environ | ros_environment, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip

@@ -8,9 +8,9 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from pam_gap.import_recording import import_recording
-from pam_gap.noise_floor import channel_noise, noise_floor, quantisation
-from pam_gap.recording import RawChannel, RawRecording, RecordingError, resample
+from pam_gap.recordings.import_recording import import_recording
+from pam_gap.recordings.noise_floor import channel_noise, noise_floor, quantisation
+from pam_gap.recordings.recording import RawChannel, RawRecording, RecordingError, resample
 
 PRESSURE = "pressure_states.flexor"
 POSITION = "joint_states.elbow.position"

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from pam_gap.report import (
+from pam_gap.answer.report import (
     RankedCandidate,
     ReportData,
     StageGap,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pam_gap.diagnosis_engine import JointDiagnosis
-from pam_gap.held_out import HeldOut
-from pam_gap.selection import contains
-from pam_gap.verdict import Evidence, closed_by_channel, decide
+from pam_gap.inference.held_out import HeldOut
+from pam_gap.inference.selection import contains
+from pam_gap.inference.verdict import Evidence, closed_by_channel, decide
 
 BLOCKS = 12
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pam_model.antagonistic_joint import AntagonisticJoint, JointMuscle
 from pam_model.errors import DomainError
-from pam_model.models.gaylord import Gaylord
+from pam_model.joints.antagonistic_joint import AntagonisticJoint, JointMuscle
+from pam_model.muscles.models.gaylord import Gaylord
 from pam_model.rig import Rig, load_rig
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -6,20 +6,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pam_model.bending.contraction_bending import ContractionBending
-from pam_model.bending.extensor_bending import ExtensorBending
-from pam_model.bending.extensor_contractor_bending import ExtensorContractorBending
-from pam_model.bending.inflated_beam import InflatedBeam
-from pam_model.bending.reinforced_braid import ReinforcedBraid
-from pam_model.bending.symmetric_pair import (
+from pam_model.atlas.bending.contraction_bending import ContractionBending
+from pam_model.atlas.bending.extensor_bending import ExtensorBending
+from pam_model.atlas.bending.extensor_contractor_bending import ExtensorContractorBending
+from pam_model.atlas.bending.inflated_beam import InflatedBeam
+from pam_model.atlas.bending.reinforced_braid import ReinforcedBraid
+from pam_model.atlas.bending.symmetric_pair import (
     SymmetricBendingPair,
     moment_by_force_balance,
     moment_by_virtual_work,
 )
-from pam_model.bending.three_muscle_segment import Arc, ThreeMuscleSegment
+from pam_model.atlas.bending.three_muscle_segment import Arc, ThreeMuscleSegment
 from pam_model.errors import DomainError
-from pam_model.force_model import MuscleGeometry, create_force_model
-from pam_model.models.gaylord import Gaylord
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model
+from pam_model.muscles.models.gaylord import Gaylord
 
 threads = st.floats(0.1, 1.0)
 turns = st.floats(1.0, 6.0)

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pam_model.braid import NEUTRAL_ANGLE, ThinCylinder
 from pam_model.errors import DomainError
-from pam_model.force_model import MuscleGeometry, create_force_model
-from pam_model.models.al_fahaam import AlFahaam, design_pair_forces
-from pam_model.models.gaylord import Gaylord
-from pam_model.models.variable_thread_angle import VariableThreadAngle
-from pam_model.models.zheng_shen import ZhengShen
+from pam_model.muscles.braid import NEUTRAL_ANGLE, ThinCylinder
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model
+from pam_model.muscles.models.al_fahaam import AlFahaam, design_pair_forces
+from pam_model.muscles.models.gaylord import Gaylord
+from pam_model.muscles.models.variable_thread_angle import VariableThreadAngle
+from pam_model.muscles.models.zheng_shen import ZhengShen
 
 B, N = 0.25, 2.0
 D90 = B / (N * math.pi)

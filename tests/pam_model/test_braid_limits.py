@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pam_model.braid_limits import BraidLimits
 from pam_model.errors import DomainError
-from pam_model.models.caldwell_cells import CaldwellCells
-from pam_model.models.davis_caldwell import DavisCaldwell
-from pam_model.models.gaylord import Gaylord
+from pam_model.muscles.braid_limits import BraidLimits
+from pam_model.muscles.models.caldwell_cells import CaldwellCells
+from pam_model.muscles.models.davis_caldwell import DavisCaldwell
+from pam_model.muscles.models.gaylord import Gaylord
 
 covers = st.floats(0.05, 0.99)
 

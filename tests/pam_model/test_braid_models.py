@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pam_model import braid
 from pam_model.errors import DomainError, RigError
-from pam_model.force_model import (
+from pam_model.muscles import braid
+from pam_model.muscles.force_model import (
     AffineForceModel,
     MuscleGeometry,
     create_force_model,
     registered_models,
 )
-from pam_model.models.chou_hannaford import ChouHannaford, ChouHannafordIncompressible
-from pam_model.models.gaylord import Gaylord
-from pam_model.models.tondu_lopez import TonduLopez
+from pam_model.muscles.models.chou_hannaford import ChouHannaford, ChouHannafordIncompressible
+from pam_model.muscles.models.gaylord import Gaylord
+from pam_model.muscles.models.tondu_lopez import TonduLopez
 
 B, N, REST, WALL = 0.2758, 1.856, 0.24996, 0.0015
 MODELS: dict[str, Any] = {

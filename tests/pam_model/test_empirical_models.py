@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pam_model.errors import DomainError
-from pam_model.models.al_ibadi import AlIbadi, extension_factor
-from pam_model.models.gaylord import Gaylord
-from pam_model.models.hunt_sigmoid import HuntConstants, HuntSigmoid
+from pam_model.muscles.models.al_ibadi import AlIbadi, extension_factor
+from pam_model.muscles.models.gaylord import Gaylord
+from pam_model.muscles.models.hunt_sigmoid import HuntConstants, HuntSigmoid
 
 MUSCLE = HuntSigmoid(0.25, 2.0, 0.23, 0.1667)
 

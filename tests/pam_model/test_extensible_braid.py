@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 from pam_model.errors import DomainError
-from pam_model.models.extensible_braid import ExtensibleBraid, thread_tension
-from pam_model.models.gaylord import Gaylord
+from pam_model.muscles.models.extensible_braid import ExtensibleBraid, thread_tension
+from pam_model.muscles.models.gaylord import Gaylord
 
 B, N, THREADS = 0.25, 2.0, 48.0
 lengths = st.floats(0.3 * B, 0.99 * B)

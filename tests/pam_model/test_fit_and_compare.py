@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_model.compare import compare, save_comparison
-from pam_model.equilibrium_length import equilibrium_length
 from pam_model.errors import PamError
-from pam_model.fit import fit
-from pam_model.fit_problem import FitProblem
-from pam_model.force_model import MuscleGeometry, create_force_model
-from pam_model.measurements import Measurements, load_measurements
+from pam_model.identify.compare import compare, save_comparison
+from pam_model.identify.fit import fit
+from pam_model.identify.fit_problem import FitProblem
+from pam_model.identify.measurements import Measurements, load_measurements
+from pam_model.muscles.equilibrium_length import equilibrium_length
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model
 
 GEOMETRY = MuscleGeometry(0.25, 2.0, 0.235)
 PLATFORM = Path(__file__).parents[1] / "data" / "festo_platform"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pam_model.antagonistic_joint import AntagonisticJoint
-from pam_model.joint_estimator import JointEstimator
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_estimator import JointEstimator
 from pam_model.rig import load_rig
 
 RIG = load_rig(Path(__file__).parents[2] / "config" / "two_joints.yaml")

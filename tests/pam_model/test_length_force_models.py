@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pam_model.braid import braid_diameter
 from pam_model.errors import DomainError
-from pam_model.force_model import (
+from pam_model.muscles.braid import braid_diameter
+from pam_model.muscles.force_model import (
     AffineForceModel,
     ForceModel,
     MuscleGeometry,

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pam_model.atlas.losses.bouc_wen import BoucWen
+from pam_model.atlas.losses.maxwell_slip import MaxwellSlip
+from pam_model.atlas.losses.prandtl_ishlinskii import PrandtlIshlinskii
+from pam_model.atlas.losses.standard_linear_solid import StandardLinearSolid
+from pam_model.atlas.phenomenological.colbrunn import ColbrunnMuscle
+from pam_model.atlas.phenomenological.three_element import ThreeElementMuscle, serres_coefficients
 from pam_model.errors import DomainError
-from pam_model.losses.bouc_wen import BoucWen
-from pam_model.losses.maxwell_slip import MaxwellSlip
-from pam_model.losses.prandtl_ishlinskii import PrandtlIshlinskii
-from pam_model.losses.standard_linear_solid import StandardLinearSolid
-from pam_model.phenomenological.colbrunn import ColbrunnMuscle
-from pam_model.phenomenological.three_element import ThreeElementMuscle, serres_coefficients
 
 STIFFNESSES, SLIPS = (2000.0, 1500.0, 1000.0, 500.0), (5.0, 10.0, 15.0, 20.0)
 paths = st.lists(st.floats(-0.1, 0.1), min_size=2, max_size=12)

@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_model.__main__ import main
-from pam_model.braid import NEUTRAL_ANGLE
-from pam_model.catalogue import FAMILIES, catalogue, resolve
-from pam_model.design import design, jam_angle
 from pam_model.errors import DomainError
-from pam_model.force_model import MuscleGeometry, create_force_model, registered_models
-from pam_model.gallery import draw_row
-from pam_model.models.gaylord import Gaylord
-from pam_model.muscle_bank import MuscleBank, quadratic_coefficients
+from pam_model.identify.catalogue import FAMILIES, catalogue, resolve
+from pam_model.identify.design import design, jam_angle
+from pam_model.identify.gallery import draw_row
+from pam_model.muscles.braid import NEUTRAL_ANGLE
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model, registered_models
+from pam_model.muscles.models.gaylord import Gaylord
+from pam_model.muscles.muscle_bank import MuscleBank, quadratic_coefficients
 
 ROWS = catalogue()
 MODELS = registered_models()

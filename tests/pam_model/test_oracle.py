@@ -15,11 +15,12 @@ from typing import Any
 
 import pytest
 
-from pam_model import braid, gas
-from pam_model.antagonistic_joint import AntagonisticJoint, JointMuscle
-from pam_model.models.chou_hannaford import ChouHannaford
-from pam_model.models.gaylord import Gaylord
-from pam_model.models.tondu_lopez import TonduLopez
+from pam_model import gas
+from pam_model.joints.antagonistic_joint import AntagonisticJoint, JointMuscle
+from pam_model.muscles import braid
+from pam_model.muscles.models.chou_hannaford import ChouHannaford
+from pam_model.muscles.models.gaylord import Gaylord
+from pam_model.muscles.models.tondu_lopez import TonduLopez
 from support import oracle_bending_and_supply, oracle_length_force
 
 Numbers = Mapping[str, Any]

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from pam_model.errors import DomainError
-from pam_model.force_model import MuscleGeometry, create_force_model
-from pam_model.models.ashwin_ghosal import AshwinGhosal
-from pam_model.models.braid_bladder import BraidBladder
-from pam_model.models.gaylord import Gaylord
-from pam_model.models.martens_boblan import MartensBoblan
-from pam_model.models.shen_shi import ShenShi
-from pam_model.rubber_wall import RubberWall, tube_volume
-from pam_model.thread_friction import ThreadFriction
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model
+from pam_model.muscles.models.ashwin_ghosal import AshwinGhosal
+from pam_model.muscles.models.braid_bladder import BraidBladder
+from pam_model.muscles.models.gaylord import Gaylord
+from pam_model.muscles.models.martens_boblan import MartensBoblan
+from pam_model.muscles.models.shen_shi import ShenShi
+from pam_model.muscles.rubber_wall import RubberWall, tube_volume
+from pam_model.muscles.thread_friction import ThreadFriction
 
 B, N = 0.25, 2.0
 rests = st.floats(0.1, 0.24)

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_model.errors import DomainError
-from pam_model.models.gaylord import Gaylord
-from pam_model.models.schulte import Schulte
+from pam_model.muscles.models.gaylord import Gaylord
+from pam_model.muscles.models.schulte import Schulte
 
 B, N = 0.25, 2.0
 D90 = B / (N * math.pi)

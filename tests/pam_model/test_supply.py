@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
 from pam_model import gas
+from pam_model.atlas.supply.bandwidth import SupplyLine
+from pam_model.atlas.supply.fill_time import exhaust_time, fill_time
+from pam_model.atlas.supply.thermal_chamber import ThermalChamber
+from pam_model.atlas.supply.tube import Tube, series_conductance
 from pam_model.errors import DomainError
-from pam_model.models.gaylord import Gaylord
-from pam_model.supply.bandwidth import SupplyLine
-from pam_model.supply.fill_time import exhaust_time, fill_time
-from pam_model.supply.thermal_chamber import ThermalChamber
-from pam_model.supply.tube import Tube, series_conductance
+from pam_model.muscles.models.gaylord import Gaylord
 
 BETWEEN = {"supply_pressure": 7e5, "ambient_pressure": 1e5}
 

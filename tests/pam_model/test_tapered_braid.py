@@ -8,13 +8,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from pam_model.errors import DomainError
-from pam_model.force_model import MuscleGeometry, create_force_model
-from pam_model.models.doumit_fahim import DoumitFahim
-from pam_model.models.friction_loss_static import FrictionLossStatic
-from pam_model.models.gaylord import Gaylord
-from pam_model.models.li_static import LiStatic
-from pam_model.rubber_wall import RubberWall
-from pam_model.thread_friction import ThreadFriction
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model
+from pam_model.muscles.models.doumit_fahim import DoumitFahim
+from pam_model.muscles.models.friction_loss_static import FrictionLossStatic
+from pam_model.muscles.models.gaylord import Gaylord
+from pam_model.muscles.models.li_static import LiStatic
+from pam_model.muscles.rubber_wall import RubberWall
+from pam_model.muscles.thread_friction import ThreadFriction
 
 B, N = 0.25, 2.0
 D90 = B / (N * math.pi)

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_model.errors import DomainError
-from pam_model.models.tondu_lopez import TonduLopez
-from pam_model.models.tondu_lopez_friction import TonduLopezFriction
-from pam_model.models.tondu_lopez_pressure_factor import TonduLopezPressureFactor
-from pam_model.models.tondu_lopez_two_factors import TonduLopezTwoFactors
+from pam_model.muscles.models.tondu_lopez import TonduLopez
+from pam_model.muscles.models.tondu_lopez_friction import TonduLopezFriction
+from pam_model.muscles.models.tondu_lopez_pressure_factor import TonduLopezPressureFactor
+from pam_model.muscles.models.tondu_lopez_two_factors import TonduLopezTwoFactors
 
 MUSCLE = (0.25, 2.0, 0.235)
 lengths = st.floats(0.15, 0.249)

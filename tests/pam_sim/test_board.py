@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from pam_driver.codec import (
+from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
     BoardCommand,
@@ -19,7 +19,7 @@ from pam_driver.codec import (
     ValveCommand,
 )
 from pam_model.errors import PamError
-from pam_sim.board import BoardSettings, BoardValve, SimulatedBoard
+from pam_sim.boards.pam_board import BoardSettings, BoardValve, SimulatedBoard
 
 VENTED = (-1.0, -1.0)
 

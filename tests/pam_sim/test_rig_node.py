@@ -10,9 +10,8 @@ import time
 
 import pytest
 
-from pam_sim.demo.chain import private_domain
-
-from .conftest import ELBOW
+from pam_check.chain import private_domain
+from support.rigs import ELBOW
 
 rclpy = pytest.importorskip("rclpy")
 

@@ -11,14 +11,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pam_driver.boards.pam_board.codec import (
+    BoardCodec,
+    BoardState,
+    Measurement,
+    Status,
+    ValveCommand,
+)
 from pam_driver.bus import open_bus
-from pam_driver.codec import BoardCodec, BoardState, Measurement, Status, ValveCommand
 from pam_model.errors import PamError, RigError
 from pam_model.rig import Encoder, save_rig
-from pam_sim.board_sensors import BoardSensors, SensorQuality
+from pam_sim.boards.sensors import BoardSensors, SensorQuality
 from pam_sim.simulated_rig import SimulatedRig, apply_effects
-
-from .conftest import ELBOW
+from support.rigs import ELBOW
 
 QUIET = SensorQuality(0.0, 0.0, 0.0, 0.0)
 

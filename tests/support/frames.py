@@ -10,8 +10,8 @@ from typing import Self
 
 import can
 
-from pam_driver.codec import BoardCodec, BoardMessage, FrameError
-from pam_sim.demo.chain import BusChoice
+from pam_check.chain import BusChoice
+from pam_driver.boards.pam_board.codec import BoardCodec, BoardMessage, FrameError
 
 
 def open_can(bus: BusChoice) -> can.BusABC:

@@ -3,20 +3,20 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from pam_model.bending.extensor_bending import ExtensorBending
-from pam_model.bending.inflated_beam import InflatedBeam
-from pam_model.bending.reinforced_braid import arc_from_lengths
-from pam_model.bending.three_muscle_segment import ThreeMuscleSegment
-from pam_model.losses.bouc_wen import BoucWen
-from pam_model.losses.maxwell_slip import MaxwellSlip
-from pam_model.losses.prandtl_ishlinskii import PrandtlIshlinskii
-from pam_model.losses.standard_linear_solid import StandardLinearSolid
-from pam_model.models.wickramatunge import Wickramatunge
-from pam_model.phenomenological.colbrunn import ColbrunnMuscle
-from pam_model.phenomenological.three_element import ThreeElementMuscle, serres_coefficients
-from pam_model.supply.fill_time import fill_time
-from pam_model.supply.thermal_chamber import ThermalChamber
-from pam_model.supply.tube import Tube
+from pam_model.atlas.bending.extensor_bending import ExtensorBending
+from pam_model.atlas.bending.inflated_beam import InflatedBeam
+from pam_model.atlas.bending.reinforced_braid import arc_from_lengths
+from pam_model.atlas.bending.three_muscle_segment import ThreeMuscleSegment
+from pam_model.atlas.losses.bouc_wen import BoucWen
+from pam_model.atlas.losses.maxwell_slip import MaxwellSlip
+from pam_model.atlas.losses.prandtl_ishlinskii import PrandtlIshlinskii
+from pam_model.atlas.losses.standard_linear_solid import StandardLinearSolid
+from pam_model.atlas.phenomenological.colbrunn import ColbrunnMuscle
+from pam_model.atlas.phenomenological.three_element import ThreeElementMuscle, serres_coefficients
+from pam_model.atlas.supply.fill_time import fill_time
+from pam_model.atlas.supply.thermal_chamber import ThermalChamber
+from pam_model.atlas.supply.tube import Tube
+from pam_model.muscles.models.wickramatunge import Wickramatunge
 
 Numbers = Mapping[str, Any]
 Case = Callable[[Numbers], Numbers]

@@ -4,22 +4,22 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from pam_model.braid import NEUTRAL_ANGLE, ThinCylinder
-from pam_model.braid_limits import BraidLimits
-from pam_model.models.al_fahaam import AlFahaam, design_pair_forces
-from pam_model.models.al_ibadi import AlIbadi, extension_factor
-from pam_model.models.ashwin_ghosal import AshwinGhosal
-from pam_model.models.braid_bladder import BraidBladder
-from pam_model.models.caldwell_cells import CaldwellCells
-from pam_model.models.doumit_fahim import DoumitFahim
-from pam_model.models.extensible_braid import ExtensibleBraid
-from pam_model.models.extensible_braid import thread_tension as tension_of_thread
-from pam_model.models.hunt_sigmoid import HuntSigmoid
-from pam_model.models.sarosi import Sarosi
-from pam_model.models.schulte import Schulte
-from pam_model.models.tondu_lopez_friction import TonduLopezFriction
-from pam_model.models.variable_thread_angle import VariableThreadAngle
-from pam_model.models.zheng_shen import ZhengShen
+from pam_model.muscles.braid import NEUTRAL_ANGLE, ThinCylinder
+from pam_model.muscles.braid_limits import BraidLimits
+from pam_model.muscles.models.al_fahaam import AlFahaam, design_pair_forces
+from pam_model.muscles.models.al_ibadi import AlIbadi, extension_factor
+from pam_model.muscles.models.ashwin_ghosal import AshwinGhosal
+from pam_model.muscles.models.braid_bladder import BraidBladder
+from pam_model.muscles.models.caldwell_cells import CaldwellCells
+from pam_model.muscles.models.doumit_fahim import DoumitFahim
+from pam_model.muscles.models.extensible_braid import ExtensibleBraid
+from pam_model.muscles.models.extensible_braid import thread_tension as tension_of_thread
+from pam_model.muscles.models.hunt_sigmoid import HuntSigmoid
+from pam_model.muscles.models.sarosi import Sarosi
+from pam_model.muscles.models.schulte import Schulte
+from pam_model.muscles.models.tondu_lopez_friction import TonduLopezFriction
+from pam_model.muscles.models.variable_thread_angle import VariableThreadAngle
+from pam_model.muscles.models.zheng_shen import ZhengShen
 
 Numbers = Mapping[str, Any]
 Case = Callable[[Numbers], Numbers]

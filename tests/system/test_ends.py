@@ -7,7 +7,13 @@ import signal
 
 import pytest
 
-from pam_driver.codec import BoardMessage, BoardState, Measurement, Status, ValveCommand
+from pam_driver.boards.pam_board.codec import (
+    BoardMessage,
+    BoardState,
+    Measurement,
+    Status,
+    ValveCommand,
+)
 
 pytestmark = pytest.mark.system
 PRESSURISED = 5e4  # Pa

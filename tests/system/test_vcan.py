@@ -21,12 +21,12 @@ from pathlib import Path
 import can
 import pytest
 
+from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
 from pam_driver.bus import BusState, open_bus
-from pam_driver.codec import BoardCodec, BoardState
-from pam_driver.command_intake import NamedCommand
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.safety_state import SafetyState
+from pam_driver.safety.command_intake import NamedCommand
+from pam_driver.safety.states import SafetyState
 from pam_model.rig import load_rig
 from pam_sim.simulated_rig import SimulatedRig
 

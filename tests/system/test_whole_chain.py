@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from pam_driver.codec import Measurement
+from pam_driver.boards.pam_board.codec import Measurement
 
 from .conftest import RATE
 
@@ -163,11 +163,11 @@ LISTED = {
 def test_a_recording_opens_with_a_public_reader(
     suite, tmp_path: Path, ros_environment: dict[str, str]
 ):
-    from pam_sim.demo.processes import NodeProcess
+    from pam_check.processes import NodeProcess
 
     bag = tmp_path / "bag"
     recorder = NodeProcess(
-        "pam_sim.demo.recorder_node", environment=ros_environment, arguments=["--out", str(bag)]
+        "pam_demo.recorder_node", environment=ros_environment, arguments=["--out", str(bag)]
     )
     with recorder:
         recorder.wait_for_output("recording", 30.0)

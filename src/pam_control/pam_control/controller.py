@@ -15,21 +15,21 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 
+from pam_control.compensation.sensor_correction import SensorCorrection
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
-from pam_control.gain_design import (
+from pam_control.feedback.gain_design import (
     LoopCase,
     Margins,
     checked_margins,
     design_pid,
     design_pressure_gain,
 )
+from pam_control.feedback.linear_joint import LoopTiming
+from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
 from pam_control.joint_channel import JointChannel, Pair
-from pam_control.linear_joint import LoopTiming
-from pam_control.pressure_loop import PressureDemand, PressureLoopSettings
-from pam_control.reference_generator import ReferenceGenerator
-from pam_control.sensor_correction import SensorCorrection
+from pam_control.references.reference_generator import ReferenceGenerator
+from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
-from pam_control.trajectory import CommandError
 from pam_model.rig import Rig
 
 LONGEST_STEP = 0.02  # s; a longer pause between two steps counts as this

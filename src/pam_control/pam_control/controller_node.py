@@ -29,13 +29,13 @@ from trajectory_msgs.msg import JointTrajectory
 
 from pam_control.control_step import Measurement
 from pam_control.controller_parameters import create_controller, parameter_table, settings_from
+from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.rig_order import in_order
-from pam_control.trajectory import CommandError, TrajectoryPoint
-from pam_model import diagnostics as health
 from pam_model.errors import PamError
-from pam_model.node_parameters import NodeParameters, Value
-from pam_model.periodic import PeriodicLoop
-from pam_model.spin_node import spin_node
+from pam_ros import diagnostics as health
+from pam_ros.parameters import NodeParameters, Value
+from pam_ros.periodic import PeriodicLoop
+from pam_ros.spin import spin_node
 
 REJECTION_SHOWN = 5.0  # s
 SWITCH_INTERVAL = 5e-4  # s; lets the control thread in soon after a callback has begun

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pam_control.controller import Controller
-from pam_control.pid import PidGains
-from pam_control.position_stiffness_controller import PositionStiffnessController
-from pam_control.pressure_ratio_pid import PressureRatioPid
+from pam_control.feedback.pid import PidGains
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
-from pam_model.node_parameters import Parameter, Value
 from pam_model.rig import Rig
+from pam_ros.parameters import Parameter, Value
 
 DESIGNED = -1.0
 LAWS: Mapping[str, type[Controller]] = {

@@ -6,14 +6,14 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from pam_control.gain_design import Margins
-from pam_control.history_torque import HistoryTorque
-from pam_control.inverse_dynamics import InverseDynamics
-from pam_control.pid import Pid
-from pam_control.pressure_loop import create_pressure_loop, valve_time_constant
-from pam_control.trajectory import JointReference
-from pam_model.antagonistic_joint import AntagonisticJoint
+from pam_control.compensation.history_torque import HistoryTorque
+from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_control.feedback.gain_design import Margins
+from pam_control.feedback.pid import Pid
+from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
+from pam_control.references.trajectory import JointReference
 from pam_model.effects import effect_value
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Joint, Rig
 
 Pair = tuple[float, float]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pam_control.trajectory import CommandError
+from pam_control.references.trajectory import CommandError
 
 
 def in_order(

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pam_control.pid import PidGains
+from pam_control.feedback.pid import PidGains
 
 LOOP_FIELDS = (
     "period",

@@ -12,9 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple, Protocol
 
-from pam_driver.board_monitor import NEVER, BoardMonitor, Condition
-from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
-from pam_driver.codec import (
+from pam_driver.boards.pam_board.codec import (
     CHANNELS,
     BoardCode,
     BoardCodec,
@@ -26,14 +24,16 @@ from pam_driver.codec import (
     Status,
     ValveCommand,
 )
-from pam_driver.command_intake import CommandIntake, NamedCommand
+from pam_driver.boards.pam_board.monitor import NEVER, BoardMonitor, Condition
+from pam_driver.boards.wiring import RigWiring
+from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.joint_velocity import JointVelocity
-from pam_driver.rig_wiring import RigWiring
-from pam_driver.safety_state import OUTPUTS, SafetyEvent, SafetyState, next_state
-from pam_driver.sensor_checks import SensorChecks
+from pam_driver.safety.command_intake import CommandIntake, NamedCommand
+from pam_driver.safety.pressure_plausibility import Deviation
+from pam_driver.safety.sensor_checks import SensorChecks
+from pam_driver.safety.states import OUTPUTS, SafetyEvent, SafetyState, next_state
 from pam_model.errors import PamError
-from pam_model.pressure_plausibility import Deviation
 from pam_model.rig import Rig
 
 # Another driver's command heard so long ago does not matter any more [s].
@@ -47,7 +47,7 @@ class ActivationError(PamError):
 
 
 class Plausibility(Protocol):
-    """Judges measurements by physics, see `pam_model.pressure_plausibility`."""
+    """Judges measurements by physics, see `pam_driver.safety.pressure_plausibility`."""
 
     period: float
 

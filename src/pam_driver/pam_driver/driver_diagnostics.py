@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from pam_driver.board_monitor import BoardMonitor
+from pam_driver.boards.pam_board.monitor import BoardMonitor
 from pam_driver.bus import BusState, CanPort
 from pam_driver.driver import Driver
-from pam_driver.safety_state import SafetyState
-from pam_model.diagnostics import ERROR, OK, WARN, diagnostic_status, loop_values
-from pam_model.periodic import LoopStatistics
+from pam_driver.safety.states import SafetyState
+from pam_ros.diagnostics import ERROR, OK, WARN, diagnostic_status, loop_values
+from pam_ros.periodic import LoopStatistics
 
 # Frames of others on a shared bus are none of our business: counted, not warned of.
 _HARMLESS = frozenset({"unknown_id", "unknown_board", "extended_id", "remote_or_fd"})

@@ -26,19 +26,19 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import FluidPressure, JointState
 from std_srvs.srv import Trigger
 
+from pam_driver.boards.pam_board.codec import BoardCodec, Heartbeat, Measurement, Status
+from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import CanPort, open_bus
-from pam_driver.codec import BoardCodec, Heartbeat, Measurement, Status
-from pam_driver.command_intake import CommandError, NamedCommand
 from pam_driver.driver import Driver, Snapshot
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_parameters import TABLE, bus_options, settings_of
-from pam_driver.rig_wiring import RigWiring
-from pam_driver.safety_state import SafetyState
-from pam_model.diagnostics import diagnostic_array
+from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.pressure_plausibility import PressurePlausibility
+from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
-from pam_model.node_parameters import NodeParameters
-from pam_model.periodic import PeriodicLoop
-from pam_model.pressure_plausibility import PressurePlausibility
+from pam_ros.diagnostics import diagnostic_array
+from pam_ros.parameters import NodeParameters
+from pam_ros.periodic import PeriodicLoop
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE

@@ -7,7 +7,7 @@ from typing import Any, Final
 from pam_driver.bus import DEFAULT_BITRATE
 from pam_driver.driver_settings import DriverSettings
 from pam_model.errors import PamError
-from pam_model.node_parameters import NodeParameters, Parameter
+from pam_ros.parameters import NodeParameters, Parameter
 
 _D = DriverSettings()
 

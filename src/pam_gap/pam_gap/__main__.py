@@ -28,22 +28,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     commands.add_parser("monitor", help="watch live topics (a ROS node)", add_help=False)
     try:
         if command == "blind":
-            from pam_gap.blind import campaign  # noqa: PLC0415
+            from pam_check.blind import campaign  # noqa: PLC0415
 
             campaign.add_arguments(blind_parser)
             return campaign.main(parser.parse_args(given))
         if command == "effects":
-            from pam_gap import effect_pages  # noqa: PLC0415
+            from pam_gap.answer import effect_pages  # noqa: PLC0415
 
             effect_pages.add_arguments(effects_parser)
             return effect_pages.main(parser.parse_args(given))
         if command == "close-loop":
-            from pam_gap import close_loop  # noqa: PLC0415
+            from pam_demo import close_loop  # noqa: PLC0415
 
             close_loop.add_arguments(loop_parser)
             return close_loop.main(parser.parse_args(given))
         if command == "monitor":
-            from pam_gap import monitor_node  # noqa: PLC0415
+            from pam_gap.live import monitor_node  # noqa: PLC0415
 
             return int(monitor_node.main(given[given.index("monitor") + 1 :]) or 0)
         return diagnose.run(parser.parse_args(given))

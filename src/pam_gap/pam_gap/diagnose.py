@@ -17,14 +17,16 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm  # type: ignore[import-untyped]
 
-from pam_gap.computed_channels import without_computed
-from pam_gap.diagnosis import Diagnosis
+from pam_gap.answer.diagnosis import Diagnosis
+from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, Trace, write_report
+from pam_gap.answer.sentences import verdict_sentence
 from pam_gap.diagnosis_engine import JointDiagnosis
-from pam_gap.experiment_files import FOLDER
-from pam_gap.import_recording import import_recording
-from pam_gap.noise_floor import SMOOTHED_SHARE, noise_floor
-from pam_gap.prediction import BLOCK, PredictionProblem
-from pam_gap.recording import (
+from pam_gap.experiments.files import FOLDER
+from pam_gap.prediction.problem import BLOCK, PredictionProblem
+from pam_gap.recordings.computed_channels import without_computed
+from pam_gap.recordings.import_recording import import_recording
+from pam_gap.recordings.noise_floor import SMOOTHED_SHARE, noise_floor
+from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
     LOCKED,
@@ -34,8 +36,6 @@ from pam_gap.recording import (
     Recording,
     RecordingError,
 )
-from pam_gap.report import RankedCandidate, ReportData, StageGap, Trace, write_report
-from pam_gap.sentences import verdict_sentence
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
 

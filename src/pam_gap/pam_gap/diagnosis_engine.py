@@ -7,21 +7,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pam_gap.answer import AnswerForm, advice
-from pam_gap.candidates import applicable, candidates_for
-from pam_gap.diagnosis import Diagnosis
-from pam_gap.fit import FitResult
-from pam_gap.gap_figures import noise_level
-from pam_gap.held_out import Folds, HeldOut, block_sums, make_folds, score_all, score_held_out
-from pam_gap.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.locate import locate
-from pam_gap.next_experiment import propose
-from pam_gap.prediction import PredictionProblem
-from pam_gap.recording import SHUT, Recording, RecordingError
-from pam_gap.search import Progress, Search, SearchResult, silent
-from pam_gap.selection import confidence_set, contains, held_out_level
-from pam_gap.unknown_test import explain_leftover
-from pam_gap.verdict import (
+from pam_gap.answer.diagnosis import Diagnosis
+from pam_gap.answer.write_answer import AnswerForm, advice
+from pam_gap.experiments.next_experiment import propose
+from pam_gap.inference.candidates import applicable, candidates_for
+from pam_gap.inference.held_out import (
+    Folds,
+    HeldOut,
+    block_sums,
+    make_folds,
+    score_all,
+    score_held_out,
+)
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.search import Progress, Search, SearchResult, silent
+from pam_gap.inference.selection import confidence_set, contains, held_out_level
+from pam_gap.inference.unknown_test import explain_leftover
+from pam_gap.inference.verdict import (
     NO_GAIN,
     PRICE,
     Evidence,
@@ -32,6 +34,11 @@ from pam_gap.verdict import (
     is_rival,
     prefers_simple,
 )
+from pam_gap.prediction.fit import FitResult
+from pam_gap.prediction.gap_figures import noise_level
+from pam_gap.prediction.locate import locate
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.recording import SHUT, Recording, RecordingError
 from pam_model.rig import Rig
 
 FINALISTS = 8

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from pam_model.catalogue import FAMILIES, catalogue, find_row
 from pam_model.errors import PamError
-from pam_model.force_model import MuscleGeometry, create_force_model, registered_models
-from pam_model.measurements import Measurements, load_measurements
+from pam_model.identify.catalogue import FAMILIES, catalogue, find_row
+from pam_model.identify.measurements import Measurements, load_measurements
+from pam_model.muscles.force_model import MuscleGeometry, create_force_model, registered_models
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,8 +45,8 @@ def _list(chosen: argparse.Namespace) -> None:
 
 
 def _show(chosen: argparse.Namespace) -> None:
-    from pam_model.gallery import default_model, draw_row  # noqa: PLC0415  (matplotlib)
-    from pam_model.show import PRESSURES, draw_force_model, save_figure  # noqa: PLC0415
+    from pam_model.identify.gallery import default_model, draw_row  # noqa: PLC0415  (matplotlib)
+    from pam_model.identify.show import PRESSURES, draw_force_model, save_figure  # noqa: PLC0415
 
     row = find_row(chosen.name)
     pressures = chosen.pressures or PRESSURES
@@ -69,7 +69,7 @@ def _show(chosen: argparse.Namespace) -> None:
 
 
 def _fit(chosen: argparse.Namespace) -> None:
-    from pam_model.fit import fit  # noqa: PLC0415  (scipy)
+    from pam_model.identify.fit import fit  # noqa: PLC0415  (scipy)
 
     if chosen.name not in registered_models():
         raise PamError(
@@ -91,8 +91,8 @@ def _fit(chosen: argparse.Namespace) -> None:
         print(f"{branch}\n{result.table()}" if branch else result.table())
         results.append({"branch": branch, **result.as_dict()})
         if chosen.plot:
-            from pam_model.fit_figures import draw_fit  # noqa: PLC0415  (matplotlib)
-            from pam_model.show import save_figure  # noqa: PLC0415
+            from pam_model.identify.fit_figures import draw_fit  # noqa: PLC0415  (matplotlib)
+            from pam_model.identify.show import save_figure  # noqa: PLC0415
 
             path = chosen.plot
             if branch:
@@ -104,7 +104,7 @@ def _fit(chosen: argparse.Namespace) -> None:
 
 
 def _compare(chosen: argparse.Namespace) -> None:
-    from pam_model.compare import compare, save_comparison  # noqa: PLC0415  (scipy)
+    from pam_model.identify.compare import compare, save_comparison  # noqa: PLC0415  (scipy)
 
     data = _data(chosen)
     geometry = _geometry(chosen)
@@ -119,8 +119,8 @@ def _compare(chosen: argparse.Namespace) -> None:
     print("\n\n".join(c.table() for c in comparisons))
     _print_assumptions(data)
     if chosen.plot:
-        from pam_model.fit_figures import draw_comparison  # noqa: PLC0415  (matplotlib)
-        from pam_model.show import save_figure  # noqa: PLC0415
+        from pam_model.identify.fit_figures import draw_comparison  # noqa: PLC0415  (matplotlib)
+        from pam_model.identify.show import save_figure  # noqa: PLC0415
 
         print(save_figure(draw_comparison(comparisons), chosen.plot))
     if chosen.json:
@@ -129,7 +129,7 @@ def _compare(chosen: argparse.Namespace) -> None:
 
 
 def _design(chosen: argparse.Namespace) -> None:
-    from pam_model.design import design  # noqa: PLC0415  (scipy)
+    from pam_model.identify.design import design  # noqa: PLC0415  (scipy)
 
     made = design(
         chosen.force,
@@ -148,7 +148,7 @@ def _design(chosen: argparse.Namespace) -> None:
 
 
 def _gallery(chosen: argparse.Namespace) -> None:
-    from pam_model.gallery import write_gallery  # noqa: PLC0415  (matplotlib)
+    from pam_model.identify.gallery import write_gallery  # noqa: PLC0415  (matplotlib)
 
     written = write_gallery(chosen.folder)
     size = sum(path.stat().st_size for path in written)

@@ -15,10 +15,10 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from pam_model.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
-from pam_model.joint_estimator import JointEstimator
-from pam_model.node_parameters import NodeParameters, Parameter
-from pam_model.spin_node import spin_node
+from pam_model.joints.joint_estimator import JointEstimator
+from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
+from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.spin import spin_node
 
 PARAMETERS = (
     Parameter("publish_rate", 100.0, "Hz", 1.0, 1000.0, "how often estimates are published"),

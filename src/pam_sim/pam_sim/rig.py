@@ -12,13 +12,13 @@ import threading
 import time
 from collections.abc import Sequence
 
+from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.bus import open_bus
-from pam_driver.codec import BoardCodec
 from pam_model.errors import PamError
+from pam_model.plant.simulate import DEFAULT_STEP
 from pam_model.rig import load_rig
-from pam_sim.board import BoardSettings
-from pam_sim.board_sensors import SensorQuality
-from pam_sim.plant import DEFAULT_STEP
+from pam_sim.boards.pam_board import BoardSettings
+from pam_sim.boards.sensors import SensorQuality
 from pam_sim.rig_loop import RigLoop
 from pam_sim.simulated_rig import SimulatedRig
 

@@ -19,17 +19,17 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.bus import open_bus
-from pam_driver.codec import BoardCodec
 from pam_driver.driver_parameters import bus_options
-from pam_model.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
 from pam_model.errors import PamError
-from pam_model.node_parameters import NodeParameters, Parameter
+from pam_model.plant.simulate import DEFAULT_STEP
 from pam_model.rig import Rig, load_rig
-from pam_model.spin_node import spin_node
-from pam_sim.board import BoardSettings
-from pam_sim.board_sensors import SensorQuality
-from pam_sim.plant import DEFAULT_STEP
+from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
+from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.spin import spin_node
+from pam_sim.boards.pam_board import BoardSettings
+from pam_sim.boards.sensors import SensorQuality
 from pam_sim.rig import parse_effects
 from pam_sim.rig_loop import RigLoop
 from pam_sim.simulated_rig import SimulatedRig

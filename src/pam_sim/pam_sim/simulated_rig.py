@@ -13,17 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pam_driver.codec import BoardCodec
-from pam_driver.rig_wiring import RigWiring
+from pam_driver.boards.pam_board.codec import BoardCodec
+from pam_driver.boards.wiring import RigWiring
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError, RigError
+from pam_model.plant.layout import MUSCLES
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import DEFAULT_STEP, Plant, initial_state
 from pam_model.rig import Muscle, Rig
-from pam_sim.board import BoardSettings, BoardValve, Frame, SimulatedBoard
-from pam_sim.board_sensors import BoardSensors, SensorQuality
-from pam_sim.plant import DEFAULT_STEP, Plant, initial_state
-from pam_sim.plant_layout import MUSCLES
-from pam_sim.plant_parameters import PlantParameters
-from pam_sim.rig_faults import RigFaults
+from pam_sim.boards.pam_board import BoardSettings, BoardValve, Frame, SimulatedBoard
+from pam_sim.boards.sensors import BoardSensors, SensorQuality
+from pam_sim.faults.rig_faults import RigFaults
 
 Array = npt.NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Checks of the whole suite: fault campaigns, fuzzing, endurance, security, withheld effects."""

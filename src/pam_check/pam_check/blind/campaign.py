@@ -1,0 +1,201 @@
+"""`python -m pam_gap blind`: draw hidden effects, diagnose the recordings alone, open, score.
+
+The cases are drawn in a process of their own (`pam_check.blind.cases`); each diagnosis runs in a
+process of its own that is given a recording and a rig file and nothing else. The labels' digest
+is written down before the first diagnosis and compared when they are opened.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import pyplot as plt
+from tqdm import tqdm  # type: ignore[import-untyped]
+
+from pam_check.blind.cases import LABELS
+from pam_check.blind.draw import KNOWN, OUTSIDE
+from pam_check.blind.experiments import run_experiments
+from pam_check.blind.score import score
+from pam_check.blind.untouched import untouched_closed
+from pam_gap.diagnose import IMPROVED_RIG
+from pam_model.errors import PamError
+
+
+def draw_sealed(cases: int, seed: int, out: Path) -> str:
+    """Draw the cases in another process; return the digest of the sealed labels.
+
+    Raises
+    ------
+    PamError
+        When the generator fails.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", "pam_check.blind.cases", "--cases", str(cases), "--seed", str(seed),
+         "--folder", str(out / "cases"), "--sealed", str(out / "sealed")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise PamError(f"drawing the cases failed: {done.stderr.strip().splitlines()[-1]}")
+    return done.stdout.strip()
+
+
+def diagnose_case(case: Path, out: Path) -> dict[str, Any]:
+    """Diagnose one case in a process that sees its recording and rig file alone."""
+    started = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-m", "pam_gap", "diagnose", str(case / "recording.csv.gz"),
+         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress"],
+        capture_output=True, text=True, check=False, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
+    )  # fmt: skip
+    result = out / "diagnosis.json"
+    answer: dict[str, Any] = (
+        json.loads(result.read_text())
+        if done.returncode == 0 and result.exists()
+        else {"verdict": "crash", "effects": [], "indistinguishable": [], "stage": None,
+              "candidates": [], "error": done.stderr[-2000:]}
+    )  # fmt: skip
+    answer["wall_time"] = time.monotonic() - started
+    return answer
+
+
+def open_labels(sealed: Path, digest: str) -> list[dict[str, Any]]:
+    """Open the labels, checking that they are the ones sealed.
+
+    Raises
+    ------
+    PamError
+        When their digest is not the one written down before.
+    """
+    text = (sealed / LABELS).read_text()
+    if hashlib.sha256(text.encode()).hexdigest() != digest:
+        raise PamError(f"{sealed / LABELS}: the labels are not those sealed before the diagnosis")
+    labels: list[dict[str, Any]] = json.loads(text)
+    return labels
+
+
+def add_untouched(out: Path, answers: dict[str, dict[str, Any]]) -> None:
+    """Put into each answer what its improved rig closes on the sealed second recording."""
+    for name, answer in answers.items():
+        improved = out / "answers" / name / IMPROVED_RIG
+        if answer.get("closed") and improved.exists():
+            answer["closed"]["untouched"] = untouched_closed(
+                out / "cases" / name / "rig.yaml",
+                improved,
+                out / "sealed" / name / "recording.csv.gz",
+            )
+
+
+def draw_confusion(pairs: list[tuple[str, str]], path: Path) -> None:
+    """Draw the confusion matrix of single effects: truth down, first name across."""
+    truths = ["none", *KNOWN, *OUTSIDE]
+    answers = ["none", *KNOWN, "unknown", "not_identifiable", "crash"]
+    counts = np.zeros((len(truths), len(answers)), dtype=int)
+    for truth, answer in pairs:
+        counts[truths.index(truth), answers.index(answer)] += 1
+    figure, axis = plt.subplots(figsize=(11, 11), layout="constrained")
+    axis.imshow(counts > 0, cmap="Blues", vmin=0, vmax=2)
+    for i, j in zip(*np.nonzero(counts), strict=True):
+        axis.text(float(j), float(i), str(counts[i, j]), ha="center", va="center")
+    axis.set_xticks(range(len(answers)), answers, rotation=90)
+    axis.set_yticks(range(len(truths)), truths)
+    axis.set_xlabel("first name in the answer")
+    axis.set_ylabel("hidden effect (below the table's: effects no table names)")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def run_campaign(
+    cases: int, seed: int, out: Path, workers: int, experiments: bool = False
+) -> dict[str, Any]:
+    """Draw, diagnose and score `cases` cases; leave everything under `out`.
+
+    With `experiments`, what each ambiguous diagnosis proposes is carried out and scored as well.
+
+    Raises
+    ------
+    PamError
+        When `out` holds a campaign already, or the generator fails.
+    """
+    if (out / "cases").exists():
+        raise PamError(f"{out}: holds a campaign already; give another --out")
+    out.mkdir(parents=True, exist_ok=True)
+    digest = draw_sealed(cases, seed, out)
+    (out / "seal.txt").write_text(f"SHA-256 of the labels, before any diagnosis: {digest}\n")
+    names = sorted(p.name for p in (out / "cases").iterdir())
+    answers: dict[str, dict[str, Any]] = {}
+    with ThreadPoolExecutor(workers) as pool:
+        runs = {
+            pool.submit(diagnose_case, out / "cases" / n, out / "answers" / n): n for n in names
+        }
+        for run in tqdm(as_completed(runs), total=len(runs), desc="diagnosing", unit="case"):
+            answers[runs[run]] = run.result()
+    labels = open_labels(out / "sealed", digest)
+    add_untouched(out, answers)
+    result = score(labels, answers)
+    if experiments:
+        result["experiments"] = run_experiments(out, labels, answers, workers)
+    result |= {
+        "cases": cases,
+        "seed": seed,
+        "labels_sha256": digest,
+        "wall_time_median": float(np.median([a["wall_time"] for a in answers.values()])),
+        "wall_time_worst": float(max(a["wall_time"] for a in answers.values())),
+    }
+    (out / "score.json").write_text(json.dumps(result, indent=1))
+    draw_confusion(result["confusion"], out / "confusion.png")
+    return result
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("--cases", type=int, default=24, help="how many rigs to draw")
+    parser.add_argument("--seed", type=int, default=None, help="default: drawn from the clock")
+    parser.add_argument("--out", type=Path, default=Path("out/blind"))
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument(
+        "--experiments",
+        action="store_true",
+        help="carry out what ambiguous diagnoses propose, and diagnose again",
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    """Run the campaign and print its figures."""
+    mpl.use("Agg")
+    seed = arguments.seed if arguments.seed is not None else time.time_ns() % 2**32
+    result = run_campaign(
+        arguments.cases, seed, arguments.out, arguments.workers, arguments.experiments
+    )
+    print(f"seed {seed}; labels sealed as {result['labels_sha256'][:16]}…")
+    shares = dict(result["shares"])
+    if "experiments" in result:
+        shares["set_halved"] = result["experiments"]["halved"]
+        shares["truth_kept"] = result["experiments"]["truth_kept"]
+    for name, entry in shares.items():
+        low, high = entry["interval"]
+        if entry["of"]:
+            print(
+                f"{name:24s} {entry['value']:6.1%}  ({entry['hits']}/{entry['of']}; "
+                f"90 % interval {low:.0%} to {high:.0%})"
+            )
+    if result["closed_median"] is not None:
+        print(f"{'gap closed, median':24s} {result['closed_median']:6.1%}")
+    if result["untouched_median"] is not None:
+        print(f"{'same, second motion':24s} {result['untouched_median']:6.1%}")
+    print(
+        f"{'time per case':24s} {result['wall_time_median']:5.1f} s median, "
+        f"{result['wall_time_worst']:.1f} s worst"
+    )
+    print(f"written: {arguments.out / 'score.json'}, {arguments.out / 'confusion.png'}")
+    return 0

@@ -1,0 +1,221 @@
+"""The generator process: draws cases, writes recordings and rig files, and seals the labels.
+
+Run as `python -m pam_check.blind.cases`; the diagnosis never imports this module. Labels go to a
+folder that no diagnosis is given; their SHA-256 is printed, so that the labels opened later can be
+shown to be those drawn now.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pam_check.blind.draw import (
+    KNOWN,
+    OUTSIDE,
+    Draw,
+    believed_rig,
+    draw_excitation,
+    draw_sensors,
+    perturbed,
+)
+from pam_check.blind.truth_plant import Array, TruthJoint, TruthMuscle, TruthRecording, run_truth
+from pam_model.rig import rig_from_parameters, save_rig
+
+MAX_TRIES = 20
+LABELS = "labels.json"
+
+
+@dataclass
+class Label:
+    """What is hidden in a case: the sealed half."""
+
+    case: str
+    kind: str  # none, one, two, outside
+    effects: list[str]
+    stages: list[str]
+    gap_over_floor: float
+    """Largest RMS change of a channel that the effects make under equal commands, over noise."""
+    joint: dict[str, float]
+    muscles: list[dict[str, float]]
+    sensors: dict[str, float]
+    load_cells: bool
+
+
+def rig_parameters(joint: TruthJoint, muscle: TruthMuscle, tolerance: float) -> dict[str, object]:
+    """Put the believed rig into the keys of a rig file."""
+    one = {
+        "model": "chou_hannaford",
+        "thread_length": muscle.thread_length,
+        "turns": muscle.turns,
+        "wall_thickness": 0.0,
+        "rest_length": muscle.rest_length,
+        "neutral_length": muscle.neutral_length,
+        "dead_volume": muscle.dead_volume,
+        "valve": {
+            "kind": "flow",
+            "sonic_conductance": muscle.sonic_conductance,
+            "critical_ratio": muscle.critical_ratio,
+            "time_constant": muscle.time_constant,
+        },
+    }
+    return {
+        "gas": {
+            "temperature": joint.temperature,
+            "ambient_pressure": joint.ambient_pressure,
+            "polytropic_exponent": 1.0,
+        },
+        "supply_pressure": joint.supply_pressure,
+        "parameter_tolerance": tolerance,
+        "joints": ["elbow"],
+        "elbow": {
+            "muscles": ["elbow_flexor", "elbow_extensor"],
+            "pulley_radius": joint.pulley_radius,
+            "inertia": joint.inertia,
+            "viscous_friction": joint.viscous_friction,
+            "gravity_torque": joint.gravity_torque,
+            "gravity_angle": joint.gravity_angle,
+            "position_limits": [joint.lower_limit, joint.upper_limit],
+        },
+        "elbow_flexor": one,
+        "elbow_extensor": one,
+    }
+
+
+def to_table(recording: TruthRecording, load_cells: bool) -> pd.DataFrame:
+    """Name the channels as a recording does."""
+    table = {
+        "time": recording.time,
+        "valve_commands.elbow_flexor": recording.commands[:, 0],
+        "valve_commands.elbow_extensor": recording.commands[:, 1],
+        "pressure_states.elbow_flexor": recording.pressures[:, 0],
+        "pressure_states.elbow_extensor": recording.pressures[:, 1],
+        "joint_states.elbow.position": recording.position,
+    }
+    if load_cells:
+        table["muscle_states.elbow_flexor.effort"] = recording.forces[:, 0]
+        table["muscle_states.elbow_extensor.effort"] = recording.forces[:, 1]
+    return pd.DataFrame(table)
+
+
+def _choose(random: np.random.Generator, kind: str) -> list[str]:
+    known = list(KNOWN)
+    if kind == "none":
+        return []
+    if kind == "outside":
+        return [str(random.choice(list(OUTSIDE)))]
+    if kind == "one":
+        return [str(random.choice(known))]
+    first = str(random.choice(known))
+    others = [k for k in known if k != first]
+    return [first, str(random.choice(others))]
+
+
+def _rms(difference: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(np.square(difference), axis=0)))
+
+
+def make_case(
+    name: str, kind: str, folder: Path, sealed: Path, random: np.random.Generator
+) -> Label:
+    """Draw one case, write rig.yaml and recording.csv.gz, and return its label.
+
+    A second recording of the same rig under another motion goes to the sealed folder, to check
+    there how far the gap really closed.
+
+    Raises
+    ------
+    RuntimeError
+        When no rig that can run is found in MAX_TRIES draws.
+    """
+    effects = _choose(random, kind)
+    for _ in range(MAX_TRIES):
+        joint, muscle = believed_rig(random)
+        tolerance = float(random.choice([0.0, 0.01, 0.02]))
+        draw = Draw(random, joint, [muscle, muscle])
+        perturbed(draw, tolerance)
+        plain_joint, plain = draw.joint, (draw.muscles[0], draw.muscles[1])
+        for effect in effects:
+            (KNOWN | OUTSIDE)[effect][1](draw)
+        excitation = draw_excitation(random, joint, float(random.choice([0.002, 0.002, 0.0025])))
+        sensors = draw_sensors(random)
+        hidden = (draw.muscles[0], draw.muscles[1])
+        try:
+            recording = run_truth(draw.joint, hidden, excitation, sensors, random)
+            check_motion = draw_excitation(random, joint, excitation.sample_time)
+            check = run_truth(draw.joint, hidden, check_motion, sensors, random)
+            without = run_truth(
+                plain_joint, plain, excitation, sensors, random, fixed_commands=recording.commands
+            )
+        except FloatingPointError:
+            continue
+        travel = float(np.ptp(recording.true_position))
+        stopped = np.mean(np.abs(recording.true_position) > 0.98 * joint.upper_limit)
+        if travel < 0.15 or stopped > 0.02:
+            continue
+        floor_p = float(np.hypot(sensors.pressure_noise, sensors.pressure_step / 12**0.5))
+        floor_q = float(np.hypot(sensors.position_noise, sensors.position_step / 12**0.5))
+        change_p = _rms(recording.pressures - without.true_pressures).max() / floor_p
+        change_q = float(_rms(recording.position - without.true_position)) / floor_q
+        target = folder / name
+        target.mkdir(parents=True)
+        save_rig(rig_from_parameters(rig_parameters(joint, muscle, tolerance)), target / "rig.yaml")
+        load_cells = bool(random.random() < 0.25)
+        for made, place in ((recording, target), (check, sealed / name)):
+            place.mkdir(parents=True, exist_ok=True)
+            to_table(made, load_cells).to_csv(
+                place / "recording.csv.gz", index=False, float_format="%.7g"
+            )
+        return Label(
+            case=name,
+            kind=kind,
+            effects=effects,
+            stages=[(KNOWN | OUTSIDE)[e][0] for e in effects],
+            gap_over_floor=float(max(change_p, change_q)),
+            joint={k: float(v) for k, v in draw.joint._asdict().items()},
+            muscles=[{k: float(v) for k, v in m._asdict().items()} for m in draw.muscles],
+            sensors=asdict(sensors),
+            load_cells=load_cells,
+        )
+    raise RuntimeError(f"no rig with {effects} that can run in {MAX_TRIES} draws")
+
+
+def make_cases(count: int, seed: int, folder: Path, sealed: Path) -> str:
+    """Write `count` cases into `folder`, their labels into `sealed`; return the labels' SHA-256.
+
+    Half of the cases hide one effect, the others none, two, or one outside the table, in equal
+    parts.
+    """
+    random = np.random.default_rng(seed)
+    kinds = random.permutation(
+        [("one", "none", "one", "two", "one", "outside")[k % 6] for k in range(count)]
+    )
+    labels = [
+        make_case(f"{k:03d}", str(kind), folder, sealed, random) for k, kind in enumerate(kinds)
+    ]
+    text = json.dumps([asdict(label) for label in labels], indent=1)
+    (sealed / LABELS).write_text(text)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def main() -> None:
+    """Draw cases from the command line; prints the digest of the labels and nothing else."""
+    parser = argparse.ArgumentParser(prog="python -m pam_check.blind.cases", description=__doc__)
+    parser.add_argument("--cases", type=int, required=True)
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--folder", type=Path, required=True, help="where the cases go")
+    parser.add_argument(
+        "--sealed", type=Path, required=True, help="folder for labels and check recordings"
+    )
+    arguments = parser.parse_args()
+    print(make_cases(arguments.cases, arguments.seed, arguments.folder, arguments.sealed))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,262 @@
+"""Rigs drawn at random: what their owner believes, what they truly are, and how they are moved.
+
+Every hidden effect has a range of sizes that occur on real rigs (equations and facts of the
+literature named in `pam_model.effects`); parameters lie within the rig's declared tolerance of
+the believed ones; excitation, loop gains, sample time and sensors vary from case to case.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_check.blind.truth_plant import (
+    Array,
+    Excitation,
+    Sensors,
+    TruthJoint,
+    TruthMuscle,
+)
+
+DURATION = 40.0  # s
+SETTLE = 1.0  # s at rest before the motion
+
+
+@dataclass
+class Draw:
+    """A rig in the making: generator, truth so far."""
+
+    random: np.random.Generator
+    joint: TruthJoint
+    muscles: list[TruthMuscle]
+
+    def span(self, low: float, high: float) -> float:
+        """Draw a size, log-uniform."""
+        return float(np.exp(self.random.uniform(math.log(low), math.log(high))))
+
+    def sign(self) -> float:
+        """Draw -1 or 1."""
+        return float(self.random.choice([-1.0, 1.0]))
+
+    def both(self, **values: float) -> None:
+        """Set the same values on both muscles."""
+        self.muscles = [m._replace(**values) for m in self.muscles]
+
+    def one(self, **values: float) -> None:
+        """Set values on one muscle, drawn."""
+        i = int(self.random.integers(2))
+        self.muscles[i] = self.muscles[i]._replace(**values)
+
+    def on_joint(self, **values: float) -> None:
+        """Set values on the joint."""
+        self.joint = self.joint._replace(**values)
+
+
+def _payload(d: Draw) -> None:
+    mass, distance = d.span(0.4, 1.5), d.span(0.15, 0.3)
+    d.on_joint(
+        gravity_torque=d.joint.gravity_torque + mass * 9.81 * distance,
+        inertia=d.joint.inertia + mass * distance**2,
+    )
+
+
+def _coulomb(d: Draw) -> None:
+    torque = d.span(0.25, 1.2)
+    d.on_joint(coulomb_torque=torque, static_torque=torque)
+
+
+def _stribeck(d: Draw) -> None:
+    torque = d.span(0.25, 0.7)
+    d.on_joint(
+        coulomb_torque=torque,
+        static_torque=torque * d.span(1.6, 2.5),
+        stribeck_speed=d.span(0.05, 0.2),
+    )
+
+
+def _pulley(d: Draw) -> None:
+    d.on_joint(pulley_radius=d.joint.pulley_radius * (1.0 + d.sign() * d.span(0.06, 0.15)))
+
+
+KNOWN: dict[str, tuple[str, Callable[[Draw], None]]] = {
+    "valve_dead_zone": ("valve", lambda d: d.both(dead_zone=d.span(0.03, 0.12))),
+    "valve_null_offset": ("valve", lambda d: d.one(null_offset=d.sign() * d.span(0.015, 0.06))),
+    "valve_lag": ("valve", lambda d: d.both(second_pole=d.span(0.01, 0.04))),
+    "exhaust_restriction": ("valve", lambda d: d.both(exhaust_ratio=d.span(0.45, 0.8))),
+    "supply_droop": (
+        "valve",
+        lambda d: d.on_joint(
+            reservoir_volume=d.span(2e-4, 2e-3), reservoir_conductance=d.span(1e-10, 6e-10)
+        ),
+    ),
+    "tube_restriction": (
+        "valve",
+        lambda d: d.both(tube_volume=d.span(5e-6, 3e-5), tube_conductance=d.span(1e-9, 4e-9)),
+    ),
+    "command_delay": ("valve", lambda d: d.both(command_delay=d.span(0.008, 0.03))),
+    "leakage": ("valve", lambda d: d.both(leak=d.span(2e-11, 2e-10))),
+    "dead_volume": (
+        "valve",
+        lambda d: d.both(dead_volume=d.muscles[0].dead_volume + d.span(1.5e-5, 6e-5)),
+    ),
+    "thermal": ("valve", lambda d: d.both(heat_transfer=d.span(0.1, 1.0))),
+    "hysteresis": (
+        "muscle",
+        lambda d: d.both(thread_friction=d.span(0.004, 0.02), play_length=d.span(5e-4, 2e-3)),
+    ),
+    "creep": (
+        "muscle",
+        lambda d: d.both(creep_stiffness=d.span(250.0, 1200.0), creep_order=d.span(0.15, 0.4)),
+    ),
+    "bladder_elasticity": (
+        "muscle",
+        lambda d: d.both(bladder_volume=d.span(8e-6, 2.5e-5), bladder_modulus=d.span(0.6e6, 1.6e6)),
+    ),
+    "end_caps": ("muscle", lambda d: d.both(end_factor=d.span(1.05, 1.25))),
+    "braid_extensibility": ("muscle", lambda d: d.both(thread_compliance=d.span(8e-6, 4e-5))),
+    "cable_compliance": ("muscle", lambda d: d.both(cable_compliance=d.span(3e-6, 2e-5))),
+    "coulomb_friction": ("joint", _coulomb),
+    "stribeck_friction": ("joint", _stribeck),
+    "viscous_friction": (
+        "joint",
+        lambda d: d.on_joint(viscous_friction=d.joint.viscous_friction + d.span(0.15, 0.8)),
+    ),
+    "payload": ("joint", _payload),
+    "pulley_radius": ("joint", _pulley),
+    "position_offset": (
+        "sensing",
+        lambda d: d.on_joint(position_offset=d.sign() * d.span(0.02, 0.1)),
+    ),
+    "position_delay": ("sensing", lambda d: d.on_joint(position_delay=d.span(0.008, 0.04))),
+    "pressure_gain": (
+        "sensing",
+        lambda d: d.one(pressure_gain=1.0 + d.sign() * d.span(0.04, 0.12)),
+    ),
+    "pressure_bias": ("sensing", lambda d: d.one(pressure_bias=d.sign() * d.span(5e3, 2e4))),
+    "pressure_lag": ("sensing", lambda d: d.both(pressure_lag=d.span(0.01, 0.05))),
+}
+"""Effects of the table: stage, and how a size is drawn."""
+
+OUTSIDE: dict[str, tuple[str, Callable[[Draw], None]]] = {
+    "pulley_eccentricity": (
+        "joint",
+        lambda d: d.on_joint(pulley_eccentricity=d.span(0.002, 0.005)),
+    ),
+    "encoder_eccentricity": (
+        "sensing",
+        lambda d: d.on_joint(encoder_eccentricity=d.span(0.03, 0.1)),
+    ),
+    "torque_ripple": ("joint", lambda d: d.on_joint(torque_ripple=d.span(0.4, 1.2))),
+    "cross_leak": ("valve", lambda d: d.on_joint(cross_leak=d.span(5e-11, 3e-10))),
+    "spool_hysteresis": ("valve", lambda d: d.both(spool_hysteresis=d.span(0.02, 0.06))),
+    "backlash": ("joint", lambda d: d.on_joint(backlash=d.span(0.02, 0.06))),
+}
+"""Effects that the table does not name: the honest answer is `unknown`."""
+
+
+def believed_rig(random: np.random.Generator) -> tuple[TruthJoint, TruthMuscle]:
+    """Draw the rig as its owner writes it down."""
+    turns = random.uniform(1.5, 2.2)
+    rest_angle = math.radians(random.uniform(22.0, 27.0))
+    thread = random.uniform(0.22, 0.34)
+    rest = thread * math.cos(rest_angle)
+    neutral = rest * random.uniform(0.88, 0.92)
+    radius = random.uniform(0.025, 0.035)
+    reach = min(1.0, 0.98 * (rest - neutral) / radius + 0.2)
+    joint = TruthJoint(
+        pulley_radius=radius,
+        inertia=random.uniform(0.03, 0.09),
+        viscous_friction=random.uniform(0.15, 0.4),
+        gravity_torque=random.uniform(2.0, 6.0),
+        gravity_angle=float(random.choice([0.0, 0.0, random.uniform(-0.4, 0.4)])),
+        lower_limit=-reach,
+        upper_limit=reach,
+        temperature=293.15,
+        ambient_pressure=101325.0,
+        supply_pressure=float(random.choice([601325.0, 701325.0, 801325.0])),
+    )
+    muscle = TruthMuscle(
+        thread_length=thread,
+        turns=turns,
+        rest_length=rest,
+        neutral_length=neutral,
+        dead_volume=random.uniform(1.5e-5, 3e-5),
+        sonic_conductance=random.uniform(3e-9, 6e-9),
+        critical_ratio=random.uniform(0.25, 0.4),
+        time_constant=random.uniform(0.003, 0.008),
+    )
+    return joint, muscle
+
+
+def perturbed(draw: Draw, tolerance: float) -> None:
+    """Move the nominal parameters within the declared tolerance."""
+
+    def off(value: float) -> float:
+        return float(value * (1.0 + tolerance * draw.random.uniform(-1.0, 1.0)))
+
+    draw.on_joint(
+        **{
+            name: off(getattr(draw.joint, name))
+            for name in ("inertia", "viscous_friction", "gravity_torque")
+        }
+    )
+    names = ("dead_volume", "sonic_conductance", "time_constant")
+    draw.muscles = [m._replace(**{n: off(getattr(m, n)) for n in names}) for m in draw.muscles]
+
+
+def _steps(random: np.random.Generator, count: int, low: float, high: float, dt: float) -> Array:
+    values = np.empty(count)
+    k = 0
+    while k < count:
+        hold = int(random.uniform(low, high) / dt)
+        values[k : k + hold] = random.uniform(-1.0, 1.0)
+        k += hold
+    return values
+
+
+def draw_excitation(
+    random: np.random.Generator, joint: TruthJoint, sample_time: float
+) -> Excitation:
+    """Draw a motion: steps, sines or both, at changing co-contraction, in pressure or angle."""
+    n = round(DURATION / sample_time)
+    time = np.arange(n) * sample_time
+    kind = random.choice(["steps", "sines", "both"], p=[0.3, 0.3, 0.4])
+    wave = np.zeros(n)
+    if kind != "steps":
+        for frequency in np.exp(random.uniform(np.log(0.08), np.log(2.0), 5)):
+            wave += np.sin(2 * np.pi * frequency * time + random.uniform(0, 6.28)) / (
+                1.0 + frequency
+            )
+        wave /= np.max(np.abs(wave))
+    if kind != "sines":
+        steps = _steps(random, n, 0.8, 3.0, sample_time)
+        wave = steps if kind == "steps" else 0.6 * wave + 0.5 * steps
+    ramp = np.clip((time - SETTLE) / 0.5, 0.0, 1.0)
+    level = 2.4e5 + 8.0e4 * _steps(random, n, 6.0, 14.0, sample_time)
+    width = max(1, round(0.4 / sample_time))
+    level = np.convolve(np.pad(level, (width, 0), mode="edge"), np.ones(width) / width, "valid")
+    closed_position = random.random() < 0.4
+    amplitude = random.uniform(0.5, 1.0)
+    return Excitation(
+        level=level[:n].astype(np.float64),
+        difference=(ramp * wave * amplitude * (3.0e4 if closed_position else 1.0e5)),
+        reference_position=ramp * wave * amplitude * 0.5 * joint.upper_limit,
+        sample_time=sample_time,
+        proportional=float(random.uniform(4e-6, 8e-6)),
+        integral=float(random.uniform(0.0, 1.2e-5)),
+        position_gain=float(random.uniform(5e4, 1.2e5)) if closed_position else 0.0,
+    )
+
+
+def draw_sensors(random: np.random.Generator) -> Sensors:
+    """Draw noise and resolution of the sensors."""
+    return Sensors(
+        pressure_noise=float(random.uniform(60.0, 250.0)),
+        pressure_step=float(random.choice([61.0, 122.0, 244.0])),
+        position_noise=float(random.uniform(5e-5, 3e-4)),
+        position_step=2.0 * math.pi / float(random.choice([8192, 16384, 65536])),
+        force_noise=float(random.uniform(0.5, 2.0)),
+    )

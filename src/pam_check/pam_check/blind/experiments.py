@@ -1,0 +1,127 @@
+"""After a campaign: carry out what each ambiguous diagnosis proposed, and diagnose both together.
+
+The hidden rig is run in a process of its own (`pam_check.blind.carry_out`) that returns a
+recording; the second diagnosis is given the first recording, the new one and how the joint was
+mounted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from pam_check.blind.score import reported_set, share
+from pam_gap.experiments.files import DETAILS, FOLDER
+from pam_gap.recordings.recording import LOCKED, TURNED_OVER
+from pam_model.errors import PamError
+
+HOW_MOUNTED = {"": [], TURNED_OVER: ["--turned-over"], LOCKED: ["--locked"]}
+
+
+def ambiguity(answer: Mapping[str, Any]) -> int:
+    """How many explanations the answer leaves for what it cannot decide: 1 where it names."""
+    return max((len(group) for group in answer["indistinguishable"]), default=1)
+
+
+def experiment_on_case(campaign: Path, case: str) -> dict[str, Any]:
+    """Carry out one case's proposal and diagnose again.
+
+    Raises
+    ------
+    PamError
+        When the hidden rig cannot be run.
+    """
+    proposal = campaign / "answers" / case / FOLDER
+    place = campaign / "experiments" / case
+    recording = place / "recording.csv.gz"
+    environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [sys.executable, "-m", "pam_check.blind.carry_out", "--sealed", str(campaign / "sealed"),
+         "--case", case, "--experiment", str(proposal), "--out", str(recording)],
+        capture_output=True, text=True, check=False, env=environment,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise PamError(f"case {case}: {(done.stderr.strip().splitlines() or ['failed'])[-1]}")
+    details = json.loads((proposal / DETAILS).read_text())
+    done = subprocess.run(
+        [sys.executable, "-m", "pam_gap", "diagnose",
+         str(campaign / "cases" / case / "recording.csv.gz"),
+         *([str(recording)] if not details["mounting"] else []),
+         "--rig", str(campaign / "cases" / case / "rig.yaml"), "--out", str(place),
+         "--no-progress", *HOW_MOUNTED[details["mounting"]],
+         *([str(recording)] if details["mounting"] else [])],
+        capture_output=True, text=True, check=False, env=environment,
+    )  # fmt: skip
+    before = json.loads((campaign / "answers" / case / "diagnosis.json").read_text())
+    result = {
+        "case": case,
+        "experiment": details["name"],
+        "before": sorted(reported_set(before)),
+        "ambiguity_before": ambiguity(before),
+    }
+    if done.returncode != 0:
+        return result | {"verdict": "crash", "halved": False, "error": done.stderr[-500:]}
+    after = json.loads((place / "diagnosis.json").read_text())
+    left = ambiguity(after)
+    gone = result["ambiguity_before"] - left
+    # One richer explanation in place of two simple ones is no smaller set.
+    fewer = len(reported_set(after)) <= len(reported_set(before)) - gone
+    decided = after["verdict"] in ("named", "ambiguous") and fewer
+    return result | {
+        "verdict": after["verdict"],
+        "after": sorted(reported_set(after)),
+        "ambiguity_after": left,
+        "halved": decided and 2 * left <= result["ambiguity_before"],
+    }
+
+
+def run_experiments(
+    campaign: Path,
+    labels: list[dict[str, Any]],
+    answers: Mapping[str, Mapping[str, Any]],
+    workers: int,
+) -> dict[str, Any]:
+    """Carry out the proposals of every ambiguous case of a campaign that is scored.
+
+    Parameters
+    ----------
+    campaign : Path
+        Its folder.
+    labels : list of dict
+        Opened; used for telling whether the truth stayed in the set.
+    answers : mapping
+        Of the campaign.
+    workers : int
+        How many at once.
+
+    Returns
+    -------
+    dict
+        `halved`: share of ambiguous cases whose set at least halved; `truth_kept`: share of those
+        whose truth was in the set before and still is; `cases`: each in detail.
+    """  # fmt: skip
+    names = [
+        name
+        for name in sorted(answers)
+        if answers[name]["verdict"] == "ambiguous"
+        and (campaign / "answers" / name / FOLDER / DETAILS).exists()
+    ]
+    with ThreadPoolExecutor(workers) as pool:
+        results = list(pool.map(lambda name: experiment_on_case(campaign, name), names))
+    truth = {str(label["case"]): set(label["effects"]) for label in labels}
+    kept = [
+        truth[r["case"]] <= set(r.get("after", ()))
+        for r in results
+        if truth[r["case"]] and truth[r["case"]] <= set(r["before"])
+    ]
+    return {
+        "halved": share([bool(r["halved"]) for r in results]).to_json(),
+        "truth_kept": share(kept).to_json(),
+        "cases": [r | {"truth": sorted(truth[r["case"]])} for r in results],
+    }

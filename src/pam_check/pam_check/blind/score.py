@@ -1,0 +1,156 @@
+"""Scores of diagnoses against the opened labels.
+
+Pure functions from labels and answers to figures, so that the figures can be made again from the
+files a campaign leaves behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+CLEAR_GAP = 3.0
+"""Floors: below it a hidden effect is too weak for its absence in the answer to count."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """A share of cases with its exact (Clopper-Pearson) 90 % interval."""
+
+    hits: int
+    of: int
+
+    @property
+    def value(self) -> float:
+        """The share; NaN without cases."""
+        return self.hits / self.of if self.of else float("nan")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """90 % interval of the share."""
+        if not self.of:
+            return 0.0, 1.0
+        low = 0.0 if self.hits == 0 else float(beta.ppf(0.05, self.hits, self.of - self.hits + 1))
+        high = (
+            1.0
+            if self.hits == self.of
+            else float(beta.ppf(0.95, self.hits + 1, self.of - self.hits))
+        )
+        return low, high
+
+    def to_json(self) -> dict[str, Any]:
+        """Give the numbers for a JSON file."""
+        return {"value": self.value, "hits": self.hits, "of": self.of, "interval": self.interval}
+
+
+def share(outcomes: Sequence[bool]) -> Share:
+    """Count the hits."""
+    return Share(sum(outcomes), len(outcomes))
+
+
+def reported_set(answer: Mapping[str, Any]) -> set[str]:
+    """Every effect the answer holds possible: those named and those it cannot tell from them."""
+    effects = set(answer["effects"])
+    together = {e for group in answer["indistinguishable"] for e in group if effects & set(group)}
+    return effects | together
+
+
+def score(
+    labels: Sequence[Mapping[str, Any]], answers: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Score the answers.
+
+    Parameters
+    ----------
+    labels : sequence of mapping
+        The opened labels (`pam_check.blind.cases.Label` as JSON).
+    answers : mapping of case name to mapping
+        diagnosis.json of every case; a case without one counts as wrong.
+
+    Returns
+    -------
+    dict
+        Shares by name, confusion pairs and the list of failures.
+    """
+    rows: dict[str, list[bool]] = {
+        name: []
+        for name in (
+            "top1",
+            "truth_in_set",
+            "stage",
+            "false_name_on_clean",
+            "unknown_recall",
+            "false_unknown",
+            "both_of_two",
+            "one_of_two",
+            "closed_interval_covers",
+        )
+    }
+    confusion: list[tuple[str, str]] = []
+    failures: list[dict[str, Any]] = []
+    closed: list[float] = []
+    closed_error: list[float] = []
+    untouched: list[float] = []
+    for label in labels:
+        answer = answers.get(str(label["case"]))
+        truth = set(label["effects"])
+        clear = float(label["gap_over_floor"]) >= CLEAR_GAP
+        if answer is None:
+            answer = {"verdict": "crash", "effects": [], "indistinguishable": [], "stage": None}
+        verdict, named = str(answer["verdict"]), list(answer["effects"])
+        right = True
+        if label["kind"] == "none":
+            right = verdict not in ("named", "ambiguous")
+            rows["false_name_on_clean"].append(not right)
+            rows["false_unknown"].append(verdict == "unknown")
+            right = right and verdict != "unknown"
+        elif label["kind"] == "outside" and clear:
+            right = verdict == "unknown"
+            rows["unknown_recall"].append(right)
+        elif label["kind"] == "one" and clear:
+            top = str(answer["candidates"][0][0]) if answer.get("candidates") else ""
+            right = bool(named) and top in truth and verdict in ("named", "ambiguous")
+            rows["top1"].append(right)
+            rows["truth_in_set"].append(truth <= reported_set(answer))
+            rows["stage"].append(answer["stage"] in label["stages"])
+            rows["false_unknown"].append(verdict == "unknown")
+        elif label["kind"] == "two" and clear:
+            right = truth <= reported_set(answer)
+            rows["both_of_two"].append(right)
+            rows["one_of_two"].append(bool(truth & reported_set(answer)))
+            rows["false_unknown"].append(verdict == "unknown")
+        if label["kind"] != "two":
+            shown = named[0] if named else verdict
+            confusion.append((next(iter(label["effects"]), "none"), shown))
+        if named and answer.get("closed"):
+            closed.append(float(answer["closed"]["value"]))
+            after = answer["closed"].get("untouched")
+            if after is not None:
+                rows["closed_interval_covers"].append(
+                    answer["closed"]["low"] <= after <= answer["closed"]["high"]
+                )
+                untouched.append(float(after))
+                closed_error.append(abs(after - float(answer["closed"]["value"])))
+        if not right:
+            failures.append(
+                {
+                    "case": label["case"],
+                    "truth": sorted(truth),
+                    "verdict": verdict,
+                    "effects": named,
+                    "candidates": list(answer.get("candidates", []))[:4],
+                    "gap_over_floor": label["gap_over_floor"],
+                }
+            )
+    return {
+        "shares": {name: share(outcomes).to_json() for name, outcomes in rows.items()},
+        "closed_median": float(np.median(closed)) if closed else None,
+        "untouched_median": float(np.median(untouched)) if untouched else None,
+        "closed_error_median": float(np.median(closed_error)) if closed_error else None,
+        "confusion": confusion,
+        "failures": failures,
+    }

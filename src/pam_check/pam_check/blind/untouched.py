@@ -1,0 +1,43 @@
+"""How far the gap really closed: the improved rig on a recording the diagnosis never saw."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pam_gap.inference.confidence import pooled_rms
+from pam_gap.prediction.gap_figures import noise_level
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.import_recording import import_recording
+from pam_model.plant.parameters import PlantParameters
+from pam_model.rig import load_rig
+
+
+def untouched_closed(written: Path, improved: Path, recording: Path, joint: int = 0) -> float:
+    """(before - after)/(before - floor) of the pooled RMS prediction error.
+
+    Parameters
+    ----------
+    written, improved : Path
+        Rig files before and after the diagnosis.
+    recording : Path
+        Of the same rig under another motion.
+    joint : int
+        Which joint.
+
+    Raises
+    ------
+    PamError
+        When a file cannot be used.
+    """
+    problem = PredictionProblem(load_rig(written), joint, [import_recording(recording)])
+    before = problem.base.values
+    after = PlantParameters.from_rig(load_rig(improved), joint).values
+    errors = problem.errors(np.array([before, after]))[:, problem.counted]
+    known = np.isfinite(errors)
+    sums = np.where(known, errors**2, 0.0).sum(axis=1)
+    rms = pooled_rms(sums, known.sum(axis=1).astype(np.float64), problem.present)
+    floor = float(np.sqrt(noise_level(problem, before)[problem.present].mean()))
+    first, last = float(rms[0]), float(rms[1])
+    return (first - max(last, floor)) / max(first - floor, 1e-9)

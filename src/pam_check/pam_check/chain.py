@@ -1,0 +1,165 @@
+"""The nodes of a simulated rig as processes: which they are, on which bus, in which order."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import socket
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from pam_check.processes import NodeProcess, Setting
+
+MODULES = {
+    "rig": "pam_sim.rig_node",
+    "driver": "pam_driver.driver_node",
+    "model": "pam_model.model_node",
+    "controller": "pam_control.controller_node",
+}
+ON_THE_BUS = ("rig", "driver")
+MULTICAST_GROUP = "239.74.163.2"
+_domains = itertools.count(random.randrange(100))
+
+
+@dataclass(frozen=True, slots=True)
+class BusChoice:
+    """A CAN bus by python-can's names.
+
+    Attributes
+    ----------
+    interface, channel : str
+        As python-can takes them.
+    port : int
+        UDP port of a multicast bus, 0 for others.
+    """
+
+    interface: str
+    channel: str
+    port: int = 0
+
+    @property
+    def parameters(self) -> dict[str, Setting]:
+        """For the nodes on the bus."""
+        settings: dict[str, Setting] = {
+            "bus.interface": self.interface,
+            "bus.channel": self.channel,
+        }
+        if self.interface == "udp_multicast":
+            settings["bus.port"] = self.port
+        return settings
+
+    def __str__(self) -> str:
+        if self.interface == "udp_multicast":
+            return f"loopback multicast, port {self.port}"
+        return f"{self.interface} {self.channel}"
+
+
+def free_udp_port() -> int:
+    """A UDP port that nobody uses now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return int(probe.getsockname()[1])
+
+
+def multicast_bus() -> BusChoice:
+    """A multicast bus on a free port; its frames do not leave this machine."""
+    return BusChoice("udp_multicast", MULTICAST_GROUP, free_udp_port())
+
+
+def best_bus() -> BusChoice:
+    """The interface vcan0 where it is up, else a loopback multicast bus."""
+    flags = Path("/sys/class/net/vcan0/flags")
+    if flags.exists() and int(flags.read_text(), 16) & 1:
+        return BusChoice("socketcan", "vcan0")
+    return multicast_bus()
+
+
+def private_domain() -> dict[str, str]:
+    """Environment of a ROS domain that no other machine hears and hardly another run shares.
+
+    Another one at every call: nodes that a chain has lost must not be met by the next one.
+    """
+    # 101 and above run into the ports the kernel hands out
+    domain = 1 + next(_domains) % 100
+    return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+@contextmanager
+def set_environment(environment: Mapping[str, str]) -> Iterator[None]:
+    """Let this process's environment have these values until left."""
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@dataclass(slots=True)
+class Chain:
+    """The processes of one simulated rig; ends them all when left.
+
+    Attributes
+    ----------
+    params_files : sequence of Path
+        The rig file first.
+    bus : BusChoice
+        Between rig and driver.
+    environment : mapping
+        Of the processes.
+    processes : dict of str to NodeProcess
+        That were started and not stopped.
+    outputs : dict of str to str
+        What those that were stopped have written.
+    """
+
+    params_files: Sequence[Path]
+    bus: BusChoice
+    environment: Mapping[str, str]
+    processes: dict[str, NodeProcess] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
+
+    def start(self, name: str, parameters: Mapping[str, Setting] | None = None) -> NodeProcess:
+        """Start one of MODULES."""
+        settings = dict(self.bus.parameters) if name in ON_THE_BUS else {}
+        settings.update(parameters or {})
+        process = NodeProcess(MODULES[name], settings, self.params_files, self.environment)
+        self.processes[name] = process
+        return process
+
+    def check(self) -> None:
+        """Raise ProcessError if any has ended by itself."""
+        for process in self.processes.values():
+            process.check()
+
+    def stop(self, name: str) -> int:
+        """End one; returns its exit code."""
+        process = self.processes.pop(name)
+        code = process.stop()
+        self.outputs[name] = f"{self.outputs.get(name, '')}{process.output}\nexit code {code}\n"
+        return code
+
+    def stop_all(self) -> None:
+        """End all, the commanding ones first, so that valves are shut before the rig goes."""
+        for name in reversed(list(self.processes)):
+            self.stop(name)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop_all()

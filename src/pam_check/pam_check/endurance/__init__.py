@@ -1,0 +1,1 @@
+"""Hours of driving, killed hosts and repeated lifecycle transitions."""

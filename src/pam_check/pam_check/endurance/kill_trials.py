@@ -1,0 +1,153 @@
+"""Kills a host process outright, many times, and measures how soon the boards' watchdogs vent.
+
+`python -m pam_check.endurance.kill_trials --trials 200` forks a process that drives simulated
+boards over a loopback multicast bus by the suite's driver, at 500 Hz in real time, and ends it by
+SIGKILL while air moves. Exit code 1 if a board vents later than its watchdog's period and 10 ms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import random
+import signal
+import statistics
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from pam_check.chain import BusChoice, multicast_bus
+from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
+from pam_driver.bus import open_bus
+from pam_driver.driver import ActivationError, Driver
+from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety.command_intake import NamedCommand
+from pam_driver.safety.states import SafetyState
+from pam_model.errors import PamError
+from pam_model.rig import Rig, load_rig
+from pam_sim.faults.kinds import WATCHDOG
+from pam_sim.simulated_rig import SimulatedRig
+
+ALLOWED = 0.010  # s, on top of the watchdog's period
+PATIENCE = 20.0  # s
+HOST_PERIOD, BOARD_PERIOD = 0.002, 0.001
+
+
+def drive_for_ever(rig: Rig, bus: BusChoice) -> None:
+    """Activate as soon as the boards answer, and command air until killed."""
+    codec = BoardCodec.from_dbc()
+    port = open_bus(bus.interface, bus.channel, port=bus.port)
+    driver = Driver(rig, codec, port, DriverSettings())
+    flow = [muscle.valve.kind == "flow" for muscle in rig.muscles]
+    fractions = [0.1 if is_flow else float("nan") for is_flow in flow]
+    pressures = [float("nan") if is_flow else 1e4 for is_flow in flow]
+    command = NamedCommand(rig.muscle_names, fractions, (), pressures)
+    while True:
+        now = time.monotonic()
+        driver.cycle(now, time.time())
+        if driver.state is SafetyState.VENTED:
+            with contextlib.suppress(ActivationError):  # not all boards have been heard yet
+                driver.activate(now)
+        elif driver.state is SafetyState.FAULT:
+            driver.clear_faults(now)
+        else:
+            driver.set_commands(command, now)
+        time.sleep(max(0.0, now + HOST_PERIOD - time.monotonic()))
+
+
+def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
+    """One trial: seconds from SIGKILL to vented boards, and the longest gap between their turns.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is driven.
+    moving_for : float
+        How long air moves before the kill [s].
+
+    Raises
+    ------
+    PamError
+        If the boards do not become active, or never vent.
+    """
+    bus = multicast_bus()
+    port = open_bus(bus.interface, bus.channel, port=bus.port)
+    sim = SimulatedRig(rig, now=time.monotonic())
+    child = os.fork()
+    if child == 0:
+        try:
+            drive_for_ever(rig, bus)
+        finally:
+            os._exit(1)
+    # a real board is a processor of its own, which no other process keeps waiting
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    active_at = killed_at = None
+    start = last = time.monotonic()
+    longest = 0.0
+    try:
+        while True:
+            now = time.monotonic()
+            if killed_at is not None:
+                longest = max(longest, now - last)
+            last = now
+            for frame in port.receive_all(now):
+                sim.on_frame(frame.frame_id, frame.data, now)
+            for sent in sim.advance(now):
+                port.send(*sent, now)
+            states = {board.state for board in sim.boards.values()}
+            if active_at is None and states == {BoardState.ACTIVE}:
+                active_at = now
+            if killed_at is not None and BoardState.ACTIVE not in states:
+                return time.monotonic() - killed_at, longest
+            if active_at is not None and killed_at is None and now - active_at > moving_for:
+                killed_at = time.monotonic()
+                os.kill(child, signal.SIGKILL)
+            if now - start > PATIENCE:
+                raise PamError(f"boards are {', '.join(s.name.lower() for s in states)} for ever")
+            time.sleep(max(0.0, now + BOARD_PERIOD - time.monotonic()))
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        port.close()
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run it; 0 if every trial vented in time."""
+    parser = argparse.ArgumentParser(
+        prog="python -m pam_check.endurance.kill_trials", description=__doc__
+    )
+    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
+    parser.add_argument("--trials", type=int, default=200)
+    parser.add_argument("--out", type=Path, help="JSON of every trial's times")
+    parsed = parser.parse_args(arguments)
+    bound = WATCHDOG + ALLOWED
+    draw = random.Random(1)
+    done: list[tuple[float, float]] = []
+    try:
+        rig = load_rig(parsed.rig)
+        for _ in range(parsed.trials):
+            done.append(kill_once(rig, draw.uniform(0.05, 0.25)))
+    except PamError as error:
+        print(error, file=sys.stderr)
+        return 2
+    times = [vented for vented, _ in done]
+    late = sum(time > bound for time in times)
+    print(
+        f"{len(times)} kills: vented after {1e3 * statistics.median(times):.1f} ms (median), "
+        f"{1e3 * max(times):.1f} ms (worst), bound {1e3 * bound:.0f} ms; {late} late; the board's "
+        f"own turn was {1e3 * max(gap for _, gap in done):.1f} ms late at worst"
+    )
+    if parsed.out:
+        parsed.out.parent.mkdir(parents=True, exist_ok=True)
+        parsed.out.write_text(json.dumps(times), encoding="utf-8")
+    return 1 if late else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

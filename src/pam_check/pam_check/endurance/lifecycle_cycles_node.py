@@ -1,0 +1,283 @@
+"""Configures, activates, deactivates and cleans up a driver process again and again.
+
+`python -m pam_check.endurance.lifecycle_cycles_node --cycles 1000 --unplugged 200` runs a simulated
+rig and a driver on a loopback multicast bus and watches the driver's threads, file handles, sockets
+and memory. In some of the cycles, drawn at random, the bus is lost while the driver may move air,
+each time in one of four ways: python-can raises ENETDOWN, it raises ENODEV, the boards fall silent,
+the process that holds the boards is stopped. In half of those the bus is back before the driver is
+cleaned up, and it must activate again; in the other half it is cleaned up without a bus. Exit code
+1 if anything grows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import os
+import random
+import signal
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import rclpy
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.node import Node
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
+from pam_check.endurance.process_use import Use, use_of
+from pam_check.endurance.unpluggable_driver_node import PLUG
+from pam_check.processes import NodeProcess
+from pam_model.errors import PamError
+
+PATIENCE = 30.0  # s
+WARM = 10  # cycles until caches are filled; none of them without a bus but for the last two
+MEMORY_ALLOWED = 1.05
+WAYS = ("down", "gone", "silent", "stopped")
+_ERRORS = {"down": errno.ENETDOWN, "gone": errno.ENODEV}
+_T = Transition
+
+
+class Cycles(NamedTuple):
+    """What the driver held after WARM cycles and at the end, and how often the bus was lost."""
+
+    before: Use
+    after: Use
+    lost: Counter[str]
+
+    @property
+    def leaks(self) -> list[str]:
+        """What has grown."""
+        before, after = self.before, self.after
+        names = [name for name in ("threads", "handles", "sockets")
+                 if getattr(after, name) > getattr(before, name)]  # fmt: skip
+        return names + ["memory"] * (after.memory > MEMORY_ALLOWED * before.memory)
+
+
+class Plug:
+    """Takes the bus away in one of WAYS, and gives it back."""
+
+    def __init__(self, path: Path, rig: NodeProcess, node: LifecycleCycler) -> None:
+        self._path, self._rig, self._node = path, rig, node
+
+    def pull(self, way: str) -> None:
+        """Lose the bus."""
+        if way in _ERRORS:
+            # in one act: the driver must not read half a number
+            part = self._path.with_suffix(".part")
+            part.write_text(str(_ERRORS[way]), encoding="ascii")
+            part.replace(self._path)
+        elif way == "stopped":
+            os.kill(self._rig.pid, signal.SIGSTOP)
+        else:
+            self._node.inject("all_frames_lost_up duration=1000")
+
+    def replug(self, way: str) -> None:
+        """Mend it."""
+        self._path.unlink(missing_ok=True)
+        os.kill(self._rig.pid, signal.SIGCONT)
+        if way == "silent":
+            self._node.mend()
+
+
+class LifecycleCycler(Node):  # type: ignore[misc]
+    """Client of the driver's lifecycle and the rig's faults."""
+
+    def __init__(self) -> None:
+        super().__init__("lifecycle_cycler")
+        self._change = self.create_client(ChangeState, "pam_driver/change_state")
+        self._get = self.create_client(GetState, "pam_driver/get_state")
+        self._mend = self.create_client(Trigger, "pam_rig/mend_faults")
+        self._clear = self.create_client(Trigger, "pam_driver/clear_faults")
+        self._faults = self.create_publisher(String, "pam_rig/inject_fault", 10)
+
+    def until(self, condition: Callable[[], Any], what: str) -> None:
+        """Spin until something holds; PamError if it does not."""
+        clock = self.get_clock()
+        end = clock.now().nanoseconds + int(PATIENCE * 1e9)
+        while not condition():
+            if clock.now().nanoseconds > end:
+                raise PamError(f"waited in vain: {what}")
+            rclpy.spin_once(self, timeout_sec=0.01)
+
+    def _call(self, client: Any, request: Any) -> Any:
+        self.until(client.service_is_ready, client.srv_name)
+        future = client.call_async(request)
+        self.until(future.done, f"answer of {client.srv_name}")
+        return future.result()
+
+    def change(self, transition: int) -> bool:
+        """Ask for a transition; whether it came about."""
+        request = ChangeState.Request()
+        request.transition.id = transition
+        return bool(self._call(self._change, request).success)
+
+    def state(self) -> int:
+        """The driver's state."""
+        return int(self._call(self._get, GetState.Request()).current_state.id)
+
+    def inject(self, fault: str) -> None:
+        """Let the rig have a fault."""
+        # a message sent before the rig is discovered would be lost without a word
+        self.until(lambda: self._faults.get_subscription_count() > 0, "the rig's topic")
+        self._faults.publish(String(data=fault))
+
+    def mend(self) -> None:
+        """Take the rig's faults back."""
+        self._call(self._mend, Trigger.Request())
+
+    def cycle(self, plug: Plug, way: str = "", back: bool = True) -> None:
+        """All four transitions.
+
+        Parameters
+        ----------
+        plug : Plug
+            Of the bus.
+        way : str
+            How the bus is lost in between, one of WAYS; empty if it is not.
+        back : bool
+            Whether it is back before the driver is cleaned up.
+        """
+        if not self.change(_T.TRANSITION_CONFIGURE):
+            raise PamError("the driver does not configure")
+        # boards whose commands stopped with the bus keep that as a fault of their own
+        self.until(self._activates, "activation")
+        if way:
+            plug.pull(way)
+            self.until(lambda: self.state() == State.PRIMARY_STATE_INACTIVE, f"a fault: {way}")
+            if self.change(_T.TRANSITION_ACTIVATE):
+                raise PamError(f"activates although the bus is lost: {way}")
+            self._call(self._clear, Trigger.Request())
+            if back:
+                plug.replug(way)
+                self.until(self._activates, f"activation when it is back: {way}")
+        if back and not self.change(_T.TRANSITION_DEACTIVATE):
+            raise PamError("the driver does not deactivate")
+        if not self.change(_T.TRANSITION_CLEANUP):
+            raise PamError("the driver does not clean up")
+        if way and not back:
+            plug.replug(way)
+
+    def _activates(self) -> bool:
+        """Activate, or clear what is latched, as an operator would before trying again."""
+        return self.change(_T.TRANSITION_ACTIVATE) or not self._call(self._clear, Trigger.Request())
+
+
+@contextmanager
+def _chain(rig: Path, plug: Path) -> Iterator[tuple[LifecycleCycler, Chain, NodeProcess]]:
+    environment = private_domain()
+    with set_environment(environment):
+        rclpy.init(args=[])
+    node = LifecycleCycler()
+    bus = multicast_bus()
+    try:
+        with Chain([rig], bus, environment) as chain:
+            chain.start("rig")
+            driver = NodeProcess(
+                "pam_check.endurance.unpluggable_driver_node",
+                {**bus.parameters, "autostart": False},
+                [rig],
+                {**environment, PLUG: str(plug)},
+            )
+            chain.processes["driver"] = driver
+            yield node, chain, driver
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def draw_losses(cycles: int, unplugged: int, seed: int) -> dict[int, tuple[str, bool]]:
+    """Cycles in which the bus is lost: how, and whether it is back before the clean-up.
+
+    Raises
+    ------
+    PamError
+        If there are not so many cycles after the first WARM ones.
+    """
+    free = range(WARM, cycles)
+    if unplugged > len(free):
+        raise PamError(f"unplugged = {unplugged}: expected at most {len(free)}, cycles less {WARM}")
+    draw = random.Random(seed)
+    chosen = draw.sample(free, unplugged)
+    # each way equally often; which one comes when is drawn
+    return {
+        number: (WAYS[index % len(WAYS)], index // len(WAYS) % 2 == 0)
+        for index, number in enumerate(chosen)
+    } | ({WARM - 2: ("gone", True), WARM - 1: ("silent", False)} if unplugged else {})
+
+
+def run_cycles(rig: Path, cycles: int, unplugged: int = 0, seed: int = 0) -> Cycles:
+    """Run them.
+
+    Parameters
+    ----------
+    rig : Path
+        Rig file.
+    cycles, unplugged : int
+        How many, and in how many of those after the first WARM the bus is lost.
+    seed : int
+        Of which and how.
+
+    Raises
+    ------
+    PamError
+        If a transition fails.
+    """
+    losses = draw_losses(cycles, unplugged, seed)
+    lost: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plug"
+        with _chain(rig, path) as (node, chain, driver):
+            plug = Plug(path, chain.processes["rig"], node)
+            try:
+                for number in range(cycles):
+                    way, back = losses.get(number, ("", True))
+                    node.cycle(plug, way, back)
+                    if way and number >= WARM:
+                        lost[f"{way}, {'back' if back else 'cleaned up without'}"] += 1
+                    if number == min(WARM, cycles) - 1:
+                        before = use_of(driver.pid)
+                    chain.check()
+                return Cycles(before, use_of(driver.pid), lost)
+            finally:
+                plug.replug("")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run it; 0 if nothing grows, 1 if something does, 2 if it cannot run."""
+    parser = argparse.ArgumentParser(
+        prog="python -m pam_check.endurance.lifecycle_cycles_node", description=__doc__
+    )
+    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
+    parser.add_argument("--cycles", type=int, default=1000)
+    parser.add_argument("--unplugged", type=int, default=200, help="cycles that lose the bus")
+    parser.add_argument("--seed", type=int, default=0)
+    parsed = parser.parse_args(arguments)
+    try:
+        done = run_cycles(parsed.rig, max(parsed.cycles, 1), max(parsed.unplugged, 0), parsed.seed)
+    except PamError as error:
+        print(error, file=sys.stderr)
+        return 2
+    before, after = done.before, done.after
+    growth = 100.0 * (after.memory / before.memory - 1.0)
+    print(
+        f"{parsed.cycles} cycles: threads {before.threads} to {after.threads}, file handles "
+        f"{before.handles} to {after.handles}, sockets among them {before.sockets} to "
+        f"{after.sockets}, memory {before.memory / 2**20:.1f} to {after.memory / 2**20:.1f} MiB "
+        f"({growth:+.1f} %)"
+    )
+    print("bus lost: " + "; ".join(f"{way} {count}" for way, count in sorted(done.lost.items())))
+    for leak in done.leaks:
+        print(f"GROWS: {leak}", file=sys.stderr)
+    return 1 if done.leaks else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

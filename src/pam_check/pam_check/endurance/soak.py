@@ -1,0 +1,327 @@
+"""Hours of driving sixteen muscles on simulated boards; looks for what grows or runs away.
+
+`python -m pam_check.endurance.soak --hours 2` runs boards, plant, the driver's bus port, driver and
+controller at 500 Hz and the model at 100 Hz in one process on a virtual clock. The wall clock runs
+50 ppm fast against the monotonic one, as an undisciplined crystal does. Memory, handles, threads,
+stamps, heartbeats and commands are what the run shows; sockets, ROS messages and the operating
+system's timing are not in it. Ended by SIGINT, it tells what it has seen until then. Exit code 1 if
+anything is out of bounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from pam_check.endurance.process_use import Use, use_of
+from pam_check.faults.chain import AMPLITUDE, FaultChain
+from pam_control.controller import Controller
+from pam_control.controller_parameters import create_controller, parameter_table
+from pam_driver.boards.pam_board.codec import BoardCodec, BoardState, Heartbeat
+from pam_driver.safety.states import SafetyState
+from pam_model.errors import PamError
+from pam_model.rig import Encoder, Rig, load_rig
+from pam_sim.boards.pam_board import BoardSettings
+
+PERIOD: Final = 0.002  # s
+JOINTS: Final = 8
+MODEL_CYCLES: Final = 5  # between two estimates
+WALL_START: Final = 1.8e9  # s; so that stamps are rounded as real ones are
+WALL_RATE: Final = 1.0 + 50e-6  # of the wall clock, against the monotonic one
+HEARTBEAT_PERIOD: Final = 1.0 / BoardSettings().heartbeat_rate
+MEMORY_ALLOWED: Final = 1.05
+DRIFT_ALLOWED: Final = 1e-5  # s
+SETTLED: Final = 0.1  # of the run, until caches are filled
+LONGEST: Final = 24.0 * 14  # h
+
+
+@dataclass(slots=True)
+class Lag:
+    """How far stamps are behind the clock they belong to [s]."""
+
+    first: float = math.nan
+    lowest: float = math.inf
+    highest: float = -math.inf
+
+    def add(self, lag: float) -> None:
+        """Take one in."""
+        if math.isnan(self.first):
+            self.first = lag
+        self.lowest, self.highest = min(self.lowest, lag), max(self.highest, lag)
+
+    @property
+    def drift(self) -> float:
+        """The farthest from the first."""
+        return max(self.highest - self.first, self.first - self.lowest)
+
+
+@dataclass(slots=True)
+class SoakResult:
+    """What a soak has shown.
+
+    Attributes
+    ----------
+    seconds : float
+        Virtual time with air moving [s].
+    elapsed : float
+        Processor time it took [s].
+    before, after : Use
+        What the process held after a tenth of it and at the end.
+    stamps, times : Lag
+        Stamps against the wall clock, times of samples against the monotonic one.
+    heartbeats, missed_heartbeats : int
+        Heard, and those that should have been between them.
+    refused : int
+        Commands, by the driver or the boards.
+    frames_lost : int
+        Measurements.
+    worst_error : float
+        Angle against its reference, after the first second [rad].
+    stopped : str
+        Why it ended early; empty if it did not.
+    """
+
+    seconds: float
+    elapsed: float
+    before: Use
+    after: Use
+    stamps: Lag
+    times: Lag
+    heartbeats: int
+    missed_heartbeats: int
+    refused: int
+    frames_lost: int
+    worst_error: float
+    stopped: str
+
+    def problems(self) -> list[str]:
+        """What is out of bounds, one line each."""
+        checks = {
+            self.stopped: bool(self.stopped),
+            "memory grows": self.after.memory > MEMORY_ALLOWED * self.before.memory,
+            "file handles grow": self.after.handles != self.before.handles,
+            "threads grow": self.after.threads != self.before.threads,
+            "stamps drift": not all(
+                lag.drift <= DRIFT_ALLOWED for lag in (self.stamps, self.times)
+            ),
+            "heartbeats missed": self.missed_heartbeats > 0,
+            "no heartbeat heard": self.heartbeats == 0,
+            "commands refused": self.refused > 0,
+            "measurements lost": self.frames_lost > 0,
+            "the joints do not follow": not self.worst_error < AMPLITUDE,
+        }
+        return [text for text, bad in checks.items() if bad]
+
+    def __str__(self) -> str:
+        grown = 100.0 * (self.after.memory / self.before.memory - 1.0)
+        return "\n".join(
+            [
+                f"{self.seconds:.0f} s of motion, {self.elapsed:.0f} s of processor time",
+                f"memory at {100.0 * SETTLED:.0f} %: {self.before.memory / 2**20:.1f} MiB, at the "
+                f"end: {self.after.memory / 2**20:.1f} MiB ({grown:+.1f} %)",
+                f"file handles {self.before.handles} to {self.after.handles}, "
+                f"threads {self.before.threads} to {self.after.threads}",
+                f"stamps against the wall clock: drift {1e6 * self.stamps.drift:.2f} us; "
+                f"times against the monotonic clock: drift {1e6 * self.times.drift:.2f} us",
+                f"heartbeats: {self.heartbeats} heard, {self.missed_heartbeats} missed",
+                f"commands refused: {self.refused}; measurements lost: {self.frames_lost}",
+                f"largest angle error: {self.worst_error:.3f} rad",
+            ]
+        )
+
+
+def widened(rig: Rig, joints: int) -> Rig:
+    """The rig's first joint `joints` times, a valve board each.
+
+    Raises
+    ------
+    PamError
+        If there are not so many boards on a bus.
+    """
+    boards = BoardCodec.from_dbc().board_count
+    if not 1 <= joints <= boards:
+        raise PamError(f"joints = {joints}: expected 1 to {boards}, a board each")
+    if not rig.joints:
+        raise PamError("the rig file has no joint")
+    model = rig.joints[0]
+    copies, muscles = [], []
+    for number in range(joints):
+        names = tuple(f"{muscle}_{number}" for muscle in model.muscles)
+        copies.append(
+            replace(
+                model,
+                name=f"{model.name}_{number}",
+                muscles=(names[0], names[1]),
+                encoder=Encoder(number),
+            )
+        )
+        for channel, (name, old) in enumerate(zip(names, model.muscles, strict=True)):
+            muscles.append(replace(rig.muscle(old), name=name, board=number, channel=channel))
+    return replace(rig, joints=tuple(copies), muscles=tuple(muscles))
+
+
+class SoakChain(FaultChain):
+    """The chain in steps of the driver's cycle, on clocks that do not gather rounding errors."""
+
+    def __init__(self, rig: Rig, codec: BoardCodec, controller: Controller) -> None:
+        super().__init__(rig, codec, controller)
+        self._cycles = 0
+
+    def step(self) -> None:
+        """One cycle; the driver hears what the boards have sent a cycle before."""
+        self._cycles += 1
+        self.now = self._cycles * PERIOD
+        self.wall = WALL_START + self.now * WALL_RATE
+        self.snapshot = self.driver.cycle(self.now, self.wall)
+        if self._cycles % MODEL_CYCLES == 0:
+            self._estimate()
+        self._control()
+        self._bus()
+
+
+class _Interrupted:
+    """Notes SIGINT, so that a soak of hours that is ended early still tells what it saw."""
+
+    def __init__(self) -> None:
+        self.yes = False
+        self._before = signal.signal(signal.SIGINT, self._note)
+
+    def _note(self, *_: object) -> None:
+        self.yes = True
+
+    def end(self) -> None:
+        """Leave SIGINT as it was."""
+        signal.signal(signal.SIGINT, self._before)
+
+
+class _Heartbeats:
+    """Counts what the driver hears of each board."""
+
+    def __init__(self, chain: FaultChain) -> None:
+        self._boards = chain.driver.boards.values()
+        self._last: list[Heartbeat | None] = [board.heartbeat for board in self._boards]
+        self._at = [chain.now] * len(self._last)
+        self.heard = 0
+        self.missed = 0
+
+    def look(self, now: float, end: bool = False) -> None:
+        for index, board in enumerate(self._boards):
+            new = board.heartbeat is not self._last[index]
+            if not (new or end):
+                continue
+            # at the end, one that has not come is missed as well
+            due = (now - self._at[index]) / HEARTBEAT_PERIOD
+            self.missed += max(0, round(due) - 1 if new else math.floor(due - 0.5))
+            if new:
+                self.heard += 1
+                self._last[index], self._at[index] = board.heartbeat, now
+
+
+def soak(
+    rig: Rig, seconds: float, progress: Callable[[float], None] = lambda share: None
+) -> SoakResult:
+    """Drive all joints of a rig to and fro.
+
+    Parameters
+    ----------
+    rig : Rig
+        See `widened`.
+    seconds : float
+        Virtual time [s].
+    progress : callable, optional
+        Told the share that is done, a hundred times.
+
+    Raises
+    ------
+    PamError
+        If the chain does not come up.
+    """
+    names = rig.joint_names
+    values = {entry.name: entry.default for entry in parameter_table(names)}
+    chain = SoakChain(rig, BoardCodec.from_dbc(), create_controller(rig, values, names))
+    chain.start()
+    cycles = max(round(seconds / PERIOD), 100)
+    start = time.process_time()
+    stamps, times, beats = Lag(), Lag(), _Heartbeats(chain)
+    worst, stopped, done = 0.0, "", 0
+    before = use_of()
+    driver = chain.driver
+    interrupted = _Interrupted()
+    for done in range(1, cycles + 1):
+        chain.step()
+        seen = chain.snapshot
+        assert seen is not None
+        stamps.add(chain.wall - min(seen.joint_stamp, seen.pressure_stamp))
+        times.add(chain.now - min(board.position.time for board in driver.boards.values()))
+        beats.look(chain.now)
+        worst = max(worst, *(abs(angle - chain.reference) for angle in seen.positions))
+        if driver.state is not SafetyState.ACTIVE:
+            stopped = f"after {done * PERIOD:.3f} s: " + "; ".join(map(str, driver.faults))
+            break
+        if interrupted.yes:
+            stopped = f"interrupted after {done * PERIOD:.0f} s"
+            break
+        if done == round(SETTLED * cycles):
+            before = use_of()
+        if done % max(cycles // 100, 1) == 0:
+            progress(done / cycles)
+    interrupted.end()
+    beats.look(chain.now, end=True)
+    boards = chain.sim.boards.values()
+    if not stopped and any(board.state is not BoardState.ACTIVE for board in boards):
+        stopped = "a board is not active"
+    return SoakResult(
+        seconds=done * PERIOD,
+        elapsed=time.process_time() - start,
+        before=before,
+        after=use_of(),
+        stamps=stamps,
+        times=times,
+        heartbeats=beats.heard,
+        missed_heartbeats=beats.missed,
+        refused=chain.noticed.total() + sum(board.rejected_frames for board in boards),
+        frames_lost=sum(board.frames_lost for board in driver.boards.values()),
+        worst_error=worst,
+        stopped=stopped,
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run it; 0 if all is within bounds, 1 if not, 2 if it cannot run."""
+    parser = argparse.ArgumentParser(prog="python -m pam_check.endurance.soak", description=__doc__)
+    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
+    parser.add_argument("--hours", type=float, default=2.0, help="of virtual time")
+    parser.add_argument("--joints", type=int, default=JOINTS, help="with two muscles each")
+    parsed = parser.parse_args(arguments)
+    on_a_terminal = sys.stderr.isatty()
+
+    def progress(share: float) -> None:
+        if on_a_terminal:
+            print(f"\r{100.0 * share:.0f} %", end="", file=sys.stderr, flush=True)
+
+    try:
+        if not 0.0 < parsed.hours <= LONGEST:
+            raise PamError(f"hours = {parsed.hours:g}: expected above 0 and at most {LONGEST:g}")
+        rig = widened(load_rig(parsed.rig), parsed.joints)
+        result = soak(rig, 3600.0 * parsed.hours, progress)
+    except PamError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(
+        f"{len(rig.muscles)} muscles on {len(rig.joints)} boards at {1.0 / PERIOD:.0f} Hz: {result}"
+    )
+    problems = result.problems()
+    for problem in problems:
+        print(f"OUT OF BOUNDS: {problem}", file=sys.stderr)
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

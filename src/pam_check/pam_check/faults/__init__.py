@@ -1,0 +1,1 @@
+"""The fault campaign: faults injected into a moving chain, and what must follow."""

@@ -1,0 +1,260 @@
+"""The rig's faults once each on real processes: rig, driver and controller over a bus and ROS.
+
+`python -m pam_check.faults.process_campaign --out out/faults/processes.md` complements
+`pam_check.faults.campaign`, which has the numbers: here sockets, ROS, threads and the host's
+scheduler take part. Exit code 1 if a fault that must vent does not do so within its bound and
+`HOST`, or one that must be ridden through stops the joint.
+
+A host that is busy for a moment stops the joint by itself, by the same time-outs that some faults
+run into. What may be the host's doing - a stop by a time-out that the fault has nothing to do with,
+one that comes too early, a vent that comes too late - is tried again, `TRIES` times in all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import rclpy
+
+from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
+from pam_check.faults.operator_node import FaultOperator
+from pam_driver.bus import open_bus
+from pam_model.errors import PamError
+from pam_model.rig import load_rig
+from pam_sim.faults.injection import INJECTIONS
+from pam_sim.faults.kinds import KINDS, FaultKind, Reaction
+
+HOST = 0.06  # s, for the way of the injection, a status of the board and a host that is busy
+PATIENCE = 120.0  # s, for nodes to start, or to start again, on a busy host
+HOST_FAULTS = (
+    "driver_stopped", "driver_killed", "controller_stopped", "controller_killed", "vent_called"
+)  # fmt: skip
+START = ("rig", "driver", "controller")
+
+# Boards that are not heard cannot say that they have vented; the driver's commands can.
+UNHEARD = ("all_frames_lost_up", "frames_very_late_up")
+QUIET = 0.05  # s, without a command that lets air move
+
+TRIES: Final = 3
+TOO_EARLY: Final = 0.5  # of the bound, for a stop by a time-out that is to be expected
+KEPT, REPEAT = "kept", "repeat"
+# What the driver's diagnostics say of stops that a busy host causes alike, by the names that
+# `FaultKind.detected_by` has for them.
+TIME_OUTS: Final = {
+    "command_timeout": re.compile(r"no valid command for"),
+    "stale_sensor": re.compile(r"no (pressure|angle) for"),
+    "WATCHDOG": re.compile(r"fault: .*watchdog"),
+    "board_lost": re.compile(r"no (measurement|status|heartbeat)"),
+    "board_not_active": re.compile(r"although it was told to move"),
+    "send_blocked": re.compile(r"nothing could be sent for"),
+}
+
+Row = tuple[str, str, str, str, str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What one fault was seen to do.
+
+    Attributes
+    ----------
+    stopped : bool
+        Whether air has stopped.
+    silent : bool
+        Whether nobody was left who could tell.
+    after : float
+        From the fault to the last word of air [s].
+    told : str
+        What the driver's diagnostics said of it.
+    """
+
+    stopped: bool
+    silent: bool
+    after: float
+    told: str
+
+
+def time_outs(told: str) -> set[str]:
+    """The time-outs that diagnostics name as the only reasons of a stop; empty if any is none."""
+    _, _, reasons = told.partition("latched: ")
+    found: set[str] = set()
+    for reason in filter(None, reasons.split("; ")):
+        if reason.startswith("last refused"):  # a remark of command_timeout
+            continue
+        names = {name for name, pattern in TIME_OUTS.items() if pattern.search(reason)}
+        if not names:
+            return set()
+        found |= names
+    return found
+
+
+def judge(kind: FaultKind, seen: Observation) -> tuple[str, str]:
+    """`KEPT`, `REPEAT` where the host may have done it, or "failed"; and why."""
+    vents = kind.reaction is Reaction.VENT
+    if vents and (seen.silent or not seen.stopped):
+        return "failed", "not vented"
+    doubt = _doubt(kind, seen) if seen.stopped else ""
+    if doubt:
+        return REPEAT, doubt
+    if seen.stopped and kind.reaction in {Reaction.RIDE, Reaction.WARN}:
+        return "failed", "stopped"
+    return KEPT, ""
+
+
+def _doubt(kind: FaultKind, seen: Observation) -> str:
+    """Why a stop may be the host's; empty if it is the fault's."""
+    vents = kind.reaction is Reaction.VENT
+    by = time_outs(seen.told)
+    why = ", ".join(sorted(by)) or "nobody knows what"
+    # the board's own fault is the other half of a time-out
+    expected = by & set(kind.detected_by) or "board_fault" in kind.detected_by
+    unexplained = not vents and not seen.told
+    if kind.reaction is not Reaction.EITHER and (by or unexplained) and not expected:
+        return f"stopped by {why}"
+    if vents and seen.after > kind.bound + HOST:
+        return f"late, bound {1e3 * (kind.bound + HOST):.0f} ms"
+    if vents and by and seen.after < TOO_EARLY * kind.bound:
+        return f"stopped by {why} too early"
+    return ""
+
+
+def _begin(chain: Chain, operator: FaultOperator, kind: FaultKind) -> float:
+    """Bring the fault about; returns when."""
+    if kind.name in INJECTIONS:
+        return operator.inject(kind.name)
+    if kind.name == "vent_called":
+        begin = time.monotonic()
+        operator.trigger("pam_driver/vent")
+        return begin
+    name, _, what = kind.name.partition("_")
+    process = chain.processes[name]
+    begin = time.monotonic()
+    process.send(signal.SIGKILL if what == "killed" else signal.SIGSTOP)
+    return begin
+
+
+def _end(chain: Chain, kind: FaultKind) -> None:
+    """Continue or start again what was stopped."""
+    if kind.name in INJECTIONS or kind.name == "vent_called":
+        return
+    name, _, what = kind.name.partition("_")
+    if what == "stopped":
+        chain.processes[name].send(signal.SIGCONT)
+    else:
+        chain.processes.pop(name).wait(5.0)
+        chain.start(name)
+
+
+def observe(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Observation:
+    """Bring one fault about on a chain in motion, and look."""
+    operator.make_move(PATIENCE)
+    operator.forget()
+    vents = kind.reaction is Reaction.VENT
+    begin = _begin(chain, operator, kind)
+    deaf = kind.name in UNHEARD
+
+    def has_stopped() -> bool:
+        now = time.monotonic()
+        if deaf:
+            return now - operator.last_enabled > QUIET
+        return now > begin + 0.03 and not operator.moves_air
+
+    stopped = operator.run(kind.bound + 0.5 if vents else 0.8, has_stopped)
+    after = (operator.last_enabled if deaf else operator.last_air) - begin
+    # one that is stopped says nothing, so that its last word is no news
+    silent = kind.name.startswith("driver") and not stopped
+    _end(chain, kind)
+    said: Callable[[], bool] = lambda: bool(operator.fault or operator.suspicion)  # noqa: E731
+    operator.run(1.3, (lambda: bool(operator.fault)) if stopped else said)
+    return Observation(stopped, silent, max(after, 0.0), operator.fault or operator.suspicion)
+
+
+def run_kind(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Row:
+    """One fault until the host leaves no doubt: name, reaction, ms, diagnostics, tries, verdict."""
+    tries = 0
+    verdict = REPEAT
+    while verdict == REPEAT and tries < TRIES:
+        tries += 1
+        seen = observe(chain, operator, kind)
+        verdict, why = judge(kind, seen)
+        if verdict == REPEAT:
+            print(f"{kind.name}: {1e3 * seen.after:.0f} ms, {why}: repeat", flush=True)
+    told = seen.told.replace("|", "/")
+    shown = KEPT if verdict == KEPT else f"failed: {why}"
+    return kind.name, kind.reaction.value, f"{1e3 * seen.after:.0f}", told, str(tries), shown
+
+
+def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> Iterator[Row]:
+    """Every kind in turn on one chain of processes.
+
+    Raises
+    ------
+    PamError
+        If the chain does not come up, or not again.
+    """
+    environment = private_domain()
+    bus = multicast_bus()
+    rig = load_rig(rig_path)
+    port = open_bus(bus.interface, bus.channel, port=bus.port)
+    with set_environment(environment):
+        rclpy.init(args=[])
+    operator = FaultOperator(rig.joint_names, port)
+    try:
+        with Chain([rig_path], bus, environment) as chain:
+            for name in START:
+                chain.start(name)
+            if not operator.run(PATIENCE, operator.ready):
+                raise PamError(f"no chain within {PATIENCE:g} s")
+            for kind in kinds:
+                row = run_kind(chain, operator, kind)
+                print(f"{row[0]}: {row[2]} ms, {row[-1]}", flush=True)
+                yield row
+    finally:
+        operator.destroy_node()
+        rclpy.try_shutdown()
+        port.close()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run it; 0 if all is inside the bounds, 1 if not, 2 if it cannot run."""
+    parser = argparse.ArgumentParser(
+        prog="python -m pam_check.faults.process_campaign", description=__doc__
+    )
+    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
+    parser.add_argument("--kind", action="append", help="only this kind; may be repeated")
+    parser.add_argument("--out", type=Path, default=Path("out/faults/processes.md"))
+    parsed = parser.parse_args(arguments)
+    possible = [kind for kind in KINDS if kind.name in {*INJECTIONS, *HOST_FAULTS}]
+    kinds = [kind for kind in possible if not parsed.kind or kind.name in parsed.kind]
+    done: list[Row] = []
+    broken = ""
+    try:
+        for row in run_all(parsed.rig, kinds):
+            done.append(row)  # those before one that cannot be run count too
+    except PamError as error:
+        broken = str(error)
+    lines = [
+        "| fault | must follow | vented after [ms] | diagnostics | tries | verdict |",
+        "|---" * 6 + "|",
+    ]
+    lines += ["| " + " | ".join(row) + " |" for row in done]
+    parsed.out.parent.mkdir(parents=True, exist_ok=True)
+    parsed.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    bad = [row for row in done if row[-1] != KEPT]
+    print(f"{len(done)} kinds on processes, {len(bad)} out of bounds: {parsed.out}")
+    if broken:
+        print(f"ended before {len(kinds) - len(done)} kinds more: {broken}", file=sys.stderr)
+        return 2
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

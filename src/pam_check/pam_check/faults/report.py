@@ -1,0 +1,118 @@
+"""The campaign's results: a table for people, numbers for tools, a picture of the times."""
+
+from __future__ import annotations
+
+import html
+import json
+import statistics
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from pam_check.faults.trial import Trial
+from pam_sim.faults.kinds import FaultKind, Reaction
+
+HEADINGS = (
+    "fault", "layer", "trials", "noticed by", "reaction", "safe after, median [ms]",
+    "worst [ms]", "bound [ms]", "peak pressure [kPa]", "peak angle error [rad]", "verdict",
+)  # fmt: skip
+
+
+def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str, ...]]:
+    """One row per kind that was tried."""
+    table: list[tuple[str, ...]] = []
+    for kind in kinds:
+        mine = [trial for trial in trials if trial.kind == kind.name]
+        if not mine:
+            continue
+        by = Counter(name for trial in mine for name in trial.noticed if name in kind.detected_by)
+        named = ", ".join(name for name, _ in by.most_common(2))
+        times = [1e3 * trial.safe_after for trial in mine if trial.safe_after is not None]
+        vents = kind.reaction is Reaction.VENT
+        bad = [trial.problem for trial in mine if trial.problem]
+        table.append(
+            (
+                kind.name,
+                kind.layer,
+                str(len(mine)),
+                named or f"nobody: {kind.reason}",
+                f"{kind.reaction.value}; {len(times)} vented"
+                if kind.reaction in {Reaction.EITHER, Reaction.NOTICED}
+                else kind.reaction.value,
+                f"{statistics.median(times):.0f}" if times else "",
+                f"{max(times):.0f}" if times else "",
+                f"{1e3 * kind.bound:.0f}" if vents else "",
+                f"{1e-3 * max(trial.peak_pressure for trial in mine):.0f}",
+                f"{max(trial.peak_error for trial in mine):.3f}",
+                f"{len(bad)} of {len(mine)} fail: {bad[0]}" if bad else "kept",
+            )
+        )
+    return table
+
+
+def summarised(table: Sequence[tuple[str, ...]], trials: Sequence[Trial]) -> str:
+    """One line about all of them."""
+    failed = sum(bool(trial.problem) for trial in trials)
+    return f"{len(trials)} injections of {len(table)} kinds, {failed} out of bounds"
+
+
+def as_markdown(kinds: Sequence[FaultKind], trials: Sequence[Trial], command: str = "") -> str:
+    """The table as a page, with the command that made it if there is one to tell."""
+    table = rows(kinds, trials)
+    lines = ["# Faults injected", "", f"{summarised(table, trials)}."]
+    if command:
+        lines += ["What the columns mean: [faults.md](faults.md). Made by", "", f"    {command}"]
+    lines += ["", "| " + " | ".join(HEADINGS) + " |", "|---" * len(HEADINGS) + "|"]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in table]) + "\n"
+
+
+def write_report(kinds: Sequence[FaultKind], trials: Sequence[Trial], folder: Path) -> Path:
+    """Write faults.md, faults.json, faults.png and faults.html; returns the page's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    table = rows(kinds, trials)
+    summary = summarised(table, trials)
+    (folder / "faults.md").write_text(as_markdown(kinds, trials), encoding="utf-8")
+    (folder / "faults.json").write_text(
+        json.dumps([asdict(trial) for trial in trials], indent=1), encoding="utf-8"
+    )
+    _draw(kinds, trials, folder / "faults.png")
+    cells = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>\n"
+        for row in table
+    )
+    heads = "".join(f"<th>{html.escape(head)}</th>" for head in HEADINGS)
+    page = folder / "faults.html"
+    page.write_text(
+        "<!doctype html><meta charset='utf-8'><title>Faults injected</title>"
+        "<style>body{font:14px sans-serif;margin:2em}td,th{padding:.2em .6em;text-align:left;"
+        "border-bottom:1px solid #ccc}img{max-width:100%}</style>"
+        f"<h1>Faults injected</h1><p>{html.escape(summary)}.</p><img src='faults.png' "
+        f"alt='time to vented valves by fault'><table><tr>{heads}</tr>\n{cells}</table>\n",
+        encoding="utf-8",
+    )
+    return page
+
+
+def _draw(kinds: Sequence[FaultKind], trials: Sequence[Trial], path: Path) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to import)
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    shown = [kind for kind in kinds if kind.reaction is Reaction.VENT]
+    figure = Figure(figsize=(8.0, 1.5 + 0.2 * len(shown)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    for place, kind in enumerate(shown):
+        times = [
+            max(1e3 * trial.safe_after, 0.5)
+            for trial in trials
+            if trial.kind == kind.name and trial.safe_after is not None
+        ]
+        axes.plot(times, [place] * len(times), "o", color="tab:blue", alpha=0.5, markersize=4)
+        axes.plot(1e3 * kind.bound, place, "|", color="tab:red", markersize=10)
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(shown)), [kind.name for kind in shown], fontsize=7)
+    axes.set_ylim(len(shown), -1)
+    axes.set_xlabel("from the fault to vented valves [ms]; red: bound")
+    axes.grid(axis="x", alpha=0.3)
+    figure.savefig(path, dpi=110)

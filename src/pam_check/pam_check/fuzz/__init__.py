@@ -1,0 +1,1 @@
+"""Random and mutated input at every entrance of the suite."""

@@ -1,0 +1,237 @@
+"""Random and mutated messages through the callbacks of the nodes themselves.
+
+`python -m pam_check.fuzz.callbacks_node --count 1000000` makes the nodes in this process, calls
+each subscription's callback with that many messages of its type, and each timer's callback in
+between. Nothing may escape, and a driver that was not activated may let no air move. Names, sizes,
+numbers and stamps are garbage; types are not, since ROS checks those. Exit code 1 if anything
+failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import random
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+import rclpy
+from rclpy.logging import LoggingSeverity
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from pam_check.chain import private_domain, set_environment
+from pam_check.fuzz.inputs import BLOCK, ViolationError, injection, names, numbers
+from pam_driver.boards.pam_board.codec import BoardCodec, FrameError, ValveCommand
+from pam_driver.bus import CanPort, open_bus
+from pam_model.errors import PamError
+from pam_model.rig import Rig, load_rig
+
+CHANNEL: Final = "fuzz"
+NODES: Final[Mapping[str, str]] = {
+    "pam_driver": "pam_driver.driver_node:DriverNode",
+    "pam_controller": "pam_control.controller_node:ControllerNode",
+    "pam_model": "pam_model.model_node:ModelNode",
+    "pam_rig": "pam_sim.rig_node:RigNode",
+    "pam_gap": "pam_gap.live.monitor_node:MonitorNode",
+}
+_SECONDS = (0, 0, 1, -1, -(2**31), 2**31 - 1)
+_NANOSECONDS = (0, 1, 999_999_999, 10**9, 2**32 - 1)
+
+
+class Messages:
+    """Draws messages by type, around the names of a rig."""
+
+    def __init__(self, rig: Rig, draw: random.Random) -> None:
+        self._draw = draw
+        self._names = (rig.joint_names, rig.muscle_names)
+        self._by_type: dict[type, Callable[[], Any]] = {
+            JointState: self._joint_state,
+            JointTrajectory: self._trajectory,
+            Float64MultiArray: lambda: Float64MultiArray(data=self._numbers()),
+            String: lambda: String(data=injection(draw)),
+        }
+
+    def message(self, kind: type) -> Any:
+        """One of this type.
+
+        Raises
+        ------
+        PamError
+            For a type that nothing is known of.
+        """
+        if kind not in self._by_type:
+            raise PamError(f"no messages of type {kind.__name__} can be drawn")
+        return self._by_type[kind]()
+
+    def _numbers(self) -> list[float]:
+        return numbers(self._draw, len(self._draw.choice(self._names)))
+
+    def _some(self) -> list[float]:
+        return self._numbers() if self._draw.random() < 0.6 else []
+
+    def _stamp(self, stamp: Any) -> None:
+        draw = self._draw
+        if draw.random() < 0.5:
+            now = time.time_ns() + round(1e9 * draw.choice((0.0, -0.01, -1.0, 1.0)))
+            stamp.sec, stamp.nanosec = divmod(now, 10**9)
+        else:
+            stamp.sec, stamp.nanosec = draw.choice(_SECONDS), draw.choice(_NANOSECONDS)
+
+    def _joint_state(self) -> Any:
+        message = JointState(name=names(self._draw, self._draw.choice(self._names)))
+        message.position, message.velocity = self._some(), self._some()
+        message.effort = self._some()
+        self._stamp(message.header.stamp)
+        return message
+
+    def _trajectory(self) -> Any:
+        draw = self._draw
+        message = JointTrajectory(joint_names=names(draw, self._names[0]))
+        self._stamp(message.header.stamp)
+        for place in range(draw.randrange(4)):
+            point = JointTrajectoryPoint()
+            point.positions, point.velocities = self._some(), self._some()
+            point.accelerations = self._some()
+            duration = point.time_from_start
+            if draw.random() < 0.7:
+                duration.nanosec = 100_000_000 * (place + 1)
+            else:
+                duration.sec, duration.nanosec = draw.choice(_SECONDS), draw.choice(_NANOSECONDS)
+            message.points.append(point)
+        return message
+
+
+@contextmanager
+def made_nodes(rig: Path) -> Iterator[list[Any]]:
+    """The nodes of NODES for a rig file, the driver measuring; ended when left.
+
+    Raises
+    ------
+    PamError
+        If the driver does not configure.
+    """
+    arguments = ["--ros-args", "--params-file", str(rig)]
+    for name in ("pam_driver", "pam_rig"):
+        # two buses: boards that answered would be no fault, but garbage need not meet any
+        for key, value in (("interface", "virtual"), ("channel", f"{CHANNEL}_{name}")):
+            arguments += ["-p", f"{name}:bus.{key}:={value}"]
+    with set_environment(private_domain()):
+        rclpy.init(args=[*arguments, "-p", "pam_driver:autostart:=false"])
+    nodes: list[Any] = []
+    try:
+        for target in NODES.values():
+            module, _, kind = target.partition(":")
+            if find_spec(module.split(".")[0]) is None:  # pam_gap builds upon this package
+                continue
+            node = getattr(importlib.import_module(module), kind)()
+            node.get_logger().set_level(LoggingSeverity.FATAL)  # each refusal is a warning
+            nodes.append(node)
+        nodes[0].trigger_configure()
+        yield nodes
+    finally:
+        for node in nodes:
+            if hasattr(node, "close"):
+                node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def callbacks(node: Any) -> list[tuple[str, type, Callable[[Any], Any]]]:
+    """Topic, type and callback of every subscription; of a node's inner node as well."""
+    inner = getattr(node, "_hearing", None)
+    return [
+        (one.topic_name, one.msg_type, one.callback)
+        for owner in (node, inner)
+        if owner is not None
+        for one in owner.subscriptions
+        if not one.topic_name.startswith(("/parameter", "/rosout"))
+    ]
+
+
+def no_air(port: CanPort, codec: BoardCodec, now: float) -> None:
+    """Raise if any of the frames that wait lets air move."""
+    frames = port.receive_all(now)
+    while frames:
+        for frame in frames:
+            try:
+                _, message = codec.decode(frame.frame_id, frame.data)
+            except FrameError:
+                continue
+            if isinstance(message, ValveCommand) and any(message.enable):
+                raise ViolationError("a driver that is not active lets air move")
+        frames = port.receive_all(now)
+
+
+def fuzz_callbacks(rig: Path, count: int, seed: int) -> dict[str, list[str]]:
+    """Messages through every callback; what escaped, by node and topic.
+
+    Parameters
+    ----------
+    rig : Path
+        Rig file of the nodes.
+    count : int
+        Messages for each callback, in blocks of BLOCK.
+    seed : int
+        Of the first block.
+
+    Raises
+    ------
+    PamError
+        If a node cannot be made, or hears a type that cannot be drawn.
+    """
+    failed: dict[str, list[str]] = {}
+    codec = BoardCodec.from_dbc()
+    given = load_rig(rig)
+    port = open_bus("virtual", f"{CHANNEL}_pam_driver")
+    try:
+        with made_nodes(rig) as nodes:
+            for node in nodes:
+                for topic, kind, callback in callbacks(node):
+                    escaped = failed.setdefault(f"{node.get_name()} {topic}", [])
+                    for block in range(seed, seed + max(1, count // BLOCK)):
+                        messages = Messages(given, random.Random(block))
+                        try:
+                            for _ in range(BLOCK):
+                                callback(messages.message(kind))
+                            for timer in node.timers:
+                                timer.callback()
+                            no_air(port, codec, time.monotonic())
+                        except Exception as error:  # whatever escapes is what is looked for
+                            escaped.append(f"seed {block}: {type(error).__name__}: {error}")
+                if hasattr(node, "check"):
+                    node.check()
+    finally:
+        port.close()
+    return failed
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run it; 0 if nothing escaped, 1 if something did, 2 for a user's mistake."""
+    parser = argparse.ArgumentParser(
+        prog="python -m pam_check.fuzz.callbacks_node", description=__doc__
+    )
+    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
+    parser.add_argument("--count", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parsed = parser.parse_args(arguments)
+    try:
+        failed = fuzz_callbacks(parsed.rig, parsed.count, parsed.seed)
+    except PamError as error:
+        print(error, file=sys.stderr)
+        return 2
+    for name, escaped in failed.items():
+        print(f"{name}: {parsed.count} messages, {len(escaped)} blocks failed")
+        for text in escaped[:3]:
+            print(f"  {text[:300]}", file=sys.stderr)
+    return 1 if any(failed.values()) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,398 @@
+"""Throws random and mutated input at every entrance of the suite; nothing but PamError may escape.
+
+`python -m pam_check.fuzz.inputs frames --count 10000000`, likewise `driver`, `board`, `commands`,
+`references`, `measurements`, `injections`. Half of the input is noise, half are valid messages
+with a few bits or fields changed. What fails is kept as a seed in `--corpus` and tried first next
+time. Exit code 1 if anything failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import random
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pam_control.control_step import Measurement
+from pam_control.controller import Controller
+from pam_control.controller_parameters import create_controller, parameter_table
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_driver.boards.pam_board.codec import (
+    BoardCode,
+    BoardCodec,
+    BoardCommand,
+    BoardFault,
+    BoardState,
+    FrameError,
+    Heartbeat,
+    ValveCommand,
+)
+from pam_driver.boards.pam_board.codec import Measurement as MeasurementFrame
+from pam_driver.boards.pam_board.codec import Status as StatusFrame
+from pam_driver.boards.pam_board.messages import BoardMessage
+from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
+from pam_driver.driver import Driver
+from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety.command_intake import CommandIntake, NamedCommand
+from pam_driver.safety.pressure_plausibility import PressurePlausibility
+from pam_driver.safety.states import SafetyState
+from pam_model.errors import PamError
+from pam_model.rig import Rig, load_rig
+from pam_sim.boards.pam_board import SimulatedBoard
+from pam_sim.faults.injection import parse_injection
+
+Target = Callable[[random.Random], None]
+_NUMBERS = (math.nan, math.inf, -math.inf, 0.0, -0.0, 1e308, -1e308, 5e-324, 1.0, -1.0, 2**63)
+_NAMES = ("", "nobody", "\x00", "é" * 300, "elbow ", "__class__", "elbow.flexor")
+
+
+class ViolationError(AssertionError):
+    """Something happened that garbage must not bring about."""
+
+
+def frame(codec: BoardCodec, draw: random.Random) -> tuple[int, bytes]:
+    """Noise, or a valid frame with some of its bits flipped or its length changed."""
+    if draw.random() < 0.5:
+        return draw.randrange(1 << 11), draw.randbytes(draw.randrange(9))
+    message: BoardMessage
+    kind = draw.randrange(5)
+    if kind == 0:
+        enable = (draw.random() < 0.5, draw.random() < 0.5)
+        valves = (draw.uniform(-1.0, 1.0), draw.uniform(-1.0, 1.0))
+        message = ValveCommand(valves, enable, draw.randrange(256))
+    elif kind == 1:
+        message = BoardCommand(draw.choice(list(BoardCode)))
+    elif kind == 2:
+        pressures = (draw.uniform(-1e5, 1.2e6), draw.choice((math.nan, 1e5)))
+        message = MeasurementFrame(pressures, draw.uniform(-8.0, 8.0), draw.randrange(256))
+    elif kind == 3:
+        faults = BoardFault(draw.randrange(256))
+        message = StatusFrame(
+            BoardState(draw.randrange(4)), faults, draw.randrange(256), 7e5, draw.randrange(1 << 16)
+        )
+    else:
+        message = Heartbeat(draw.uniform(0.0, 4e6), draw.randrange(3), draw.randrange(1 << 16))
+    identifier, data = codec.encode(draw.choice((0, 0, 1, 15)), message)
+    what = draw.randrange(4)
+    if what == 0:
+        return identifier, data
+    if what == 1:
+        return identifier, draw.randbytes(draw.randrange(9)) + data[: draw.randrange(9)]
+    word = int.from_bytes(data, "little")
+    for _ in range(draw.randrange(1, 5)):
+        word ^= 1 << draw.randrange(8 * len(data))
+    return identifier ^ draw.choice((0, 0, 1, 0x400)), word.to_bytes(len(data), "little")
+
+
+def _number(draw: random.Random) -> float:
+    return draw.choice(_NUMBERS) if draw.random() < 0.4 else draw.uniform(-2.0, 2.0)
+
+
+def numbers(draw: random.Random, count: int) -> list[float]:
+    """Numbers of every kind, often `count` of them."""
+    size = count if draw.random() < 0.7 else draw.randrange(2 * count + 2)
+    return [_number(draw) for _ in range(size)]
+
+
+def names(draw: random.Random, known: Sequence[str]) -> list[str]:
+    """The known names, shuffled, repeated, cut short or with others among them."""
+    chosen = list(known)
+    if draw.random() < 0.3:
+        draw.shuffle(chosen)
+    if draw.random() < 0.3:
+        chosen[draw.randrange(len(chosen))] = draw.choice((*_NAMES, *known))
+    if draw.random() < 0.1:
+        chosen = chosen[: draw.randrange(len(chosen) + 1)]
+    return chosen
+
+
+def frames_target(rig: Rig) -> Target:
+    """The decoder: a message or a FrameError, and what is a message encodes again."""
+    codec = BoardCodec.from_dbc()
+
+    def target(draw: random.Random) -> None:
+        identifier, data = frame(codec, draw)
+        try:
+            board, message = codec.decode(identifier, data)
+        except FrameError:
+            return
+        if codec.encode(board, message)[0] != identifier:
+            raise ViolationError(f"{identifier:X} {data.hex()} decodes to {message}")
+
+    return target
+
+
+class _Port:
+    """Gives what it is filled with, keeps what moves air."""
+
+    state = BusState.ERROR_ACTIVE
+
+    def __init__(self, codec: BoardCodec) -> None:
+        self.codec = codec
+        self.waiting: list[ReceivedFrame] = []
+
+    def receive_all(self, now: float) -> list[ReceivedFrame]:
+        """All that waits."""
+        waiting, self.waiting = self.waiting, []
+        return waiting
+
+    def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
+        """Raise if the frame would let air move."""
+        _, message = self.codec.decode(frame_id, data)
+        if isinstance(message, ValveCommand) and any(message.enable):
+            raise ViolationError("a valve command from garbage")
+        return SendOutcome.SENT
+
+
+def driver_target(rig: Rig) -> Target:
+    """A driver that hears garbage, vented or about to be activated: it never lets air move."""
+    codec = BoardCodec.from_dbc()
+    port = _Port(codec)
+    driver = Driver(rig, codec, port, DriverSettings(), PressurePlausibility(rig, 0.002))
+    clock = [100.0]
+
+    def target(draw: random.Random) -> None:
+        clock[0] += draw.choice((0.0, 0.002, 0.002, 0.3))
+        now = clock[0]
+        for _ in range(4):
+            stamp = now + draw.choice((0.0, -1.0, 5.0))
+            port.waiting.append(ReceivedFrame(*frame(codec, draw), stamp))
+        driver.cycle(now, now)
+        if draw.random() < 0.05:
+            try:
+                driver.activate(now)
+            except PamError:
+                driver.clear_faults(now)
+        if driver.state is SafetyState.ACTIVE:
+            raise ViolationError("active without a command")
+
+    return target
+
+
+def board_target(rig: Rig) -> Target:
+    """A board that hears garbage: only a frame whose checksum holds lets air move."""
+    codec = BoardCodec.from_dbc()
+    board = SimulatedBoard(0, codec)
+    own = {codec.frame_id(ValveCommand, 0), codec.frame_id(BoardCommand, 0)}
+    clock = [0.0]
+
+    def target(draw: random.Random) -> None:
+        clock[0] += 0.001
+        board.poll(clock[0], (1e5, 1e5), 0.0, 7e5)
+        before = board.state
+        identifier, data = frame(codec, draw)
+        board.on_frame(identifier, data, clock[0])
+        if board.state is before or board.state is not BoardState.ACTIVE:
+            return
+        try:
+            codec.decode(identifier, data)
+        except FrameError:
+            raise ViolationError(f"{identifier:X} {data.hex()} changed a board") from None
+        if identifier not in own:
+            raise ViolationError("a frame for nobody changed a board")
+
+    return target
+
+
+def commands_target(rig: Rig) -> Target:
+    """Valve commands: refused, or fractions within full scale."""
+    intake = CommandIntake(rig, 0.1)
+    clock = [0.0]
+
+    def target(draw: random.Random) -> None:
+        clock[0] += 0.001
+        count = len(rig.muscles)
+        command = NamedCommand(
+            names(draw, rig.muscle_names),
+            numbers(draw, count),
+            numbers(draw, count) if draw.random() < 0.1 else (),
+            numbers(draw, count) if draw.random() < 0.2 else (),
+            draw.choice((0.0, 0.0, 0.05, _number(draw))),
+        )
+        try:
+            fractions = intake.take(command, clock[0])
+        except PamError:
+            return
+        if not all(-1.0 <= fraction <= 1.0 for fraction in fractions):
+            raise ViolationError(f"{command} gives {fractions}")
+
+    return target
+
+
+def _controller(rig: Rig) -> Controller:
+    names = rig.joint_names
+    return create_controller(rig, {p.name: p.default for p in parameter_table(names)}, names)
+
+
+def references_target(rig: Rig) -> Target:
+    """Trajectories, streams and stiffness: refused, or finite references within the limits."""
+    controller = _controller(rig)
+    joints = rig.joint_names
+    clock = [0.0]
+    controller.references.hold(dict.fromkeys(joints, 0.0))
+
+    def target(draw: random.Random) -> None:
+        clock[0] += 0.002
+        references, now, count = controller.references, clock[0], len(joints)
+        try:
+            what = draw.randrange(3)
+            if what == 0:
+                velocities = numbers(draw, count) if draw.random() < 0.5 else []
+                references.stream(names(draw, joints), numbers(draw, count), velocities, now=now)
+            elif what == 1:
+                points = [
+                    TrajectoryPoint(
+                        draw.choice((0.1 * (i + 1), draw.uniform(-1.0, 2.0**31))),
+                        numbers(draw, count),
+                        numbers(draw, count) if draw.random() < 0.5 else [],
+                        numbers(draw, count) if draw.random() < 0.2 else [],
+                    )
+                    for i in range(draw.randrange(4))
+                ]
+                # stamps and durations are whole seconds and nanoseconds, never NaN
+                start = draw.choice((None, now, draw.uniform(-(2.0**31), 2.0**31)))
+                references.follow(names(draw, joints), points, start=start, now=now)
+            else:
+                controller.set_stiffness(numbers(draw, count))
+        except PamError:
+            pass
+        references.advance(now)
+        for joint in rig.joints:
+            position = references.sample(joint.name, now).position
+            low, high = joint.position_limits
+            if not low - 1e-6 <= position <= high + 1e-6:
+                raise ViolationError(f"{joint.name} is sent to {position} rad")
+
+    return target
+
+
+def measurements_target(rig: Rig) -> Target:
+    """Measurements into the controller: no commands, or finite ones."""
+    controller = _controller(rig)
+    clock = [0.0]
+
+    def target(draw: random.Random) -> None:
+        clock[0] += draw.choice((0.002, 0.002, 0.0, 10.0, -1.0))
+        now = clock[0]
+        good = draw.random() < 0.5
+        positions = [draw.uniform(-0.9, 0.9) for _ in rig.joints]
+        pressures = [draw.uniform(0.0, 6e5) for _ in rig.muscles]
+        measurement = Measurement(
+            positions if good else numbers(draw, len(rig.joints)),
+            pressures if good else numbers(draw, len(rig.muscles)),
+            draw.choice((now, now, now - 1.0, _number(draw))),
+            draw.choice((now, now, now + 1.0, _number(draw))),
+        )
+        try:
+            commands = controller.step(now, measurement).commands
+        except PamError:
+            controller.deactivate()
+            return
+        if commands is not None and not all(map(math.isfinite, commands)):
+            raise ViolationError(f"{measurement} gives {commands}")
+
+    return target
+
+
+def injection(draw: random.Random) -> str:
+    """A text like that of a fault to bring about."""
+    words = [draw.choice(("supply_lost", "share=0.3", "share=", "=", "share=nan", *_NAMES))]
+    words += [draw.choice(("share=1e999", "share=-1", "x=1")) for _ in range(draw.randrange(3))]
+    return " ".join(words)
+
+
+def injections_target(rig: Rig) -> Target:
+    """Texts of faults to bring about."""
+
+    def target(draw: random.Random) -> None:
+        text = injection(draw)
+        try:
+            _, values = parse_injection(text)
+        except PamError:
+            return
+        if not all(map(math.isfinite, values.values())):
+            raise ViolationError(f"{text} gives {values}")
+
+    return target
+
+
+TARGETS: Mapping[str, Callable[[Rig], Target]] = {
+    "frames": frames_target,
+    "driver": driver_target,
+    "board": board_target,
+    "commands": commands_target,
+    "references": references_target,
+    "measurements": measurements_target,
+    "injections": injections_target,
+}
+BLOCK = 1000  # inputs from one seed, so that a failure is found again soon
+
+
+def fuzz(rig: Rig, name: str, count: int, seed: int, corpus: Sequence[int] = ()) -> dict[int, str]:
+    """Run a target on `count` inputs; what failed, by seed of its block.
+
+    Parameters
+    ----------
+    rig : Rig
+        Whose names are used.
+    name : str
+        Of TARGETS.
+    count : int
+        Inputs, in blocks of BLOCK.
+    seed : int
+        Of the first block.
+    corpus : sequence of int
+        Seeds that failed once; tried first.
+    """
+    failed: dict[int, str] = {}
+    blocks = max(1, count // BLOCK)
+    target = TARGETS[name](rig)
+    for block in (*corpus, *range(seed, seed + blocks)):
+        draw = random.Random(block)
+        try:
+            for _ in range(BLOCK):
+                target(draw)
+        except Exception as error:  # whatever escapes is what is looked for
+            failed[block] = f"{type(error).__name__}: {error}"
+            target = TARGETS[name](rig)
+    return failed
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run it; 0 if nothing escaped, 1 if something did, 2 for a user's mistake."""
+    parser = argparse.ArgumentParser(prog="python -m pam_check.fuzz.inputs", description=__doc__)
+    parser.add_argument("target", choices=[*TARGETS, "all"])
+    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
+    parser.add_argument("--count", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--corpus", type=Path, default=Path("out/fuzz"))
+    parsed = parser.parse_args(arguments)
+    try:
+        rig = load_rig(parsed.rig)
+    except PamError as error:
+        print(error, file=sys.stderr)
+        return 2
+    bad = 0
+    for name in TARGETS if parsed.target == "all" else [parsed.target]:
+        path = parsed.corpus / f"{name}.json"
+        known: Any = json.loads(path.read_text()) if path.exists() else {}
+        start = time.monotonic()
+        failed = fuzz(rig, name, parsed.count, parsed.seed, [int(key) for key in known])
+        rate = parsed.count / (time.monotonic() - start)
+        print(f"{name}: {parsed.count} inputs, {len(failed)} blocks failed, {rate:.0f}/s")
+        for block, text in list(failed.items())[:5]:
+            print(f"  seed {block}: {text[:300]}", file=sys.stderr)
+        if failed:
+            bad += len(failed)
+            parsed.corpus.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(known | failed, indent=1), encoding="utf-8")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

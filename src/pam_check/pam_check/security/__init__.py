@@ -1,0 +1,1 @@
+"""The SROS 2 policy, and whether the nodes keep to it."""

@@ -1,0 +1,152 @@
+"""What each node may publish, hear, serve and call, as data and as an SROS 2 policy file.
+
+`python -m pam_check.security.policy config/security_policy.xml` writes the policy (schema 0.2.0 of
+sros2); docs/security.md says how to switch it on, and `security_check_node` holds it against what
+running nodes really use.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+# What every node has of ROS itself; `~` is the node's own name.
+_COMMON_PUBLISHES = ("rosout", "parameter_events")
+_COMMON_SERVES = tuple(
+    f"~/{name}"
+    for name in (
+        "describe_parameters", "get_parameter_types", "get_parameters", "list_parameters",
+        "set_parameters", "set_parameters_atomically", "get_type_description",
+    )
+)  # fmt: skip
+_LIFECYCLE_SERVES = tuple(
+    f"~/{name}"
+    for name in (
+        "change_state", "get_state", "get_available_states", "get_available_transitions",
+        "get_transition_graph",
+    )
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Rights:
+    """Of one node; topics and services without the leading slash, `{muscle}` for each muscle.
+
+    Attributes
+    ----------
+    publishes, subscribes, serves : tuple of str
+        Beside what every node has.
+    parameters : bool
+        Whether it has parameter services and rosout.
+    enclave : str
+        Of the process it lives in, if that bears another node's name.
+    """
+
+    publishes: tuple[str, ...] = ()
+    subscribes: tuple[str, ...] = ()
+    serves: tuple[str, ...] = ()
+    parameters: bool = True
+    enclave: str = ""
+
+
+POLICY: Mapping[str, Rights] = {
+    "pam_driver": Rights(
+        publishes=(
+            "pressure_states", "joint_states", "sent_valve_commands", "{muscle}/pressure",
+            "diagnostics", "~/transition_event",
+        ),
+        subscribes=("valve_commands",),
+        serves=("~/vent", "~/clear_faults", *_LIFECYCLE_SERVES),
+    ),
+    "pam_controller": Rights(
+        publishes=("valve_commands", "~/reference", "~/error", "diagnostics"),
+        subscribes=("~/joint_trajectory", "~/commands", "~/stiffness_commands"),
+    ),
+    "pam_controller_inputs": Rights(
+        subscribes=("joint_states", "pressure_states"),
+        parameters=False,
+        enclave="pam_controller",
+    ),
+    "pam_model": Rights(
+        publishes=("muscle_states", "joint_estimates", "joint_stiffness", "diagnostics"),
+        subscribes=("pressure_states", "joint_states"),
+    ),
+    "pam_rig": Rights(
+        publishes=(
+            "ground_truth/joint_states", "ground_truth/muscle_states",
+            "ground_truth/pressure_states", "ground_truth/supply_pressure", "diagnostics",
+        ),
+        subscribes=("~/inject_fault",),
+        serves=("~/mend_faults",),
+    ),
+}  # fmt: skip
+
+
+def rights_of(node: str, muscles: tuple[str, ...]) -> dict[str, set[str]]:
+    """Full names by kind: "publish", "subscribe", "reply"."""
+    rights = POLICY[node]
+    publishes = set(rights.publishes) | {"parameter_events"}
+    serves = set(rights.serves) | {"~/get_type_description"}
+    if rights.parameters:
+        publishes |= set(_COMMON_PUBLISHES)
+        serves |= set(_COMMON_SERVES)
+
+    def full(names: set[str]) -> set[str]:
+        found = set()
+        for name in names:
+            many = [name.format(muscle=muscle) for muscle in muscles] if "{" in name else [name]
+            found |= {f"/{one.replace('~', node)}" for one in many}
+        return found
+
+    return {
+        "publish": full(publishes),
+        "subscribe": full(set(rights.subscribes)),
+        "reply": full(serves),
+    }
+
+
+def policy_xml(muscles: tuple[str, ...]) -> str:
+    """The policy file: an enclave for each process, a profile for each node."""
+    root = ElementTree.Element("policy", version="0.2.0")
+    enclaves = ElementTree.SubElement(root, "enclaves")
+    profiles: dict[str, ElementTree.Element] = {}
+    for node, entry in POLICY.items():
+        path = entry.enclave or node
+        if path not in profiles:
+            enclave = ElementTree.SubElement(enclaves, "enclave", path=f"/{path}")
+            profiles[path] = ElementTree.SubElement(enclave, "profiles")
+        profile = ElementTree.SubElement(profiles[path], "profile", ns="/", node=node)
+        rights = rights_of(node, muscles)
+        for kind, tag in (("reply", "service"), ("subscribe", "topic"), ("publish", "topic")):
+            if not rights[kind]:
+                continue
+            group = ElementTree.SubElement(profile, f"{tag}s", {kind: "ALLOW"})
+            for name in sorted(rights[kind]):
+                ElementTree.SubElement(group, tag).text = name
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the policy of a rig's muscles."""
+    parser = argparse.ArgumentParser(
+        prog="python -m pam_check.security.policy", description=__doc__
+    )
+    parser.add_argument("file", type=Path, help="where to write it")
+    parser.add_argument("muscles", nargs="*", help="names (default: those of the elbow)")
+    given = parser.parse_args(arguments)
+    muscles = tuple(given.muscles) or ("elbow_flexor", "elbow_extensor")
+    try:
+        given.file.write_text(policy_xml(muscles), encoding="utf-8")
+    except OSError as error:
+        print(f"{given.file}: cannot be written: {error.strerror}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Known effects undone: torque, valve and sensor corrections from the rig file."""

@@ -1,0 +1,1 @@
+"""Gains and feedback: the linearised joint, margins, PID and pressure loops."""

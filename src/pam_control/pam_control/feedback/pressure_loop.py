@@ -1,0 +1,220 @@
+"""From the pressure a muscle should have to its valve's command.
+
+Flow valve: the wanted dp/dt = feedforward + gain (reference - pressure) becomes a mass flow by
+the polytropic chamber, m = (V dP/dt / exponent + P dV/dt)/(R T); the inverse of the ISO 6358 flow
+makes it a spool opening, and a lead compensator takes away most of the spool's lag. Pressure
+regulator: the reference itself, within its limits.
+
+Source: ISO 6358 and chamber as in the rig's nominal physics; the inversion is derived here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from pam_control.compensation.valve_inverse import ValveInverse
+from pam_model.effects import effect_value
+from pam_model.gas import flow_for_pressure_rate, mass_flow, valve_opening
+from pam_model.joints.antagonistic_joint import JointMuscle
+from pam_model.rig import Muscle, Rig
+
+LENGTH_EDGE = 1e-6  # m, inside of what the force model covers
+
+
+@dataclass(frozen=True, slots=True)
+class PressureDemand:
+    """What a pressure loop is asked for, all gauge pressures of one muscle.
+
+    Attributes
+    ----------
+    reference : float
+        Pressure the muscle should have had when it was measured [Pa].
+    rate : float
+        Feedforward of dp/dt for the time the valve will act [Pa/s].
+    ahead : float
+        Change the reference makes from the measurement until then [Pa].
+    length : float
+        Muscle length at that time [m].
+    length_rate : float
+        dL/dt at that time [m/s].
+    """
+
+    reference: float
+    rate: float
+    ahead: float
+    length: float
+    length_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class PressureLoopSettings:
+    """Gain and shape, the same for every muscle.
+
+    Attributes
+    ----------
+    gain : float
+        [1/s].
+    lead_ratio : float
+        Part of the valve's lag that is left uncompensated [-].
+    spool_limit : float
+        Largest spool command [-].
+    """
+
+    gain: float
+    lead_ratio: float
+    spool_limit: float = 1.0
+
+
+def valve_time_constant(muscle: Muscle) -> float:
+    """The valve's lag [s], with what the rig file adds as `valve_lag`."""
+    extra = effect_value(muscle.effects, "valve_lag", "extra_time_constant")
+    return muscle.valve.time_constant + extra
+
+
+class PressureLoop(Protocol):
+    """One muscle's valve command."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+        ...
+
+    def command(
+        self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
+    ) -> tuple[float, bool]:
+        """The valve's command, and whether it was cut.
+
+        Parameters
+        ----------
+        demand : PressureDemand
+            What is asked for.
+        pressure : float
+            Measured, gauge [Pa].
+        settings : PressureLoopSettings
+            In force.
+        step : float
+            Since the last call [s].
+        """
+        ...
+
+
+class FlowValveLoop:
+    """A proportional flow valve: spool -1 (exhaust) to 1 (supply).
+
+    Parameters
+    ----------
+    rig : Rig
+        Gas and supply.
+    muscle : Muscle
+        With its valve.
+    gas_space : JointMuscle
+        With its volume.
+    """
+
+    def __init__(self, rig: Rig, muscle: Muscle, gas_space: JointMuscle) -> None:
+        self._model = gas_space.model
+        low, high = self._model.length_bounds
+        self._lengths = (low + LENGTH_EDGE, high - LENGTH_EDGE)
+        self._valve = muscle.valve
+        self._inverse = ValveInverse.from_muscle(muscle)
+        self._leak = effect_value(muscle.effects, "leakage", "conductance")
+        self._time_constant = valve_time_constant(muscle)
+        self._dead_volume = gas_space.dead_volume
+        self._ambient = rig.gas.ambient_pressure
+        self._supply = rig.supply_pressure
+        self._temperature = rig.gas.temperature
+        self._exponent = rig.gas.polytropic_exponent
+        self._opening = math.nan
+        self._lagged = 0.0
+
+    def reset(self) -> None:
+        """Forget the opening before."""
+        self._opening = math.nan
+
+    def command(
+        self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
+    ) -> tuple[float, bool]:
+        """Spool command, and whether the valve is too small for what is asked."""
+        rate = demand.rate + settings.gain * (demand.reference - pressure)
+        absolute = max(pressure + demand.ahead + self._ambient, self._ambient)
+        length = max(self._lengths[0], min(self._lengths[1], demand.length))
+        volume = self._model.volume(length) + self._dead_volume
+        volume_rate = self._model.volume_slope(length) * demand.length_rate
+        flow = flow_for_pressure_rate(
+            rate,
+            absolute,
+            volume,
+            volume_rate,
+            temperature=self._temperature,
+            exponent=self._exponent,
+        )
+        if self._leak > 0.0:
+            flow += mass_flow(
+                self._leak,
+                self._valve.critical_ratio,
+                absolute,
+                self._ambient,
+                self._temperature,
+            )
+        opening = valve_opening(
+            flow,
+            absolute,
+            supply_pressure=self._supply,
+            ambient_pressure=self._ambient,
+            conductance=self._valve.sonic_conductance,
+            critical_ratio=self._valve.critical_ratio,
+            temperature=self._temperature,
+        )
+        opening = self._inverse.opening(opening)
+        limit = settings.spool_limit
+        wanted = self._inverse.spool(max(-limit, min(limit, opening)))
+        command = self._lead(wanted, settings.lead_ratio, step)
+        return max(-limit, min(limit, command)), abs(opening) >= limit
+
+    def _lead(self, opening: float, ratio: float, step: float) -> float:
+        """(tau s + 1)/(ratio tau s + 1) on the opening, backward Euler."""
+        tau = self._time_constant
+        if tau <= 0.0 or ratio >= 1.0:
+            return opening
+        if math.isnan(self._opening):
+            self._opening = self._lagged = opening
+        lag = ratio * tau
+        weight = step / (lag + step)
+        self._lagged += weight * (opening - self._lagged)
+        self._opening = opening
+        return self._lagged + tau * weight * (opening - self._lagged) / max(step, 1e-9)
+
+
+class RegulatorLoop:
+    """A pressure regulator that closes its own loop: command in Pa gauge.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its supply bounds the command.
+    muscle : Muscle
+        With its valve and the pressure it may have.
+    """
+
+    def __init__(self, rig: Rig, muscle: Muscle) -> None:
+        full_scale = muscle.valve.full_scale or math.inf
+        self._limit = min(full_scale, muscle.max_pressure, rig.supply_gauge_pressure)
+
+    def reset(self) -> None:
+        """Nothing is kept."""
+
+    def command(
+        self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
+    ) -> tuple[float, bool]:
+        """The reference at the time the valve acts, and whether it was cut."""
+        wanted = demand.reference + demand.ahead
+        given = max(0.0, min(self._limit, wanted))
+        return given, given != wanted
+
+
+def create_pressure_loop(rig: Rig, muscle: Muscle, gas_space: JointMuscle) -> PressureLoop:
+    """The loop for the muscle's kind of valve."""
+    if muscle.valve.kind == "pressure_regulator":
+        return RegulatorLoop(rig, muscle)
+    return FlowValveLoop(rig, muscle, gas_space)

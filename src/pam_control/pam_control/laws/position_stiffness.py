@@ -1,0 +1,110 @@
+"""Position and stiffness of antagonistic joints at once: the model-based law.
+
+Torque = inverse dynamics of the reference + PID; (torque, stiffness) -> two pressures by the
+joint's exact inverse, taken at the REFERENCE position: so the muscles' own passive stiffness
+pulls the joint to the reference without any delay, and the PID only corrects the rest. What the
+pressures cannot reach goes back to the integrator.
+
+With the feedforward off the torque is the PID's alone and the inverse is taken at the measured
+position, which makes the muscles ideal torque sources; the gains are then designed for that loop
+in the same way.
+"""
+
+from __future__ import annotations
+
+from pam_control.control_step import PlanRequest, PressurePlan
+from pam_control.controller import Controller
+from pam_control.feedback.gain_design import LoopCase
+from pam_control.feedback.linear_joint import LoopStructure
+from pam_control.feedback.operating_points import operating_grid
+from pam_control.joint_channel import JointChannel, Pair
+from pam_control.settings import ControlSettings
+
+
+class PositionStiffnessController(Controller):
+    """The model-based law; see the module."""
+
+    def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
+        """Over the joint's range and the stiffness grid."""
+        gain = settings.pressure_gain or 0.0
+        points = operating_grid(channel.joint, channel.model, settings.stiffness_grid)
+        return [
+            LoopCase(
+                point,
+                LoopStructure(gain, point.per_torque)
+                if settings.feedforward
+                else LoopStructure(gain, point.per_torque, point.per_position, True),
+            )
+            for point in points
+        ]
+
+    def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
+        position = channel.inside(position)
+        stiffness = channel.model.stiffness(*pressures, position)
+        torque = channel.model.torque(*pressures, position)
+        if self.settings.feedforward:
+            torque -= channel.dynamics.gravity(position)
+        limit = self.settings.integral_limit
+        channel.pid.reset(max(-limit, min(limit, torque)))
+        channel.telemetry.stiffness = stiffness
+
+    def _plan(self, request: PlanRequest) -> PressurePlan:
+        channel = request.channel
+        settings, telemetry = self.settings, channel.telemetry
+        reach = settings.stiffness_rate * request.step
+        change = self.stiffness_commands[request.index] - telemetry.stiffness
+        stiffness = telemetry.stiffness + max(-reach, min(reach, change))
+        rate = ahead = (0.0, 0.0)
+        if settings.feedforward:
+            now, then = request.now, request.then
+            before = channel.plans[-1][1] if channel.plans else channel.desired
+            added = channel.history.advance(request.acts_at, then.position, before)
+            planned = channel.model.pressures_for(
+                channel.dynamics.torque(then) - added, stiffness, then.position
+            )
+            goal = (planned.agonist, planned.antagonist)
+            rate = self._rates(request, goal)
+            channel.plans.append((request.acts_at, goal, stiffness, added))
+            then_planned, wanted_stiffness, added = channel.plan_at(request.measured_at)
+            goals = [
+                goal[side] if at == request.acts_at else channel.plan_at(at)[0][side]
+                for side, at in enumerate(request.side_acts_at)
+            ]
+            ahead = (goals[0] - then_planned[0], goals[1] - then_planned[1])
+            torque = channel.dynamics.torque(now) - added + request.output
+            position = now.position
+            velocities = request.side_velocities
+        else:
+            torque, wanted_stiffness = request.output, stiffness
+            position = channel.position
+            velocities = (channel.velocity, channel.velocity)
+        reached = channel.model.pressures_for(torque, wanted_stiffness, position)
+        clipped = []
+        if reached.torque_limited:
+            clipped.append("torque")
+        if reached.stiffness_limited:
+            clipped.append("stiffness")
+        telemetry.torque, telemetry.stiffness = torque, stiffness
+        telemetry.torque_reached = reached.torque
+        telemetry.stiffness_reached = reached.stiffness
+        telemetry.clipped = tuple(clipped)
+        missed = reached.torque - torque if reached.torque_limited else 0.0
+        pressures = (reached.agonist, reached.antagonist)
+        return PressurePlan(pressures, rate, ahead, velocities, missed)
+
+    @staticmethod
+    def _rates(request: PlanRequest, goal: Pair) -> Pair:
+        """Rates [Pa/s] at which the planned pressures move when each valve acts."""
+        channel = request.channel
+        if not channel.plans or request.acts_at <= channel.plans[-1][0]:
+            return 0.0, 0.0
+        before = channel.plans[-1]
+        span = request.acts_at - before[0]
+        rates = []
+        for side, at in enumerate(request.side_acts_at):
+            if at == request.acts_at:
+                rates.append((goal[side] - before[1][side]) / span)
+            else:
+                late, early = channel.plan_at(at), channel.plan_at(at - span)
+                rates.append((late[0][side] - early[0][side]) / span)
+        return rates[0], rates[1]

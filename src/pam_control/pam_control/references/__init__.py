@@ -1,0 +1,1 @@
+"""What each joint should do: trajectories, streamed references, holding."""

@@ -1,0 +1,259 @@
+"""`python -m pam_gap close-loop`: a hidden effect, found over ROS, and tracking before and after.
+
+The demo runs on a simulated rig that does something its rig file does not say; its recording is
+diagnosed; the demo runs again with the improved rig file in every node, on the same rig. The page
+shows the tracking error of both runs, by the sensor and by the plant itself.
+
+Only the simulated rig is told what it hides. The diagnosis gets the recording without the ground
+truth, and the rig file of the first run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_demo.close_loop_page import write_page
+from pam_demo.figures import asked_position
+from pam_demo.motions import Motion, all_motions
+from pam_demo.recording import read_recording
+from pam_gap.diagnose import IMPROVED_RIG, diagnose
+from pam_model.errors import PamError
+from pam_model.rig import load_rig
+from pam_sim.rig import parse_effects
+from pam_sim.simulated_rig import apply_effects
+
+Array = npt.NDArray[np.float64]
+
+DEFAULT_EFFECT = "coulomb_friction.torque=0.5"
+ATTEMPTS = 3
+DEMO_TIMEOUT = 600.0  # s
+MEASURED, TRUE = "/joint_states", "/ground_truth/joint_states"
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedMotion:
+    """One motion of the demo as the joint went through it.
+
+    Attributes
+    ----------
+    name, title : str
+        Of the motion.
+    times, asked, measured : array, shape (n,)
+        From the first waypoint [s], [rad], by the sensor [rad].
+    true_times, true : array, shape (m,)
+        The plant's own position [s], [rad].
+    """
+
+    name: str
+    title: str
+    times: Array
+    asked: Array
+    measured: Array
+    true_times: Array
+    true: Array
+    true_asked: Array
+
+    @property
+    def error(self) -> Array:
+        """Asked less measured [rad]."""
+        return self.asked - self.measured
+
+    @property
+    def rms(self) -> float:
+        """Of the measured error [rad]."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def true_rms(self) -> float:
+        """Of the error of the true position [rad]."""
+        return float(np.sqrt(np.mean((self.true_asked - self.true) ** 2)))
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedLoopFigure:
+    """RMS tracking error of one motion before and after [rad]."""
+
+    motion: str
+    before: float
+    after: float
+    true_before: float
+    true_after: float
+
+
+def run_demo(
+    out: Path, rig: Path, effects: Sequence[str], *, true_rig: Path | None = None, can: str = ""
+) -> Path:
+    """Run the short demo as a process of its own; the folder it filled.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for its recording and log.
+    rig : Path
+        What driver, model and controller believe.
+    effects : sequence of str
+        What the plant hides, `effect.parameter=value`.
+    true_rig : Path, optional
+        The plant's own rig file, before the effects; default `rig`.
+    can : str, optional
+        CAN interface; default as the demo chooses.
+
+    Raises
+    ------
+    PamError
+        When it fails `ATTEMPTS` times, with its last words.
+    """
+    command = [sys.executable, "-m", "pam_demo", "--short", "--rig", str(rig)]
+    command += ["--out", str(out), "--true-effects", *effects]
+    if true_rig is not None:
+        command += ["--true-rig", str(true_rig)]
+    if can:
+        command += ["--can", can]
+    out.mkdir(parents=True, exist_ok=True)
+    said = ""
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            ended = subprocess.run(
+                command, capture_output=True, text=True, timeout=DEMO_TIMEOUT, check=False
+            )
+        except subprocess.TimeoutExpired:
+            said = f"not done after {DEMO_TIMEOUT:g} s"
+            continue
+        said = (ended.stdout + ended.stderr).strip()
+        (out / "demo.log").write_text(said)
+        if ended.returncode == 0:
+            return out
+        print(f"demo, attempt {attempt} of {ATTEMPTS}: {said.splitlines()[-1:]}", file=sys.stderr)
+    last = " ".join(said.splitlines()[-3:])
+    raise PamError(f"{out}: the demo failed {ATTEMPTS} times: {last}")
+
+
+def tracked_motions(folder: Path) -> list[TrackedMotion]:
+    """The motions in a demo's folder.
+
+    Raises
+    ------
+    PamError
+        When its recording lacks a topic or cannot be read.
+    """
+    runs: list[dict[str, Any]] = json.loads((folder / "runs.json").read_text())
+    motions: Mapping[str, Motion] = {motion.name: motion for motion in all_motions()}
+    data = read_recording(folder / "bag")
+    for topic in (MEASURED, TRUE):
+        if topic not in data:
+            raise PamError(f"{folder / 'bag'}: nothing was recorded on {topic}")
+    found = []
+    for run in runs:
+        motion = motions[run["motion"]]
+        window = run["start"], run["start"] + motion.duration
+        measured, true = data[MEASURED].between(*window), data[TRUE].between(*window)
+        times, true_times = measured.times - run["start"], true.times - run["start"]
+        found.append(
+            TrackedMotion(
+                motion.name,
+                motion.title,
+                times,
+                asked_position(motion, times),
+                measured.values[:, 0],
+                true_times,
+                true.values[:, 0],
+                asked_position(motion, true_times),
+            )
+        )
+    return found
+
+
+def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -> Path:
+    """All of it; the page.
+
+    Parameters
+    ----------
+    rig : Path
+        Rig file of one joint, or whose first joint the demo moves.
+    effects : sequence of str
+        What the simulated rig hides, `effect.parameter=value`.
+    out : Path
+        Folder for everything.
+    can : str, optional
+        CAN interface of both runs.
+
+    Raises
+    ------
+    PamError
+        For a rig file or an effect that cannot be used, or a demo that fails.
+    """
+    written = load_rig(rig)
+    apply_effects(written, written, parse_effects(effects))
+    rig = rig.resolve()
+    print(f"1/4 demo, hidden: {', '.join(effects)}")
+    before = run_demo(out / "before", rig, effects, can=can)
+    print("2/4 diagnosis of its recording")
+    joint = written.joint_names[0]
+    (diagnosis,) = diagnose([before / "bag"], rig, out / "diagnosis", joint=joint)
+    print(f"    {diagnosis.sentence}")
+    improved = out / "diagnosis" / IMPROVED_RIG
+    after = None
+    if diagnosis.improved is not None:
+        print("3/4 demo with the improved rig file, on the same rig")
+        after = run_demo(out / "after", improved.resolve(), effects, true_rig=rig, can=can)
+    else:
+        print("3/4 no improved rig file: nothing to run again")
+    print("4/4 page")
+    first = tracked_motions(before)
+    second = tracked_motions(after) if after is not None else []
+    figures = [
+        ClosedLoopFigure(one.name, one.rms, two.rms, one.true_rms, two.true_rms)
+        for one, two in zip(first, second, strict=False)
+    ]
+    (out / "close_loop.json").write_text(
+        json.dumps(
+            {
+                "hidden": list(effects),
+                "diagnosis": diagnosis.to_json(),
+                "tracking": [asdict(figure) for figure in figures],
+                "unit": "rad",
+            },
+            indent=1,
+        )
+    )
+    page = out / "close_loop.html"
+    write_page(page, effects, diagnosis, first, second, figures)
+    for figure in figures:
+        print(
+            f"{figure.motion}: RMS error {1e3 * figure.before:.2f} -> {1e3 * figure.after:.2f} "
+            f"mrad measured, {1e3 * figure.true_before:.2f} -> {1e3 * figure.true_after:.2f} true"
+        )
+    print(f"written: {page}")
+    return page
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument(
+        "--rig", type=Path, default=Path("config/elbow.yaml"), help="rig file its owner believes"
+    )
+    parser.add_argument(
+        "--hide",
+        nargs="+",
+        default=[DEFAULT_EFFECT],
+        metavar="EFFECT.PARAMETER=VALUE",
+        help=f"what the simulated rig does beside it (default {DEFAULT_EFFECT})",
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/close_loop"), help="folder")
+    parser.add_argument("--can", default="", metavar="INTERFACE", help="CAN interface, e.g. vcan0")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    close_loop(arguments.rig, arguments.hide, arguments.out, can=arguments.can)
+    return 0

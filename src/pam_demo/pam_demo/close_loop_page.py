@@ -1,0 +1,147 @@
+"""The page of a closed loop: one HTML file with verdict, tracking before and after, and plots."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from pam_gap.answer.diagnosis import Diagnosis
+
+if TYPE_CHECKING:
+    from pam_demo.close_loop import ClosedLoopFigure, TrackedMotion
+
+ASKED, BEFORE, AFTER = "#1d2433", "#d1495b", "#00798c"
+STYLE: Any = {  # matplotlib's own type lists every key
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.edgecolor": "#9aa3b2",
+    "grid.color": "#eceef2",
+    "legend.frameon": False,
+    "font.size": 9.5,
+    "lines.linewidth": 1.1,
+    "svg.hashsalt": "close-loop",
+}
+TEMPLATE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>From a gap to better tracking</title>
+<style>
+body { margin: 0; background: #f4f5f8; color: #1d2433;
+  font: 16px/1.5 system-ui, "Segoe UI", Roboto, sans-serif; }
+main { max-width: 1000px; margin: 0 auto; padding: 2.2rem 1.25rem 3rem; }
+h1 { font-size: 1.7rem; margin: 0 0 .4rem; } h2 { font-size: 1.15rem; margin: 0 0 .5rem; }
+section { background: #fff; border: 1px solid #dfe3ea; border-radius: 10px;
+  padding: 1.1rem 1.3rem; margin: 0 0 1.1rem; }
+.verdict { font-size: 1.12rem; } .dim { color: #5d6778; font-size: .92rem; }
+table { border-collapse: collapse; width: 100%; }
+th { text-align: left; color: #5d6778; font-weight: 600; border-bottom: 1px solid #dfe3ea; }
+th, td { padding: .3rem .5rem; } td.n, th.n { text-align: right;
+  font-variant-numeric: tabular-nums; } img { display: block; width: 100%; }
+.good { color: #1a7f4b; } .bad { color: #b3261e; }
+</style></head><body><main>
+<h1>From a gap to better tracking</h1>
+<p class="dim">A simulated rig on a CAN bus with driver, model and controller as processes. It hides
+<b>{{ hidden }}</b> from its rig file. The recording of the first run was diagnosed{% if figures %};
+the second run is the same rig with the improved rig file in every node{% endif %}.</p>
+<section><h2>Verdict</h2><p class="verdict">{{ diagnosis.sentence }}</p>
+{% if parameters %}
+<table><tr><th>parameter</th><th class="n">found</th><th class="n">90 % interval</th>
+<th>unit</th></tr>
+{% for row in parameters %}<tr><td>{{ row[0] }}</td><td class="n">{{ row[1] }}</td>
+<td class="n">{{ row[2] }} to {{ row[3] }}</td><td>{{ row[4] }}</td></tr>{% endfor %}</table>
+{% endif %}</section>
+<section><h2>Tracking error, RMS</h2>
+{% if figures %}<table><tr><th>motion</th><th class="n">before [mrad]</th>
+<th class="n">after [mrad]</th><th class="n">after/before</th><th class="n">true, before</th>
+<th class="n">true, after</th></tr>
+{% for f in figures %}<tr><td>{{ titles[f.motion] }}</td>
+<td class="n">{{ "%.2f"|format(1e3 * f.before) }}</td>
+<td class="n">{{ "%.2f"|format(1e3 * f.after) }}</td>
+<td class="n {{ 'good' if f.after < f.before else 'bad' }}">{{ "%.2f"|format(f.after/f.before) }}
+</td><td class="n">{{ "%.2f"|format(1e3 * f.true_before) }}</td>
+<td class="n">{{ "%.2f"|format(1e3 * f.true_after) }}</td></tr>{% endfor %}</table>
+<p class="dim">Measured: asked angle less joint_states. True: asked less the plant's own angle,
+which neither controller nor diagnosis saw.</p>
+{% else %}<p>The diagnosis found nothing to put into the rig file; there was no second run.</p>
+{% endif %}</section>
+{% for title, svg in plots %}<section><h2>{{ title }}</h2>
+<img alt="{{ title }}" src="data:image/svg+xml;base64,{{ svg }}"></section>{% endfor %}
+<p class="dim">The full diagnosis: <a href="diagnosis/report.html">diagnosis/report.html</a>.</p>
+</main></body></html>
+"""
+
+
+def _plot(before: TrackedMotion, after: TrackedMotion | None) -> str:
+    with mpl.rc_context(STYLE):
+        canvas = Figure(figsize=(9.0, 4.6), layout="constrained")
+        top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        top.plot(before.times, before.asked, color=ASKED, label="asked")
+        top.plot(before.times, before.measured, color=BEFORE, label="before")
+        bottom.plot(before.times, 1e3 * before.error, color=BEFORE)
+        if after is not None:
+            top.plot(after.times, after.measured, color=AFTER, label="after")
+            bottom.plot(after.times, 1e3 * after.error, color=AFTER)
+        top.set_ylabel("position [rad]")
+        bottom.set_ylabel("error [mrad]")
+        bottom.set_xlabel("time [s]")
+        top.legend(loc="upper right", ncols=3)
+        buffer = io.BytesIO()
+        canvas.savefig(buffer, format="svg", metadata={"Date": None})
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def write_page(
+    path: Path,
+    hidden: Sequence[str],
+    diagnosis: Diagnosis,
+    before: Sequence[TrackedMotion],
+    after: Sequence[TrackedMotion],
+    figures: Sequence[ClosedLoopFigure],
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    hidden : sequence of str
+        What the rig hid.
+    diagnosis : Diagnosis
+        Of the first run.
+    before, after : sequence of TrackedMotion
+        Of both runs; `after` may be empty.
+    figures : sequence of ClosedLoopFigure
+        Their errors.
+    """
+    seconds = {motion.name: motion for motion in after}
+    parameters = [
+        (
+            f"{effect}.{name}",
+            f"{found.interval.value:.4g}",
+            f"{found.interval.low:.4g}",
+            f"{found.interval.high:.4g}",
+            found.unit,
+        )
+        for effect, values in diagnosis.parameters.items()
+        for name, found in values.items()
+    ]
+    page = jinja2.Environment(autoescape=True).from_string(TEMPLATE)
+    path.write_text(
+        page.render(
+            hidden=", ".join(hidden),
+            diagnosis=diagnosis,
+            parameters=parameters,
+            figures=figures,
+            titles={motion.name: motion.title for motion in before},
+            plots=[(motion.title, _plot(motion, seconds.get(motion.name))) for motion in before],
+        ),
+        encoding="utf-8",
+    )

@@ -1,0 +1,372 @@
+"""What the demo achieved, computed from its recording alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.interpolate import BPoly
+
+from pam_control.settings import ControlSettings
+from pam_demo.motions import Motion, Window
+from pam_demo.recording import Array, Series, read_loop_counts, read_recording
+from pam_model.errors import PamError
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.rig import Rig
+
+PERIOD = 0.002  # s, of the loops
+LATE = 0.001  # s
+AVERAGED = 0.05  # s, over which a stiffness is averaged
+SETTLING = 0.25  # s after the controller has brought the stiffness it asks for to a new level
+REACHED = 0.01  # a stiffness the pressures give within this part counts as reachable
+SETTLED = 0.02  # rad
+NAMES = {
+    "full": "full controller",
+    "no_feedforward": "feedforward off",
+    "pressure_ratio_pid": "pressure-ratio PID",
+}
+NEEDED = ("/joint_states", "/pressure_states", "/valve_commands", "/joint_stiffness")
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One number with its target.
+
+    Attributes
+    ----------
+    key, text, unit : str
+        For machines, for people, "-" for none.
+    value : float
+        In `unit`.
+    target : float or None
+        None: shown for information.
+    at_least : bool
+        The target is a lower bound, not an upper one.
+    """
+
+    key: str
+    text: str
+    value: float
+    unit: str
+    target: float | None = None
+    at_least: bool = False
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the target is met; None without a target."""
+        if self.target is None:
+            return None
+        return self.value >= self.target if self.at_least else self.value <= self.target
+
+
+@dataclass(frozen=True, slots=True)
+class Play:
+    """One motion as one law played it; times count from its first waypoint.
+
+    Attributes
+    ----------
+    law : str
+        A key of NAMES.
+    motion : Motion
+        What was asked.
+    times, asked, measured : array, shape (n,)
+        [s], [rad], [rad].
+    pressures, valves, stiffness : Series
+        [Pa], command of the valve, [N m/rad].
+    """
+
+    law: str
+    motion: Motion
+    times: Array
+    asked: Array
+    measured: Array
+    pressures: Series
+    valves: Series
+    stiffness: Series
+
+    @property
+    def error(self) -> Array:
+        """Asked less measured [rad]."""
+        return self.asked - self.measured
+
+    def rms(self, windows: tuple[Window, ...]) -> float:
+        """Root mean square of the error inside any of the windows [rad]."""
+        inside = np.zeros(len(self.times), dtype=bool)
+        for window in windows:
+            inside |= (self.times >= window.start) & (self.times <= window.end)
+        return float(np.sqrt(np.mean(self.error[inside] ** 2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Everything the page and the JSON file show.
+
+    Attributes
+    ----------
+    figures : list of Figure
+        In order of interest.
+    plays : list of Play
+        In the order played.
+    periods : dict of str to array
+        By topic, time between stamps [s].
+    notes : list of str
+        What a reader must know to read the figures rightly.
+    """
+
+    figures: list[Figure]
+    plays: list[Play]
+    periods: dict[str, Array]
+    notes: list[str] = field(default_factory=list)
+
+    def as_json(self) -> dict[str, Any]:
+        """Figures and notes as plain data."""
+        return {
+            "figures": [{**asdict(figure), "met": figure.met} for figure in self.figures],
+            "notes": self.notes,
+        }
+
+
+def asked_position(motion: Motion, times: Array) -> Array:
+    """What a motion asks for at `times` [s from its first waypoint], in rad."""
+    if motion.streamed:
+        index = np.searchsorted(motion.times, times, side="right") - 1
+        return motion.positions[np.clip(index, 0, len(motion.times) - 1)]
+    knots = np.stack([motion.positions, motion.velocities, motion.accelerations], axis=1)
+    knots[[0, -1], 1:] = 0.0
+    spline = BPoly.from_derivatives(motion.times, knots)
+    return np.asarray(spline(np.clip(times, motion.times[0], motion.times[-1])))
+
+
+def asked_stiffness(motion: Motion, times: Array) -> Array:
+    """What stiffness a motion asks for at `times` [s], in N m/rad."""
+    starts = [entry[0] for entry in motion.stiffness]
+    index = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
+    return np.asarray([entry[1] for entry in motion.stiffness])[index]
+
+
+def _play(law: str, motion: Motion, start: float, data: Mapping[str, Series]) -> Play:
+    def part(topic: str) -> Series:
+        series = data[topic].between(start, start + motion.duration)
+        if not len(series.times):
+            raise PamError(f"{topic}: nothing was recorded during {motion.title!r} ({law})")
+        return Series(series.times - start, series.values)
+
+    joint = part("/joint_states")
+    return Play(
+        law,
+        motion,
+        joint.times,
+        asked_position(motion, joint.times),
+        joint.values[:, 0],
+        part("/pressure_states"),
+        part("/valve_commands"),
+        part("/joint_stiffness"),
+    )
+
+
+def _means(series: Series) -> Array:
+    """Moving means over AVERAGED seconds of the first element."""
+    count = max(round(AVERAGED / float(np.median(np.diff(series.times)))), 1)
+    return np.convolve(series.values[:, 0], np.full(count, 1.0 / count), "valid")
+
+
+def _stiffness_figures(play: Play, rig: Rig) -> tuple[list[Figure], list[str]]:
+    """Worst deviation of the settled levels, and which levels the pressures cannot reach."""
+    joint = AntagonisticJoint.from_rig(rig, rig.joints[0].name)
+    position = float(np.mean(play.measured))
+    spec = rig.joints[0]
+    torque = spec.gravity_torque * float(np.sin(position - spec.gravity_angle))
+    worst, notes = 0.0, []
+    rate = ControlSettings().stiffness_rate
+    ends = [entry[0] for entry in play.motion.stiffness[1:]] + [play.motion.duration]
+    before = play.motion.stiffness[0][1]
+    for (start, level), end in zip(play.motion.stiffness, ends, strict=True):
+        ramp, before = abs(level - before) / rate, level
+        reach = joint.pressures_for(torque, level, position).stiffness
+        if abs(reach - level) > REACHED * level:
+            notes.append(
+                f"{level:g} N m/rad cannot be reached at {position:.2f} rad (the pressures "
+                f"give {reach:.1f}), so it is not scored."
+            )
+            continue
+        settled = _means(play.stiffness.between(start + ramp + SETTLING, end))
+        worst = max(worst, float(np.max(np.abs(settled - level))) / level)
+    text = f"stiffness: worst deviation (50 ms mean) on {len(ends) - len(notes)} levels"
+    return [Figure("stiffness_deviation", text, 100.0 * worst, "%", 5.0)], notes
+
+
+def _step_figures(play: Play) -> list[Figure]:
+    """Overshoot and settling time over all steps."""
+    jumps = np.flatnonzero(np.diff(play.motion.positions)) + 1
+    starts = [0.0, *play.motion.times[jumps]]
+    overshoot, settling = 0.0, 0.0
+    for index in range(1, len(starts)):
+        begin = starts[index]
+        end = starts[index + 1] if index + 1 < len(starts) else play.motion.duration
+        inside = (play.times >= begin) & (play.times < end)
+        target = float(play.motion.positions[jumps[index - 1]])
+        height = target - float(play.motion.positions[jumps[index - 1] - 1])
+        past = (play.measured[inside] - target) / height
+        overshoot = max(overshoot, float(np.max(past)))
+        outside = np.flatnonzero(np.abs(play.measured[inside] - target) > SETTLED)
+        if len(outside):
+            settling = max(settling, float(play.times[inside][outside[-1]]) - begin)
+    return [
+        Figure("step_overshoot", "steps: largest overshoot", 100.0 * overshoot, "%"),
+        Figure("step_settling", f"steps: longest time to within {SETTLED:g} rad", settling, "s"),
+    ]
+
+
+def _periods(plays: list[tuple[float, Motion]], series: Series) -> Array:
+    parts = [
+        np.diff(series.between(start, start + motion.duration).times) for start, motion in plays
+    ]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def _truth_figures(
+    runs: list[dict[str, Any]], motions: Mapping[str, Motion], data: Mapping[str, Series]
+) -> list[Figure]:
+    """The arm's motion against the plant's own angle, which no sensor has touched."""
+    truth = data.get("/ground_truth/joint_states")
+    run = next(run for run in runs if (run["law"], run["motion"]) == ("full", "arm"))
+    if truth is None:
+        return []
+    motion, start = motions["arm"], run["start"]
+    part = truth.between(start, start + motion.duration)
+    times = part.times - start
+    scored = np.zeros(len(times), dtype=bool)
+    for window in motion.windows:
+        scored |= (times >= window.start) & (times <= window.end)
+    error = (asked_position(motion, times) - part.values[:, 0])[scored]
+    text = "real-arm motion, RMS error of the true angle"
+    return [Figure("arm_rms_truth", text, float(np.sqrt(np.mean(error**2))), "rad")]
+
+
+def _loop_figures(periods: Array, counts: Series, full: list[tuple[float, Motion]]) -> list[Figure]:
+    """Lateness of both loops while the full controller played."""
+    late = 100.0 * float(np.mean(periods > PERIOD + LATE))
+    figures = [
+        Figure(
+            "controller_late",
+            f"controller loop: periods more than {1e3 * LATE:g} ms late",
+            late,
+            "%",
+            1.0,
+        ),
+        Figure(
+            "controller_rate", "controller loop: mean rate", 1.0 / float(np.mean(periods)), "Hz"
+        ),
+    ]
+    start, motion = full[-1]
+    counted = counts.between(full[0][0], start + motion.duration)
+    if len(counted.times) > 1:
+        cycles, behind, skipped = counted.values[-1] - counted.values[0]
+        share = 100.0 * float((behind + skipped) / (cycles + skipped))
+        text = f"driver loop: cycles more than {1e3 * LATE:g} ms late"
+        figures.append(Figure("driver_late", text, share, "%", 1.0))
+        rate = float(cycles / (counted.times[-1] - counted.times[0]))
+        figures.append(Figure("driver_rate", "driver loop: mean rate", rate, "Hz"))
+    return figures
+
+
+def evaluate(
+    bag: Path, runs: list[dict[str, Any]], motions: Mapping[str, Motion], rig: Rig
+) -> Results:
+    """Read the recording and compute everything.
+
+    Parameters
+    ----------
+    bag : Path
+        The recording.
+    runs : list of dict
+        What was played: "law", "motion", "start" [s since the epoch].
+    motions : mapping of str to Motion
+        By name.
+    rig : Rig
+        That was controlled.
+
+    Raises
+    ------
+    PamError
+        If a topic or a part of the recording is missing.
+    """
+    data = read_recording(bag)
+    for topic in NEEDED:
+        if topic not in data:
+            raise PamError(f"{bag}: nothing was recorded on {topic}")
+    plays = [_play(run["law"], motions[run["motion"]], run["start"], data) for run in runs]
+    by = {(play.law, play.motion.name): play for play in plays}
+    full = [(run["start"], motions[run["motion"]]) for run in runs if run["law"] == "full"]
+    notes: list[str] = []
+
+    arm, chirp = by["full", "arm"], by["full", "chirp"]
+    to_1, to_2 = (chirp.motion.windows[:1], chirp.motion.windows[1:])
+    figures = [
+        Figure("arm_rms", "real-arm motion, RMS error", arm.rms(arm.motion.windows), "rad", 0.01),
+        Figure("chirp_1hz_rms", "chirp to 1 Hz, RMS error", chirp.rms(to_1), "rad", 0.015),
+        Figure("chirp_2hz_rms", "chirp to 2 Hz, RMS error", chirp.rms(to_2), "rad"),
+    ]
+    if ("full", "staircase") in by:
+        more, notes_here = _stiffness_figures(by["full", "staircase"], rig)
+        figures += more
+        notes += notes_here
+    for law in ("no_feedforward", "pressure_ratio_pid"):
+        for name, windows in (("arm", arm.motion.windows), ("chirp", to_2)):
+            if (law, name) not in by:
+                continue
+            rms = by[law, name].rms(windows)
+            text = f"{by[law, name].motion.title}: RMS error of {NAMES[law]}"
+            ratio = rms / by["full", name].rms(windows)
+            figures.append(Figure(f"{name}_rms_{law}", text, rms, "rad"))
+            text = f"{by[law, name].motion.title}: times the error of the full controller"
+            figures.append(Figure(f"{name}_ratio_{law}", text, ratio, "-", 3.0, True))
+    if ("full", "steps") in by:
+        figures += _step_figures(by["full", "steps"])
+    if ("full", "staircase") in by:
+        held = by["full", "staircase"]
+        figures.append(
+            Figure("staircase_rms", "held angle, RMS error", held.rms(held.motion.windows), "rad")
+        )
+    figures += _truth_figures(runs, motions, data)
+    periods = {"/valve_commands": _periods(full, data["/valve_commands"])}
+    figures += _loop_figures(periods["/valve_commands"], read_loop_counts(bag, "pam_driver"), full)
+    for run in runs:
+        title = motions[run["motion"]].title
+        for reason in run.get("repeats", []):
+            notes.append(
+                f"{title}, {NAMES[run['law']]}: played again, since the driver had vented "
+                f"({reason}). A busy host does that."
+            )
+    notes.append(
+        "The arm's motion has no time stamps; 20 samples a second are assumed. Its angles are "
+        "used as they are, neither scaled nor shifted."
+    )
+    return Results(figures, plays, periods, notes)
+
+
+def target_text(figure: Figure) -> str:
+    """The target for people, empty without one."""
+    if figure.target is None:
+        return ""
+    return f"{'at least' if figure.at_least else 'at most'} {figure.target:g}"
+
+
+def show(results: Results, console: Console) -> None:
+    """Print the table of figures."""
+    table = Table(title="What the recording shows")
+    for name, justify in (("", "left"), ("value", "right"), ("unit", "left"), ("target", "left")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for figure in results.figures:
+        style = {None: "", True: "green", False: "red"}[figure.met]
+        table.add_row(
+            figure.text, f"{figure.value:.3g}", figure.unit, target_text(figure), style=style
+        )
+    console.print(table)
+    for note in results.notes:
+        console.print(f"- {note}", highlight=False)

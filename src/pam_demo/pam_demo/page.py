@@ -1,0 +1,217 @@
+"""The demo's page: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from pam_demo.figures import (
+    LATE,
+    NAMES,
+    PERIOD,
+    Figure,
+    Play,
+    Results,
+    asked_stiffness,
+    target_text,
+)
+from pam_demo.recording import Array
+
+COLOURS = {"full": "#1f5fbf", "no_feedforward": "#d9822b", "pressure_ratio_pid": "#8e5bb5"}
+ASKED = "#1d2433"
+PAIR = ("#c2452d", "#2d8a8a")
+POINTS = 1500  # per line: more than the page has pixels
+STYLE: Any = {  # matplotlib's own type lists every key
+    "font.family": "sans-serif",
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9aa3b2",
+    "axes.labelcolor": "#5d6778",
+    "xtick.color": "#5d6778",
+    "ytick.color": "#5d6778",
+    "axes.grid": True,
+    "grid.color": "#eceef2",
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "demo",
+}
+HEADLINE = (
+    "arm_rms",
+    "chirp_1hz_rms",
+    "stiffness_deviation",
+    "arm_ratio_no_feedforward",
+    "arm_ratio_pressure_ratio_pid",
+    "controller_late",
+)
+
+
+def _line(axes: Axes, times: Array, values: Array, **style: Any) -> None:
+    """Plot no more points than can be seen, keeping each interval's extremes."""
+    if len(times) > POINTS:
+        width = -(-2 * len(times) // POINTS)
+        count = len(times) // width
+        blocks = values[: count * width].reshape(count, width)
+        rows = np.arange(count) * width
+        keep = np.sort(np.concatenate([rows + blocks.argmin(1), rows + blocks.argmax(1)]))
+        times, values = times[keep], values[keep]
+    axes.plot(times, values, **style)
+
+
+def _motion_plot(plays: list[Play], muscles: tuple[str, ...]) -> Canvas:
+    """One column of axes for one motion: angle, error, stiffness, pressures, valves."""
+    first = plays[0]
+    canvas = Canvas(figsize=(10.4, 9.0), layout="constrained")
+    rows = canvas.subplots(5, 1, sharex=True, height_ratios=[2.2, 1.4, 1.2, 1.2, 1.0])
+    angle, error, stiffness, pressure, valve = rows
+    for play in reversed(plays):
+        colour, name = COLOURS[play.law], NAMES[play.law]
+        _line(angle, play.times, play.measured, color=colour, label=name)
+        _line(error, play.times, 1e3 * play.error, color=colour, label=name)
+    _line(
+        angle, first.times, first.asked, color=ASKED, linestyle="--", linewidth=1.0, label="asked"
+    )
+    angle.set_ylabel("angle [rad]")
+    error.set_ylabel("error [mrad]")
+    times = first.stiffness.times
+    _line(stiffness, times, first.stiffness.values[:, 0], color=COLOURS["full"], label="delivered")
+    _line(
+        stiffness,
+        times,
+        asked_stiffness(first.motion, times),
+        color=ASKED,
+        linestyle="--",
+        linewidth=1.0,
+        label="asked",
+    )
+    stiffness.set_ylabel("stiffness\n[N m/rad]")
+    stiffness.set_ylim(bottom=0.0)
+    for element, (colour, name) in enumerate(zip(PAIR, muscles, strict=False)):
+        _line(
+            pressure,
+            first.pressures.times,
+            first.pressures.values[:, element] / 1e5,
+            color=colour,
+            label=name,
+        )
+        _line(
+            valve,
+            first.valves.times,
+            first.valves.values[:, element],
+            color=colour,
+            label=name,
+            linewidth=0.8,
+        )
+    pressure.set_ylabel("pressure\n[bar gauge]")
+    valve.set_ylabel("valve\n[-1..1]")
+    valve.set_xlabel("time [s]")
+    for axes in (angle, stiffness, pressure):
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.3)
+    angle.set_xlim(0.0, first.motion.duration)
+    canvas.align_ylabels(rows)
+    return canvas
+
+
+def _histogram(results: Results) -> Canvas:
+    canvas = Canvas(figsize=(10.4, 2.6), layout="constrained")
+    columns = canvas.subplots(1, len(results.periods), squeeze=False)[0]
+    edges = np.linspace(0.0, 3.0 * PERIOD, 121)
+    for axes, (topic, periods) in zip(columns, results.periods.items(), strict=True):
+        inside = np.clip(periods, edges[0], edges[-1])
+        axes.hist(1e3 * inside, bins=1e3 * edges, color=COLOURS["full"])
+        axes.axvline(1e3 * (PERIOD + LATE), color=PAIR[0], linewidth=1.0)
+        axes.set_yscale("log")
+        axes.set_title(topic, fontsize=10)
+        axes.set_xlabel("time between stamps [ms]; the last bar holds all longer ones")
+    columns[0].set_ylabel("count")
+    return canvas
+
+
+def _svg(draw: Callable[[], Canvas]) -> str:
+    with mpl.rc_context(STYLE):
+        buffer = io.BytesIO()
+        draw().savefig(buffer, format="svg", metadata={"Date": None})
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def write_picture(path: Path, results: Results, muscles: tuple[str, ...]) -> Path:
+    """Write the arm's motion as one picture, as README shows it.
+
+    Parameters
+    ----------
+    path : Path
+        PNG file to write.
+    results : Results
+        Its first motion is shown, by every law that played it.
+    muscles : tuple of str
+        In the order of the recorded arrays.
+
+    Returns
+    -------
+    Path
+        The same.
+    """
+    first = results.plays[0].motion.name
+    plays = [play for play in results.plays if play.motion.name == first]
+    with mpl.rc_context(STYLE):
+        canvas = _motion_plot(plays, muscles)
+        canvas.suptitle(plays[0].motion.title, fontsize=12)
+        canvas.savefig(path, dpi=110)
+    return path
+
+
+def _css(figure: Figure) -> str:
+    return {None: "", True: "good", False: "bad"}[figure.met]
+
+
+def write_page(path: Path, results: Results, bus: str, muscles: tuple[str, ...]) -> Path:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    results : Results
+        What it shows.
+    bus : str
+        Which bus, for people.
+    muscles : tuple of str
+        In the order of the recorded arrays.
+
+    Returns
+    -------
+    Path
+        The same.
+    """
+    plots = []
+    for motion in dict.fromkeys(play.motion.name for play in results.plays):
+        plays = [play for play in results.plays if play.motion.name == motion]
+        svg = _svg(lambda plays=plays: _motion_plot(plays, muscles))  # type: ignore[misc]
+        plots.append({"title": plays[0].motion.title, "svg": svg})
+    plots.append({"title": "Loop period", "svg": _svg(lambda: _histogram(results))})
+    by_key = {figure.key: figure for figure in results.figures}
+    template = jinja2.Environment(autoescape=True).from_string(
+        Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
+    )
+    html = template.render(
+        bus=bus,
+        headline=[by_key[key] for key in HEADLINE if key in by_key],
+        figures=results.figures,
+        notes=results.notes,
+        plots=plots,
+        number=lambda value: f"{value:.3g}",
+        target=target_text,
+        css=_css,
+    )
+    path.write_text(html, encoding="utf-8")
+    return path

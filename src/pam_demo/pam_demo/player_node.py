@@ -1,0 +1,222 @@
+"""Sends the demo's motions to the controller and says when each began."""
+
+from __future__ import annotations
+
+import time
+from bisect import bisect_right
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
+from pam_model.errors import PamError
+
+Progress = Callable[[float], None]
+TAIL = 0.3  # s, recorded after a motion's end
+ANSWER_TIMEOUT = 10.0  # s, for the driver's services
+
+
+class VentedError(PamError):
+    """The driver has vented by itself; the message has its reason."""
+
+
+class Player(Node):  # type: ignore[misc]
+    """Publishes references for the joints of a rig; all but the first hold still."""
+
+    def __init__(self, joints: tuple[str, ...]) -> None:
+        super().__init__("player")
+        self._joints = joints
+        self._trajectory = self.create_publisher(
+            JointTrajectory, "pam_controller/joint_trajectory", 1
+        )
+        self._stream = self.create_publisher(JointState, "pam_controller/commands", 1)
+        self._stiffness = self.create_publisher(
+            Float64MultiArray, "pam_controller/stiffness_commands", 1
+        )
+
+        self._fault = ""
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            if status.name == "pam_driver: safety":
+                self._fault = status.message if status.level == DiagnosticStatus.ERROR else ""
+
+    def wait_for_controller(self, timeout: float, check: Callable[[], None]) -> None:
+        """Wait until a controller listens and follows a reference.
+
+        Parameters
+        ----------
+        timeout : float
+            [s].
+        check : callable
+            Called often; raises if waiting has become pointless.
+
+        Raises
+        ------
+        PamError
+            If `timeout` passes.
+        """
+        heard: list[Any] = []
+        subscription = self.create_subscription(
+            JointState, "pam_controller/reference", heard.append, QoSProfile(depth=1)
+        )
+        deadline = time.monotonic() + timeout
+        publishers = (self._trajectory, self._stream, self._stiffness)
+        while not heard or not all(publisher.get_subscription_count() for publisher in publishers):
+            check()
+            if time.monotonic() > deadline:
+                raise PamError(
+                    f"no controller has begun to follow a reference within {timeout:g} s"
+                )
+            rclpy.spin_once(self, timeout_sec=0.1)
+        self.destroy_subscription(subscription)
+
+    def vent(self, check: Callable[[], None]) -> None:
+        """Tell the driver to vent, as it must be before its commands may stop."""
+        self._call(Trigger, "pam_driver/vent", Trigger.Request(), check)
+
+    def clear_faults(self, check: Callable[[], None]) -> None:
+        """Tell the driver to forget why it vented."""
+        self._call(Trigger, "pam_driver/clear_faults", Trigger.Request(), check)
+        self._fault = ""
+
+    def wait_for_driver(self, timeout: float, check: Callable[[], None]) -> None:
+        """Wait until the driver has heard every board and lets valves move.
+
+        Raises
+        ------
+        PamError
+            If `timeout` seconds pass.
+        """
+        deadline = time.monotonic() + timeout
+        while True:
+            try:
+                self._check_driver(check)
+                return
+            except VentedError as error:
+                if time.monotonic() > deadline:
+                    raise PamError(f"the driver has not become active: {error}") from None
+            time.sleep(0.1)
+
+    def _check_driver(self, check: Callable[[], None]) -> None:
+        state = self._call(GetState, "pam_driver/get_state", GetState.Request(), check)
+        if state.current_state.id != State.PRIMARY_STATE_ACTIVE:
+            raise VentedError(self._fault or f"the driver is {state.current_state.label}")
+
+    def activate(self, check: Callable[[], None]) -> None:
+        """Tell the driver that valves may move again."""
+        request = ChangeState.Request()
+        request.transition.id = Transition.TRANSITION_ACTIVATE
+        # venting has taken the node back to inactive, or will within its next turns
+        deadline = time.monotonic() + ANSWER_TIMEOUT
+        while not self._call(ChangeState, "pam_driver/change_state", request, check).success:
+            if time.monotonic() > deadline:
+                raise PamError("the driver cannot be activated; its log says why")
+            time.sleep(0.05)
+
+    def _call(self, kind: Any, name: str, request: Any, check: Callable[[], None]) -> Any:
+        client = self.create_client(kind, name)
+        deadline = time.monotonic() + ANSWER_TIMEOUT
+        while not client.service_is_ready() and time.monotonic() < deadline:
+            check()
+            rclpy.spin_once(self, timeout_sec=0.05)
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(
+            self, future, timeout_sec=max(deadline - time.monotonic(), 0.1)
+        )
+        self.destroy_client(client)
+        if not future.done():
+            raise PamError(f"{name}: no answer within {ANSWER_TIMEOUT:g} s")
+        return future.result()
+
+    def play(self, motion: Motion, check: Callable[[], None], progress: Progress) -> float:
+        """Play a motion to its end.
+
+        Parameters
+        ----------
+        motion : Motion
+            Of the first joint.
+        check : callable
+            Called often; raises to stop.
+        progress : callable
+            Told the seconds gone by.
+
+        Returns
+        -------
+        float
+            When its first waypoint was due [s since the epoch].
+
+        Raises
+        ------
+        VentedError
+            If the driver vents meanwhile.
+        """
+        self._check_driver(check)
+        begin = time.time() + 0.05
+        start = begin + APPROACH
+        self._send_trajectory(motion, begin)
+        stiffness_at = [entry[0] for entry in motion.stiffness]
+        sent = -1
+        length = APPROACH + motion.duration + TAIL
+        tick = begin
+        while (gone := time.time() - begin) < length:
+            check()
+            level = max(bisect_right(stiffness_at, gone - APPROACH) - 1, 0)
+            if level != sent:
+                self._send_stiffness(motion.stiffness[level][1])
+                sent = level
+            if motion.streamed and gone >= APPROACH:
+                self._send_position(motion, gone - APPROACH)
+            progress(max(gone, 0.0))
+            rclpy.spin_once(self, timeout_sec=0.0)
+            if self._fault:
+                raise VentedError(self._fault)
+            tick += 1.0 / WAYPOINT_RATE
+            time.sleep(max(tick - time.time(), 0.0))
+        self._check_driver(check)
+        return start
+
+    def _send_trajectory(self, motion: Motion, begin: float) -> None:
+        message = JointTrajectory(joint_names=list(self._joints[:1]))
+        seconds, fraction = divmod(begin, 1.0)
+        message.header.stamp.sec = int(seconds)
+        message.header.stamp.nanosec = int(fraction * 1e9)
+        count = 1 if motion.streamed else len(motion.times)
+        for index in range(count):
+            point = JointTrajectoryPoint(
+                positions=[float(motion.positions[index])],
+                velocities=[float(motion.velocities[index])],
+                accelerations=[float(motion.accelerations[index])],
+            )
+            # The motion's own end points are at rest; rounding must not say otherwise.
+            if index in (0, count - 1):
+                point.velocities = [0.0]
+                point.accelerations = [0.0]
+            due = APPROACH + float(motion.times[index])
+            point.time_from_start.sec = int(due)
+            point.time_from_start.nanosec = int(due % 1.0 * 1e9)
+            message.points.append(point)
+        self._trajectory.publish(message)
+
+    def _send_stiffness(self, value: float) -> None:
+        message = Float64MultiArray(data=[value] * len(self._joints))
+        size = len(self._joints)
+        message.layout.dim = [MultiArrayDimension(label="joint", size=size, stride=size)]
+        self._stiffness.publish(message)
+
+    def _send_position(self, motion: Motion, at: float) -> None:
+        index = min(int(at * WAYPOINT_RATE), len(motion.positions) - 1)
+        message = JointState(name=list(self._joints[:1]), position=[float(motion.positions[index])])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._stream.publish(message)

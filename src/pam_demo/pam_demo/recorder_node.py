@@ -1,0 +1,135 @@
+"""Records every topic to a rosbag2 MCAP, as the bytes that came, without rosbag2 itself.
+
+`python -m pam_demo.recorder_node --out BAG` until SIGINT or SIGTERM. New topics are
+joined as they appear. What came is handed to the system every second, so that a recorder that is
+killed leaves all but the last second.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import signal
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.typesys import Stores, get_typestore
+
+from pam_model.errors import PamError
+
+NOT_RECORDED = ("/parameter_events",)
+LOOK_EVERY = 0.2  # s
+KEEP_EVERY = 1.0  # s
+
+
+class Recorder(Node):  # type: ignore[misc]
+    """Subscribes raw to all there is and writes it."""
+
+    def __init__(self, writer: Writer) -> None:
+        super().__init__("recorder")
+        self._writer = writer
+        self._typestore = get_typestore(Stores.ROS2_JAZZY)
+        self._topics: dict[str, Any] = {}
+
+    def join_new_topics(self) -> None:
+        """Subscribe to what has appeared since the last call."""
+        for topic, types in self.get_topic_names_and_types():
+            if topic in self._topics or topic in NOT_RECORDED or not self.count_publishers(topic):
+                continue
+            try:
+                connection = self._writer.add_connection(topic, types[0], typestore=self._typestore)
+            except KeyError:
+                self.get_logger().warning(f"{topic}: type {types[0]} is not known, not recorded")
+                self._topics[topic] = None
+                continue
+            package, folder, name = types[0].split("/")
+            message = getattr(importlib.import_module(f"{package}.{folder}"), name)
+            self._topics[topic] = self.create_subscription(
+                message, topic, partial(self._write, connection), self._qos(topic), raw=True
+            )
+
+    def keep(self) -> None:
+        """Hand over what the writer holds back for its next chunk."""
+        storage = self._writer.storage
+        if isinstance(storage, McapWriter) and storage.chunk.msgs:
+            storage.close_chunk()
+            storage.bio.flush()
+
+    def _qos(self, topic: str) -> QoSProfile:
+        """Reliable where every publisher is; the depth holds a second of the fastest topic."""
+        offers = {info.qos_profile.reliability for info in self.get_publishers_info_by_topic(topic)}
+        best_effort = ReliabilityPolicy.BEST_EFFORT in offers
+        return QoSProfile(
+            depth=1000,
+            reliability=ReliabilityPolicy.BEST_EFFORT
+            if best_effort
+            else ReliabilityPolicy.RELIABLE,
+        )
+
+    def _write(self, connection: Any, data: bytes) -> None:
+        self._writer.write(connection, time.time_ns(), data)
+
+
+def record(out: Path) -> None:
+    """Record to the folder `out` until asked to end.
+
+    Raises
+    ------
+    PamError
+        If the folder exists already.
+    """
+    if out.exists():
+        raise PamError(f"{out}: exists already, a recording needs a new folder")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    ending = False
+
+    def end(*_: object) -> None:
+        nonlocal ending
+        ending = True
+
+    rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGTERM, end)
+    with Writer(out, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        node = Recorder(writer)
+        executor = EventsExecutor()
+        executor.add_node(node)
+        print(f"recording to {out}", flush=True)
+        looked = kept = 0.0
+        while not ending:
+            if time.monotonic() - kept > KEEP_EVERY:
+                node.keep()
+                kept = time.monotonic()
+            if time.monotonic() - looked > LOOK_EVERY:
+                node.join_new_topics()
+                looked = time.monotonic()
+            executor.spin_once(timeout_sec=0.1)
+        executor.shutdown()
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def main() -> int:
+    """Command line; returns the exit code."""
+    parser = argparse.ArgumentParser(description="Record all topics to a rosbag2 MCAP.")
+    parser.add_argument("--out", type=Path, required=True, help="folder to make")
+    options = parser.parse_args()
+    try:
+        record(options.out)
+    except (PamError, OSError) as error:
+        print(f"recorder: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,28 @@
+"""Installs pam_demo the way ament_python expects it."""
+
+from setuptools import find_packages, setup
+
+NAME = "pam_demo"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={"": ["py.typed", "data/*", "*.j2"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="PAM suite maintainers",
+    maintainer_email="pam-suite@example.org",
+    description="The demo of the suite, and closing the loop with a hidden effect.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "demo = pam_demo.__main__:main",
+        ]
+    },
+)

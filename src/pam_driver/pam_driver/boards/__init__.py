@@ -1,0 +1,1 @@
+"""The kinds of valve board that the driver can talk to."""

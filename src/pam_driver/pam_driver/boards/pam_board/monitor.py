@@ -1,0 +1,171 @@
+"""What one valve board has said last, how old it is, and what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from pam_driver.boards.pam_board.codec import (
+    CHANNELS,
+    PROTOCOL_VERSION,
+    BoardState,
+    Heartbeat,
+    Measurement,
+    Status,
+)
+
+NEVER: Final = -math.inf
+# Behind by so little means frames out of order; further behind means another counter.
+_REORDER_WINDOW: Final = 16
+
+
+class Condition(NamedTuple):
+    """Something wrong: its kind, who is concerned, and a line for a person."""
+
+    kind: str
+    subject: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.subject}: {self.text}" if self.subject else self.text
+
+
+class Sample(NamedTuple):
+    """A value with the times it was measured: monotonic for ages, wall clock for stamps [s]."""
+
+    value: float = math.nan
+    time: float = NEVER
+    stamp: float = 0.0
+
+
+class BoardMonitor:
+    """Keeps the latest of one board's frames and judges them.
+
+    Attributes
+    ----------
+    pressures : list of Sample
+        By channel [Pa gauge]; the last that was available.
+    position : Sample
+        [rad]; the last that was available.
+    status, heartbeat : message or None
+        The last heard.
+    frames_lost, frames_repeated, frames_reordered, restarts : int
+        Counted from the measurement counter and the uptime.
+    """
+
+    def __init__(self, board: int) -> None:
+        self.board = board
+        self.name = f"board {board}"
+        self.pressures = [Sample() for _ in range(CHANNELS)]
+        self.position = Sample()
+        self.status: Status | None = None
+        self.heartbeat: Heartbeat | None = None
+        self.frames_lost = 0
+        self.frames_repeated = 0
+        self.frames_reordered = 0
+        self.restarts = 0
+        self._counter: int | None = None
+        self._reordered_in_a_row = 0
+        self._repeated_in_a_row = 0
+        self._measured_at = NEVER
+        self._status_at = NEVER
+        self._heartbeat_at = NEVER
+        self._echo_at = NEVER
+        self._restarted = False
+
+    def hear_measurement(self, message: Measurement, time: float, stamp: float) -> None:
+        """Take a measurement unless it is a repetition or older than the last."""
+        if self._counter is not None:
+            step = (message.counter - self._counter) & 0xFF
+            if step == 0:
+                self.frames_repeated += 1
+                self._repeated_in_a_row += 1
+                return
+            if step > 256 - _REORDER_WINDOW and self._reordered_in_a_row < _REORDER_WINDOW:
+                self.frames_reordered += 1
+                self._reordered_in_a_row += 1
+                return
+            self.frames_lost += step - 1
+        self._counter = message.counter
+        self._reordered_in_a_row = self._repeated_in_a_row = 0
+        self._measured_at = time
+        for channel, pressure in enumerate(message.pressures):
+            if not math.isnan(pressure):
+                self.pressures[channel] = Sample(pressure, time, stamp)
+        if not math.isnan(message.position):
+            self.position = Sample(message.position, time, stamp)
+
+    def hear_status(self, message: Status, time: float) -> None:
+        """Take a status."""
+        if self.status is None or message.command_counter != self.status.command_counter:
+            self._echo_at = time
+        self.status = message
+        self._status_at = time
+
+    def hear_heartbeat(self, message: Heartbeat, time: float) -> None:
+        """Take a heartbeat; a smaller uptime than before is a restart."""
+        if self.heartbeat is not None and message.uptime < self.heartbeat.uptime:
+            self.restarts += 1
+            self._restarted = True
+            self._counter = None
+        self.heartbeat = message
+        self._heartbeat_at = time
+
+    def acknowledge(self) -> None:
+        """Forget a restart that was reported."""
+        self._restarted = False
+
+    def present(self, now: float, timeout: float) -> bool:
+        """Whether measurement, status and heartbeat have all been heard of late."""
+        return not self.silent(now, timeout)
+
+    def silent(self, now: float, timeout: float) -> list[str]:
+        """Kinds of frame that are missing."""
+        times = {
+            "measurement": self._measured_at,
+            "status": self._status_at,
+            "heartbeat": self._heartbeat_at,
+        }
+        return [kind for kind, time in times.items() if now - time > timeout]
+
+    def conditions(
+        self, now: float, timeout: float, sensor_timeout: float, moving: bool
+    ) -> Iterator[Condition]:
+        """What is wrong with the board.
+
+        Parameters
+        ----------
+        now : float
+            Monotonic time [s].
+        timeout : float
+            A frame older than this is missing [s].
+        sensor_timeout : float
+            A counter that stands still for longer is frozen [s].
+        moving : bool
+            Whether the board has been told to let air move for at least `timeout`.
+        """
+        silent = self.silent(now, timeout)
+        if silent:
+            text = f"no {', no '.join(silent)} for {timeout:g} s"
+            yield Condition("board_lost", self.name, text)
+        if self._repeated_in_a_row > 1 and now - self._measured_at > sensor_timeout:
+            text = f"measurement counter stands still for {sensor_timeout:g} s"
+            yield Condition("counter_frozen", self.name, text)
+        if self._restarted:
+            yield Condition("board_restarted", self.name, "has restarted")
+        if self.heartbeat and self.heartbeat.protocol_version != PROTOCOL_VERSION:
+            version = self.heartbeat.protocol_version
+            text = f"speaks protocol {version}, expected {PROTOCOL_VERSION}"
+            yield Condition("protocol_version", self.name, text)
+        status = self.status
+        if status is None:
+            return
+        if status.state is BoardState.FAULT or status.faults:
+            names = ", ".join(str(fault.name).lower() for fault in status.faults) or "unnamed"
+            yield Condition("board_fault", self.name, f"fault: {names}")
+        elif moving and status.state is not BoardState.ACTIVE:
+            text = f"is {status.state.name.lower()} although it was told to move"
+            yield Condition("board_not_active", self.name, text)
+        elif moving and now - self._echo_at > timeout:
+            yield Condition("command_not_heard", self.name, f"takes no command for {timeout:g} s")

@@ -1,0 +1,1 @@
+"""What the driver may do and when: states, checks of commands and of measurements."""

@@ -1,0 +1,142 @@
+"""Whether a signal looks like that of a working sensor: steps, noise, range. Knows no physics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from pam_driver.boards.pam_board.monitor import NEVER, Sample
+from pam_driver.safety.pressure_plausibility import Deviation
+from pam_model.rig import Rig
+
+# A step is remembered for so long, that one wild sample is not gone before anyone has looked [s].
+_STEP_MEMORY: Final = 0.5
+# Frames may come in bunches; a step within them is held against what this time allows [s].
+_SHORTEST_GAP: Final = 0.01
+_LONGEST_GAP: Final = 0.1
+_NOISE_MEMORY: Final = 25  # samples
+_MEAN_SIZE: Final = math.sqrt(2.0 / math.pi)  # of Gaussian noise, over its sigma
+# Two gaps that differ by more than this factor say more of the host than of the sensor.
+_EVEN_GAPS: Final = 2.5
+_LOWEST_PRESSURE: Final = -20e3  # Pa gauge; no muscle is sucked empty
+
+
+class _Signal:
+    """One sensor's samples: greatest step of late, and noise from second differences."""
+
+    def __init__(self, step_per_gap: float) -> None:
+        self.noise = 0.0
+        self._allowed = step_per_gap
+        self._last = (math.nan, math.nan)
+        self._time = NEVER
+        self._gap = math.nan
+        self._step = 0.0
+        self._step_at = NEVER
+
+    def update(self, sample: Sample, now: float) -> None:
+        if not sample.time > self._time:
+            return
+        gap = sample.time - self._time
+        stretch = gap / self._gap
+        self._time, self._gap = sample.time, gap
+        before, last = self._last
+        self._last = (last, sample.value)
+        if gap > _LONGEST_GAP:
+            self._last = (math.nan, sample.value)
+            return
+        step = abs(sample.value - last) / (self._allowed * max(gap / _SHORTEST_GAP, 1.0))
+        if step > self._step or now - self._step_at > _STEP_MEMORY:
+            self._step, self._step_at = step, now
+        if not math.isnan(before) and 1.0 / _EVEN_GAPS <= stretch <= _EVEN_GAPS:
+            # the stamps or the samples are even: motion at a steady speed is no noise in either
+            # case, noise is some in both
+            sigma = min(_noise_of(last - before, sample.value - last, r) for r in (1.0, stretch))
+            # one wild sample must not pass for noise
+            sigma = min(sigma, 4.0 * self.noise + 0.1 * self._allowed)
+            self.noise += (sigma - self.noise) / _NOISE_MEMORY
+
+    def step(self, now: float) -> float:
+        """The greatest step of late over what is allowed."""
+        return self._step if now - self._step_at <= _STEP_MEMORY else 0.0
+
+
+def _noise_of(first: float, second: float, stretch: float) -> float:
+    """Standard deviation that two steps suggest, the second taking `stretch` times as long."""
+    spread = math.sqrt(1.0 + (1.0 + stretch) ** 2 + stretch**2)
+    return abs(second - first * stretch) / (_MEAN_SIZE * spread)
+
+
+class SensorChecks:
+    """Watches every sensor of a rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its `plausibility` holds the limits.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        limits = self._limits = rig.plausibility
+        self._rig = rig
+        rate = limits.pressure_rate * _SHORTEST_GAP
+        self._pressures = tuple(_Signal(rate) for _ in rig.muscles)
+        self._positions = tuple(_Signal(limits.position_jump) for _ in rig.joints)
+
+    def update(
+        self,
+        pressures: Sequence[Sample],
+        positions: Sequence[Sample],
+        supply_pressures: Sequence[float],
+        now: float,
+    ) -> Iterator[Deviation]:
+        """Look at the latest samples; gives what is off by more than a warning's share.
+
+        Parameters
+        ----------
+        pressures, positions : sequence of Sample
+            By muscle [Pa gauge] and joint [rad].
+        supply_pressures : sequence of float
+            By muscle [Pa absolute], NaN if not known.
+        now : float
+            Monotonic time [s].
+        """
+        limits, share = self._limits, self._limits.warning_share
+        for muscle, signal, sample in zip(
+            self._rig.muscles, self._pressures, pressures, strict=True
+        ):
+            signal.update(sample, now)
+            size = signal.step(now)
+            if size > share:
+                text = f"pressure changed at {size * limits.pressure_rate:.3g} Pa/s"
+                yield Deviation("pressure_rate", muscle.name, size, text)
+            size = signal.noise / limits.pressure_noise
+            if size > share:
+                yield Deviation("sensor_noise", muscle.name, size, f"noise {signal.noise:.0f} Pa")
+            size = sample.value / _LOWEST_PRESSURE
+            if size > share:
+                text = f"{sample.value:.0f} Pa gauge cannot be"
+                yield Deviation("sensor_range", muscle.name, size, text)
+        for joint, signal, sample in zip(self._rig.joints, self._positions, positions, strict=True):
+            signal.update(sample, now)
+            size = signal.step(now)
+            if size > share:
+                text = f"angle jumped by {size * limits.position_jump:.3f} rad"
+                yield Deviation("position_jump", joint.name, size, text)
+            size = signal.noise / limits.position_noise
+            if size > share:
+                text = f"noise {signal.noise:.4f} rad"
+                yield Deviation("sensor_noise", joint.name, size, text)
+        yield from self._supply(supply_pressures)
+
+    def _supply(self, supply_pressures: Sequence[float]) -> Iterator[Deviation]:
+        known = [pressure for pressure in supply_pressures if not math.isnan(pressure)]
+        if not known:
+            return
+        gauge = min(known) - self._rig.gas.ambient_pressure
+        lost = 1.0 - gauge / self._rig.supply_gauge_pressure
+        allowed = 1.0 - self._limits.supply_share
+        size = lost / allowed if allowed > 0.0 else math.inf * lost if lost > 0.0 else 0.0
+        if size > self._limits.warning_share:
+            text = f"supply is at {min(known):.0f} Pa absolute"
+            yield Deviation("supply_low", "supply", size, text)

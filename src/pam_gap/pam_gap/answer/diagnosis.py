@@ -1,0 +1,199 @@
+"""What a diagnosis answers: the machine-readable contract, and what a report needs beside it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pam_gap.experiments.next_experiment import Proposal
+from pam_gap.inference.confidence import Interval
+from pam_gap.inference.hypothesis import Hypothesis
+from pam_gap.prediction.gap_figures import GapFigure
+from pam_gap.prediction.locate import Location
+from pam_model.rig import Rig
+
+
+@dataclass(frozen=True, slots=True)
+class FoundParameter:
+    """One parameter of a named effect with its 90 % interval."""
+
+    interval: Interval
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelGap:
+    """RMS prediction error of a channel on held-out data, in the channel's unit."""
+
+    before: float
+    after: float
+    floor: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class ScoredCandidate:
+    """What one hypothesis leaves on held-out data.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Of the hypothesis.
+    weight : float
+        Share of bootstrap samples in which it leaves least.
+    remaining : Interval
+        Share of the RMS gap that it leaves.
+    note : str
+        What speaks against it.
+    level : float
+        Sum over channels of log mean squared error over floor.
+    over_floor : tuple of float
+        RMS error over floor of each channel that is there.
+    """
+
+    effects: tuple[str, ...]
+    weight: float
+    remaining: Interval
+    note: str = ""
+    level: float = 0.0
+    over_floor: tuple[float, ...] = ()
+
+
+@dataclass(slots=True)
+class Diagnosis:
+    """The answer for one joint.
+
+    Attributes
+    ----------
+    verdict : str
+        named, ambiguous, unknown, none or not_identifiable.
+    stage : str or None
+        valve, muscle, joint or sensing.
+    effects : tuple of str
+        What the verdict names, strongest first.
+    candidates : tuple of (str, float)
+        Every candidate tried with its weight, strongest first.
+    indistinguishable : tuple of tuple of str
+        Sets that the data cannot tell apart.
+    parameters : mapping
+        Effect -> parameter -> value, interval, unit.
+    gap : mapping
+        Channel -> before, after, floor on held-out data.
+    closed : Interval
+        (before - after)/(before - floor), pooled.
+    next_experiment : str
+        In words.
+    """
+
+    verdict: str
+    stage: str | None
+    effects: tuple[str, ...]
+    candidates: tuple[tuple[str, float], ...]
+    indistinguishable: tuple[tuple[str, ...], ...]
+    parameters: Mapping[str, Mapping[str, FoundParameter]]
+    gap: Mapping[str, ChannelGap]
+    closed: Interval | None
+    next_experiment: str
+    sentence: str = ""
+    joint: str = ""
+    ranking: tuple[ScoredCandidate, ...] = ()
+    location: Location | None = None
+    horizons: tuple[GapFigure, ...] = ()
+    repairs: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    improved: Rig | None = None
+    survivors: tuple[Hypothesis, ...] = ()
+    proposal: Proposal | None = None
+    written_values: Any = None
+    improved_values: Any = None
+    facts: Mapping[str, float] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """The mapping that diagnosis.json holds."""
+        return {
+            "verdict": self.verdict,
+            "stage": self.stage,
+            "effects": list(self.effects),
+            "candidates": [[name, weight] for name, weight in self.candidates],
+            "indistinguishable": [list(group) for group in self.indistinguishable],
+            "parameters": {
+                effect: {
+                    name: _interval(found.interval) | {"unit": found.unit}
+                    for name, found in values.items()
+                }
+                for effect, values in self.parameters.items()
+            },
+            "gap": {
+                name: {
+                    "before": gap.before,
+                    "after": gap.after,
+                    "floor": gap.floor,
+                    "unit": gap.unit,
+                }
+                for name, gap in self.gap.items()
+            },
+            "closed": None if self.closed is None else _interval(self.closed),
+            "next_experiment": self.next_experiment,
+            "sentence": self.sentence,
+            "joint": self.joint,
+            "ranking": [
+                {
+                    "effects": list(entry.effects),
+                    "weight": entry.weight,
+                    "remaining": _interval(entry.remaining),
+                    "note": entry.note,
+                    "level": entry.level,
+                    "over_floor": list(entry.over_floor),
+                }
+                for entry in self.ranking
+            ],
+            "stages": []
+            if self.location is None
+            else [
+                {
+                    "stage": stage.stage,
+                    "inputs": stage.inputs,
+                    "gap_over_floor": stage.gap_over_floor,
+                    "note": stage.note,
+                }
+                for stage in self.location.stages
+            ],
+            "delays": {} if self.location is None else dict(self.location.delays),
+            "regimes": {} if self.location is None else dict(self.location.regimes),
+            "horizons": [
+                {
+                    "horizon": figure.horizon,
+                    "channel": figure.channel,
+                    "before": figure.before,
+                    "after": figure.after,
+                    "floor": figure.floor,
+                    "unit": figure.unit,
+                }
+                for figure in self.horizons
+            ],
+            "repairs": list(self.repairs),
+            "left_out": list(self.left_out),
+            "facts": dict(self.facts),
+        }
+
+    def write(self, path: Path) -> None:
+        """Write diagnosis.json; numbers that are not finite become null."""
+        path.write_text(json.dumps(_finite(self.to_json()), indent=1) + "\n", encoding="utf-8")
+
+
+def _interval(interval: Interval) -> dict[str, float]:
+    return {"value": interval.value, "low": interval.low, "high": interval.high}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,233 @@
+"""From what a diagnosis decided to the answer that is written down, in the contract's form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, FoundParameter, ScoredCandidate
+from pam_gap.answer.improved_rig import improve_rig
+from pam_gap.experiments.next_experiment import Proposal
+from pam_gap.inference.confidence import (
+    Interval,
+    for_another_motion,
+    gap_closed,
+    parameter_intervals,
+)
+from pam_gap.inference.held_out import Folds, HeldOut
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.search import SearchResult
+from pam_gap.inference.selection import bootstrap_weights, held_out_level
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.gap_figures import UNITS, gap_figures
+from pam_gap.prediction.locate import Location
+from pam_model.effects import EFFECTS
+from pam_model.rig import Rig
+
+
+class AnswerForm:
+    """Fills in the answer about one joint.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        Of the diagnosis.
+    folds : Folds
+        By which it was scored.
+    """
+
+    def __init__(self, fitter: HypothesisFitter, folds: Folds) -> None:
+        self.fitter = fitter
+        self.folds = folds
+        self.problem = fitter.problem
+        self.floor = fitter.floor
+        self.present = self.problem.present
+        self.rig, self.joint = self.problem.rig, self.problem.joint
+
+    def _level(self, score: HeldOut) -> float:
+        return held_out_level(score, self.floor, self.present)
+
+    def strongest_first(self, effects: Sequence[str], result: SearchResult) -> tuple[str, ...]:
+        """Effects in the order of what each explains alone."""
+        order = [h.effects[0] for h in result.by_size[0]]
+        return tuple(sorted(dict.fromkeys(effects), key=order.index))
+
+    def fill(
+        self,
+        verdict: str,
+        result: SearchResult,
+        written: HeldOut,
+        nominal: HeldOut,
+        tried: Sequence[HeldOut],
+        chosen: HeldOut | None,
+        rivals: Sequence[HeldOut],
+        location: Location,
+    ) -> Diagnosis:
+        """Put what was found into the contract's form."""
+        is_named = verdict in ("named", "ambiguous") and chosen is not None
+        final = chosen if is_named and chosen is not None else nominal
+        effects: tuple[str, ...] = ()
+        groups: list[tuple[str, ...]] = []
+        if is_named and chosen is not None:
+            own = self.strongest_first(chosen.hypothesis.effects, result)
+            others: list[str] = []
+            for rival in rivals:
+                missing = [e for e in own if e not in rival.hypothesis.effects]
+                new = [e for e in rival.hypothesis.effects if e not in own]
+                others += new
+                groups.append((*missing, *new))
+            effects = tuple(dict.fromkeys((*own, *others)))
+        stage: str | None = EFFECTS[effects[0]].stage if effects else None
+        if verdict == "unknown":
+            stage = location.worst
+        values = self.fitter.vector(final.hypothesis.members, final.hypothesis.result.values)
+        return Diagnosis(
+            verdict=verdict,
+            stage=stage,
+            effects=effects,
+            candidates=self.weights(result, tried, chosen if is_named else None),
+            indistinguishable=merged_groups(groups),
+            parameters=self.parameters(final.hypothesis) if is_named else {},
+            gap=self.gap(written, final),
+            closed=for_another_motion(
+                gap_closed(written, final, self.floor, self.present),
+                written,
+                self.floor,
+                self.present,
+            )
+            if is_named
+            else None,
+            next_experiment="",
+            joint=self.rig.joints[self.joint].name,
+            ranking=self.ranking(nominal, tried),
+            location=location,
+            horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
+            improved=self.improved(final.hypothesis) if is_named else None,
+            written_values=self.problem.base.values,
+            improved_values=values,
+            survivors=(final.hypothesis, *(r.hypothesis for r in rivals)) if is_named else (),
+            facts={
+                "level_before": self._level(nominal),
+                "level_after": self._level(final),
+            },
+        )
+
+    def weights(
+        self, result: SearchResult, tried: Sequence[HeldOut], chosen: HeldOut | None
+    ) -> tuple[tuple[str, float], ...]:
+        """Every candidate with its weight: bootstrap shares of hypotheses of the accepted size."""
+        size = len(chosen.hypothesis.members) if chosen is not None else 1
+        same = [s for s in tried if len(s.hypothesis.members) == size]
+        weight: dict[str, float] = {}
+        if same:
+            shares = bootstrap_weights(same, self.floor, self.present)
+            for score, share in zip(same, shares, strict=True):
+                for effect in score.hypothesis.effects:
+                    weight[effect] = weight.get(effect, 0.0) + float(share)
+        first = self.strongest_first(chosen.hypothesis.effects, result) if chosen else ()
+        for h in result.by_size[0]:
+            weight.setdefault(h.effects[0], 0.0)
+        order = [h.effects[0] for h in result.by_size[0]]
+        names = sorted(
+            weight, key=lambda e: (e not in first, first.index(e) if e in first else 0,
+                                   -weight[e], order.index(e))
+        )  # fmt: skip
+        return tuple((name, min(weight[name], 1.0)) for name in names)
+
+    def parameters(self, h: Hypothesis) -> dict[str, dict[str, FoundParameter]]:
+        """Parameters of the named effects with intervals and units."""
+        intervals = parameter_intervals(self.fitter, self.folds, h)
+        at = len(self.fitter.nuisances)
+        found: dict[str, dict[str, FoundParameter]] = {}
+        for member in h.members:
+            entry: dict[str, FoundParameter] = {}
+            for parameter in member.free:
+                key = parameter.name.partition(".")[0]
+                name = f"{parameter.name}.{member.side}" if member.side else parameter.name
+                unit = EFFECTS[member.effect].parameters[key].unit
+                entry[name] = FoundParameter(intervals[at], unit)
+                at += 1
+            found[member.effect] = entry
+        return found
+
+    def gap(self, before: HeldOut, after: HeldOut) -> dict[str, ChannelGap]:
+        """RMS prediction error of each channel on held-out data."""
+        scale = np.sqrt(np.mean([d.block_deviation**2 for d in self.problem.data], axis=0))
+        return {
+            self.problem.names[c]: ChannelGap(
+                float(np.sqrt(before.mean_square[c]) * scale[c]),
+                float(np.sqrt(after.mean_square[c]) * scale[c]),
+                float(np.sqrt(self.floor[c]) * scale[c]),
+                UNITS[c],
+            )
+            for c in np.nonzero(self.present)[0]
+        }
+
+    def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:
+        """Scored hypotheses, best first, with what each leaves of the gap."""
+        entries = []
+        ranked = sorted(tried, key=self._level)
+        shares: Array = (
+            bootstrap_weights(ranked, self.floor, self.present) if ranked else np.zeros(0)
+        )
+        for score, share in zip(ranked, shares, strict=True):
+            closed = gap_closed(nominal, score, self.floor, self.present)
+            remaining = Interval(1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low)
+            entries.append(
+                ScoredCandidate(
+                    score.hypothesis.effects,
+                    float(share),
+                    remaining,
+                    self.objections(score),
+                    self._level(score),
+                    tuple(score.over_floor(self.floor, self.present).tolist()),
+                )
+            )
+        return tuple(entries)
+
+    def objections(self, score: HeldOut) -> str:
+        """What speaks against a hypothesis beside its error: bounds, folds that disagree."""
+        free, _, _ = self.fitter.problem_parts(score.hypothesis.members)
+        notes = []
+        for i in range(len(self.fitter.nuisances), len(free)):
+            parameter, value = free[i], float(score.hypothesis.result.values[i])
+            reach = 1e-3 * (parameter.high - parameter.low)
+            if value >= parameter.high - reach:
+                notes.append(f"{parameter.name} at its upper bound")
+            first, second = (float(fold[i]) for fold in score.fold_values)
+            if abs(first - second) > 0.5 * (abs(first) + abs(second)) > 0.5 * parameter.size:
+                notes.append(f"{parameter.name} differs between folds")
+        return "; ".join(notes)
+
+    def improved(self, h: Hypothesis) -> Rig:
+        """The rig with what was found written into it; how long messages take is not the rig's."""
+        _, targets, factor = self.fitter.problem_parts(h.members)
+        for place, nuisance in enumerate(self.fitter.nuisances):
+            if not nuisance.is_factor:
+                targets[place] = ()
+        return improve_rig(self.rig, self.joint, h, targets, factor)
+
+
+def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:
+    """What to record next, in words; empty where nothing more is needed."""
+    if proposal is not None:
+        return proposal.sentence()
+    if verdict == "ambiguous":
+        return "the same motion with load cells and at another gravity angle"
+    if verdict == "unknown":
+        sensors = "" if present[3:].any() else " with load cells"
+        return f"holds and slow reversals over the whole range{sensors}, to see what it depends on"
+    return ""
+
+
+def merged_groups(groups: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
+    """Sets that share a member, joined."""
+    merged: list[list[str]] = []
+    for group in groups:
+        home = next((m for m in merged if set(m) & set(group)), None)
+        if home is None:
+            merged.append(list(dict.fromkeys(group)))
+        else:
+            home += [e for e in group if e not in home]
+    return tuple(tuple(group) for group in merged)

@@ -1,0 +1,265 @@
+"""The menu of safe excitations from which the next experiment is chosen.
+
+Each is something that any antagonistic joint with its controller can do without new hardware: a
+position reference and a co-contraction (mean of both pressures) over time, perhaps ended by valve
+commands that take the loop's place, perhaps with the joint mounted turned over or locked. All stay
+within the position limits and within 80 % of the pressure that the rig allows, start at rest at
+position 0, and move no faster than the smooth steps written here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_gap.recordings.recording import LOCKED, TURNED_OVER
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.rig import Rig
+
+Array = npt.NDArray[np.float64]
+
+POSITION_GAIN = 0.1  # of the highest pressure, per rad of position error
+LOOP_RATE = 6.0  # 1/s, of the pressure loop at the supply's flow
+SETTLE = 2.0  # s at rest before anything moves
+GRID = 0.05  # s, on which static pressures are solved
+HIGHEST = 0.79  # of the highest pressure: what a reference never exceeds
+LOWEST = 0.03  # of the highest pressure: what a reference never goes below
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """One entry of the menu, sampled for one rig.
+
+    Attributes
+    ----------
+    name : str
+        Identifier, also of the folder it is written to.
+    instruction : str
+        What to do, for people.
+    time : ndarray, shape (n,)
+        From 0 [s].
+    position : ndarray, shape (n,)
+        Reference [rad].
+    level, difference : ndarray, shape (n,)
+        Mean and half the difference of the pressure references [Pa gauge], agonist first.
+    position_gain : float
+        Of a position error on `difference` [Pa/rad]; 0 where the pressures alone are driven.
+    open_from : float
+        From when `open_commands` take the loop's place [s]; infinite for never.
+    open_commands : tuple of float
+        Agonist's and antagonist's valve.
+    mounting : str
+        Empty, `recording.TURNED_OVER` or `recording.LOCKED`.
+    """
+
+    name: str
+    instruction: str
+    time: Array
+    position: Array
+    level: Array
+    difference: Array
+    position_gain: float
+    open_from: float = math.inf
+    open_commands: tuple[float, float] = (0.0, 0.0)
+    mounting: str = ""
+
+    @property
+    def sample_time(self) -> float:
+        """Step of the grid [s]."""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return float(self.time[-1])
+
+
+def smooth_path(time: Array, knots: Sequence[tuple[float, float]], move: float) -> Array:
+    """Levels reached by quintic moves.
+
+    Parameters
+    ----------
+    time : ndarray
+        [s].
+    knots : sequence of (float, float)
+        When a move begins [s] and where it ends; the first is the start.
+    move : float
+        Time that a move takes [s].
+    """
+    result = np.full(time.shape, knots[0][1])
+    for (_, before), (start, value) in pairwise(knots):
+        s = np.clip((time - start) / move, 0.0, 1.0)
+        result = result + (value - before) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return result
+
+
+def stairs(values: Sequence[float], dwell: float) -> list[tuple[float, float]]:
+    """Knots of values held for `dwell` seconds each, after the settling time."""
+    return [(0.0, values[0])] + [(SETTLE + i * dwell, value) for i, value in enumerate(values[1:])]
+
+
+def _chirp(time: Array, low: float, high: float) -> Array:
+    gone = np.clip(time - SETTLE, 0.0, None)
+    length = float(gone[-1])
+    growth = math.log(high / low) / length
+    fade = np.clip(np.minimum(gone, length - gone) / 1.0, 0.0, 1.0)
+    wave: Array = fade * np.sin(2.0 * math.pi * low * (np.exp(growth * gone) - 1.0) / growth)
+    return wave
+
+
+class Menu:
+    """Excitations sampled for one joint of a rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        As written.
+    joint : int
+        Which joint.
+    sample_time : float
+        Of the recordings to come [s].
+    """
+
+    def __init__(self, rig: Rig, joint: int, sample_time: float) -> None:
+        self.rig = rig
+        self.entry = rig.joints[joint]
+        self.statics = AntagonisticJoint.from_rig(rig, self.entry.name)
+        self.sample_time = sample_time
+        self.highest = min(
+            self.statics.agonist.high_pressure, self.statics.antagonist.high_pressure
+        )
+        low, high = self.entry.position_limits
+        inside = self.statics.position_range
+        self.reach = 0.8 * min(-low, -inside[0], high, inside[1])
+        self.has_flow_valves = all(
+            rig.muscle(name).valve.kind == "flow" for name in self.entry.muscles
+        )
+
+    def _time(self, duration: float) -> Array:
+        time: Array = np.arange(round(duration / self.sample_time), dtype=np.float64)
+        time *= self.sample_time
+        return time
+
+    def static_difference(self, position: Array, level: Array, time: Array, turn: float) -> Array:
+        """Half the pressure difference that holds each position against gravity [Pa]."""
+        every = max(1, round(GRID / self.sample_time))
+        at = np.unique(np.append(np.arange(0, time.size, every), time.size - 1))
+        solved = np.empty(at.size)
+        probe = 0.05 * self.highest
+        for i, k in enumerate(at.tolist()):
+            q, p = float(position[k]), float(level[k])
+            gravity = self.entry.gravity_torque * math.sin(q - self.entry.gravity_angle - turn)
+            above = self.statics.torque(p + probe, p - probe, q)
+            below = self.statics.torque(p - probe, p + probe, q)
+            slope = (above - below) / (2.0 * probe)
+            solved[i] = (gravity - 0.5 * (above + below)) / slope if slope > 0.0 else 0.0
+        room = np.minimum(
+            level[at] - LOWEST * self.highest, HIGHEST * self.highest - level[at]
+        ).clip(0.0)
+        result: Array = np.interp(time, time[at], np.clip(solved, -room, room))
+        return result
+
+    def _moved(
+        self,
+        name: str,
+        instruction: str,
+        time: Array,
+        position: Array,
+        level: Array,
+        *,
+        mounting: str = "",
+        open_from: float = math.inf,
+        open_commands: tuple[float, float] = (0.0, 0.0),
+    ) -> Excitation:
+        turn = math.pi if mounting == TURNED_OVER else 0.0
+        pressure = level * self.highest
+        return Excitation(
+            name,
+            instruction,
+            time,
+            position,
+            pressure,
+            self.static_difference(position, pressure, time, turn),
+            POSITION_GAIN * self.highest,
+            open_from,
+            open_commands,
+            mounting,
+        )
+
+    def entries(self) -> tuple[Excitation, ...]:
+        """The menu; what the rig's valves cannot do is left out."""
+        a = self.reach
+        still = self._time(20.0)
+        slow = self._time(24.0)
+        flat = np.zeros(still.size)
+        middle = np.full(still.size, 0.4)
+        hold_position = smooth_path(
+            slow, stairs([0.0, a, -a, 0.4 * a, -0.4 * a, a, -a, 0.0], 3.0), 0.8
+        )
+        hold_level = smooth_path(
+            slow, stairs([0.4, 0.25, 0.25, 0.4, 0.4, 0.55, 0.55, 0.4], 3.0), 0.8
+        )
+        cycles = a * np.sin(2.0 * math.pi * np.clip(slow - SETTLE, 0.0, None) / 5.5)
+        two_levels = smooth_path(slow, [(0.0, 0.25), (12.5, 0.5)], 1.0)
+        sweep = smooth_path(slow, stairs([0.4, 0.12, 0.55, 0.12, 0.55, 0.3], 4.0), 3.5)
+        tiny = smooth_path(
+            slow,
+            stairs([0.0, *(0.06 * a * x for x in (1, 2, 1, 0, -1, 0, 1, 0, -2, -1, 0, 2, 0))], 1.6),
+            0.15,
+        )
+        quick = smooth_path(
+            slow, stairs([0.4, 0.15, 0.6, 0.15, 0.6, 0.25, 0.5, 0.15, 0.6], 2.4), 0.15
+        )
+        menu = [
+            self._moved(
+                "holds", "hold three angles on either side at three co-contractions",
+                slow, hold_position, hold_level),
+            self._moved(
+                "microsteps", "make small steps around 0, the valves near their null",
+                slow, tiny, np.full(slow.size, 0.35)),
+            self._moved(
+                "co_contraction_sweep", "hold one angle and sweep the co-contraction slowly",
+                slow, smooth_path(slow, [(0.0, 0.0), (SETTLE, 0.5 * a)], 1.0), sweep),
+            self._moved(
+                "co_contraction_steps", "hold one angle and fill and empty both muscles quickly",
+                slow, smooth_path(slow, [(0.0, 0.0), (SETTLE, 0.4 * a)], 1.0), quick),
+            self._moved(
+                "slow_cycles", "swing slowly to and fro at a low and a high co-contraction",
+                slow, cycles, two_levels),
+            self._moved(
+                "chirp", "follow a sine from 0.2 to 3 Hz",
+                still, 0.5 * a * _chirp(still, 0.2, 3.0), middle),
+            self._moved(
+                "turned_over",
+                "mount the joint turned over, so that gravity pulls the other way, and hold three "
+                "angles on either side at three co-contractions",
+                slow, hold_position, np.maximum(hold_level, 0.35), mounting=TURNED_OVER),
+        ]  # fmt: skip
+        if self.has_flow_valves:
+            raised = smooth_path(still, [(0.0, 0.0), (SETTLE, a)], 1.0)
+            menu += [
+                self._moved(
+                    "leak_down", "hold an angle, then shut both valves and wait",
+                    still, smooth_path(still, [(0.0, 0.0), (SETTLE, 0.6 * a)], 1.0), middle,
+                    open_from=5.0),
+                self._moved(
+                    "vented_swing", "raise the joint, vent both muscles and let it swing",
+                    still, raised, np.full(still.size, 0.3),
+                    open_from=5.0, open_commands=(-1.0, -1.0)),
+            ]  # fmt: skip
+        drive = smooth_path(still, stairs([0.0, 1.0, -1.0, 0.5, -0.5, 0.0], 1.8), 0.2)
+        drive = np.where(still < 11.0, drive, _chirp(still - 9.0, 0.3, 5.0))
+        menu.append(
+            Excitation(
+                "locked_joint",
+                "lock the joint at 0 and step and sweep the pressures against each other",
+                still, flat, 0.35 * self.highest * np.ones(still.size),
+                0.2 * self.highest * drive, 0.0, mounting=LOCKED,
+            )
+        )  # fmt: skip
+        return tuple(menu)

@@ -1,0 +1,151 @@
+"""The proposed experiment as files: a trajectory that the controller plays, and what goes with it.
+
+`trajectory.yaml` is a trajectory_msgs/JointTrajectory; `commands.csv` has the stiffness [N m/rad]
+that keeps the wanted co-contraction, the pressures [Pa gauge] both amount to, and, where valve
+commands take the loop's place, those; `experiment.json` says the rest. docs/next_experiment.md
+tells how to play them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from pam_gap.experiments.excitations import Excitation
+from pam_model.errors import PamError
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.rig import Rig
+
+FOLDER = "next_experiment"
+POINTS_RATE = 20.0  # 1/s, of the trajectory's points
+DETAILS, TRAJECTORY, COMMANDS = "experiment.json", "trajectory.yaml", "commands.csv"
+
+
+def trajectory_message(joint: str, excitation: Excitation) -> dict[str, Any]:
+    """A trajectory_msgs/JointTrajectory as plain data, from the start to where the loop ends."""
+    end = min(excitation.duration, excitation.open_from)
+    times = np.linspace(0.0, end, round(end * POINTS_RATE) + 1)
+    velocity = np.gradient(excitation.position, excitation.sample_time)
+    acceleration = np.gradient(velocity, excitation.sample_time)
+    columns = [
+        np.interp(times, excitation.time, values)
+        for values in (excitation.position, velocity, acceleration)
+    ]
+    points = []
+    for k, time in enumerate(times.tolist()):
+        at_rest = k in (0, times.size - 1)
+        q, v, a = (float(column[k]) for column in columns)
+        whole = int(time)
+        points.append(
+            {
+                "positions": [round(q, 6)],
+                "velocities": [0.0 if at_rest else round(v, 6)],
+                "accelerations": [0.0 if at_rest else round(a, 5)],
+                "time_from_start": {"sec": whole, "nanosec": round((time - whole) * 1e9)},
+            }
+        )
+    return {"joint_names": [joint], "points": points}
+
+
+def commands_table(rig: Rig, joint: int, excitation: Excitation) -> pd.DataFrame:
+    """Time, position, stiffness, pressures and valve commands at the excitation's rate."""
+    entry = rig.joints[joint]
+    statics = AntagonisticJoint.from_rig(rig, entry.name)
+    first = excitation.level + excitation.difference
+    second = excitation.level - excitation.difference
+    every = max(1, round(1.0 / (POINTS_RATE * excitation.sample_time)))
+    at = np.unique(np.append(np.arange(0, first.size, every), first.size - 1))
+    stiffness = [
+        statics.stiffness(max(float(first[k]), 0.0), max(float(second[k]), 0.0),
+                          float(excitation.position[k]))
+        for k in at.tolist()
+    ]  # fmt: skip
+    opened = excitation.time >= excitation.open_from
+    table = {
+        "time": excitation.time,
+        "position": excitation.position,
+        "stiffness": np.interp(excitation.time, excitation.time[at], stiffness),
+        f"pressure.{entry.agonist}": first,
+        f"pressure.{entry.antagonist}": second,
+    }
+    if opened.any():
+        for muscle, command in zip(entry.muscles, excitation.open_commands, strict=True):
+            table[f"valve_commands.{muscle}"] = np.where(opened, command, np.nan)
+    return pd.DataFrame(table)
+
+
+def write_experiment(
+    folder: Path, rig: Rig, joint: int, excitation: Excitation, facts: dict[str, Any]
+) -> None:
+    """Write an excitation to a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there.
+    rig, joint : Rig, int
+        Whose.
+    excitation : Excitation
+        What is done.
+    facts : dict
+        Kept in experiment.json beside what playing needs.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    name = rig.joints[joint].name
+    details = {
+        "name": excitation.name,
+        "instruction": excitation.instruction,
+        "joint": name,
+        "mounting": excitation.mounting,
+        "sample_time": excitation.sample_time,
+        "duration": excitation.duration,
+        "position_gain": excitation.position_gain,
+        "open_from": None if math.isinf(excitation.open_from) else excitation.open_from,
+        "open_commands": list(excitation.open_commands),
+    }
+    (folder / DETAILS).write_text(json.dumps(details | facts, indent=1) + "\n", encoding="utf-8")
+    message = trajectory_message(name, excitation)
+    (folder / TRAJECTORY).write_text(
+        yaml.safe_dump(message, sort_keys=False, default_flow_style=None), encoding="utf-8"
+    )
+    commands_table(rig, joint, excitation).to_csv(
+        folder / COMMANDS, index=False, float_format="%.6g"
+    )
+
+
+def read_experiment(folder: Path) -> Excitation:
+    """Read what `write_experiment` wrote.
+
+    Raises
+    ------
+    PamError
+        When a file is missing or not one of these.
+    """
+    try:
+        details = json.loads((folder / DETAILS).read_text(encoding="utf-8"))
+        table = pd.read_csv(folder / COMMANDS)
+        pressures = table[[c for c in table.columns if c.startswith("pressure.")]].to_numpy(float)
+        count = len(table)
+        return Excitation(
+            str(details["name"]),
+            str(details["instruction"]),
+            float(details["sample_time"]) * np.arange(count, dtype=np.float64),
+            table["position"].to_numpy(float),
+            pressures.mean(axis=1),
+            0.5 * (pressures[:, 0] - pressures[:, 1]),
+            float(details["position_gain"]),
+            math.inf if details["open_from"] is None else float(details["open_from"]),
+            (float(details["open_commands"][0]), float(details["open_commands"][1])),
+            str(details["mounting"]),
+        )
+    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+        raise PamError(
+            f"{folder}: not a proposed experiment ({error}); expected {DETAILS} and {COMMANDS} as "
+            "a diagnosis writes them"
+        ) from error

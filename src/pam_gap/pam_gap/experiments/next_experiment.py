@@ -1,0 +1,272 @@
+"""The experiment to run next: the one that best separates what the data could not tell apart.
+
+Every excitation of the menu is simulated with the leading survivor; the others predict that
+recording as a diagnosis would, each with its free parameters and nuisances moved, within what the
+recordings so far allow, to imitate the others as far as a linearised fit can. What no re-fit takes
+away, in units of what the leading survivor itself leaves, is the separation; the excitation whose
+smallest pairwise separation is largest is proposed: T-optimality (Atkinson and Fedorov, Biometrika
+62, 1975), for more than two rivals in its max-min form (Hunter and Reiner, Technometrics 7, 1965).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+
+from pam_gap.experiments.excitations import Excitation, Menu
+from pam_gap.experiments.files import FOLDER, write_experiment
+from pam_gap.experiments.loop import ExperimentLoop
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.prediction.fit import (
+    Array,
+    Scaling,
+    mean_squares,
+    normal_equations,
+    numerical_jacobian,
+)
+from pam_gap.prediction.observer import N_CHANNELS
+from pam_gap.prediction.problem import PredictionProblem, as_mounted
+from pam_gap.recordings.recording import COMMANDS, Recording
+from pam_model.plant.simulate import Plant, initial_state
+
+CORRELATION = 50.0
+"""Neighbouring residuals repeat each other: information is this much less than white noise's."""
+MOST_SURVIVORS = 4
+DECISIVE = 0.5
+"""Fall of the level, summed over channels, that tells two hypotheses apart."""
+STEP = 2e-3  # s
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """What one excitation would tell.
+
+    Attributes
+    ----------
+    excitation : Excitation
+        Of the menu.
+    smallest : float
+        Level (sum over channels of log mean square, both recordings together) by which the less
+        fitting of the two closest survivors would fall behind.
+    in_noise : float
+        RMS difference between the two closest, re-fitted, in units of the noise floor.
+    closest : tuple of str
+        Labels of these two.
+    """
+
+    excitation: Excitation
+    smallest: float
+    in_noise: float
+    closest: tuple[str, str]
+
+    @property
+    def is_decisive(self) -> bool:
+        """Whether the closest two are expected to come apart."""
+        return self.smallest > DECISIVE
+
+
+def simulate_excitation(
+    problem: PredictionProblem, values: Array, excitation: Excitation, seed: int = 0
+) -> Recording:
+    """What a plant would record under an excitation, with the channels' noise.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        Rig, and recordings whose channels and noise the new one will have.
+    values : ndarray, shape (n_parameters,)
+        The plant.
+    excitation : Excitation
+        What is done.
+    seed : int
+        Of the noise.
+    """
+    mounted = as_mounted(values[None], excitation.mounting)[0]
+    parameters = replace(problem.base, values=mounted)
+    loop = ExperimentLoop(problem.rig, problem.joint, excitation)
+    pressures = loop.start_pressures
+    start = [p if r else 0.0 for p, r in zip(pressures, loop.is_regulated, strict=True)]
+    plant = Plant(parameters, STEP, initial_state(parameters, pressures=pressures, commands=start))
+    dt = excitation.sample_time
+    count = excitation.time.size
+    measured, commands = np.zeros((count, N_CHANNELS)), np.zeros((count, 2))
+    seen: tuple[float, float, float] = (0.0, *pressures)
+    for k, time in enumerate(excitation.time.tolist()):
+        output = plant.output
+        measured[k] = (*seen[1:], seen[0], output["agonist.force"], output["antagonist.force"])
+        sent = loop.commands(time, seen[0], seen[1:])
+        commands[k] = sent
+        seen = plant.step(sent, dt)
+    template = problem.data[0]
+    noise = np.nan_to_num(np.mean([d.deviation for d in problem.data], axis=0))
+    measured += noise * np.random.default_rng(seed).standard_normal(measured.shape)
+    values_by_name = {
+        name: measured[:, c] for c, name in enumerate(problem.names) if problem.recorded[c]
+    }
+    if template.has_commands:
+        for i, muscle in enumerate(problem.rig.joints[problem.joint].muscles):
+            values_by_name[f"{COMMANDS}{muscle}"] = commands[:, i]
+    valid = {name: np.ones(count, dtype=np.bool_) for name in values_by_name}
+    return Recording(
+        Path(excitation.name), dt, excitation.time, values_by_name, valid, (), excitation.mounting
+    )
+
+
+class ExperimentPlanner:
+    """Chooses an excitation for the survivors of one diagnosis.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        Of the diagnosis.
+    survivors : sequence of Hypothesis
+        At least two, the leading one first; no more than MOST_SURVIVORS are compared.
+    """
+
+    def __init__(self, fitter: HypothesisFitter, survivors: Sequence[Hypothesis]) -> None:
+        self.fitter = fitter
+        self.problem = fitter.problem
+        self.survivors = tuple(survivors[:MOST_SURVIVORS])
+        leading = self.survivors[0]
+        self.left = np.maximum(leading.mean_square, fitter.floor)
+        self.weights = np.where(self.problem.present, 1.0 / self.left, 0.0)
+        self.known = [self._information(h) for h in self.survivors]
+
+    def _information(self, h: Hypothesis) -> Array:
+        """Curvature about the fitted parameters of the recordings so far, scaled parameters."""
+        free, _, _ = self.fitter.problem_parts(h.members)
+        curvature, _ = normal_equations(
+            np.nan_to_num(h.result.errors), h.result.jacobian, self.problem.counted, self.weights
+        )
+        prior: Array = np.diag(Scaling(free).weight ** 2)
+        result: Array = curvature / CORRELATION + prior
+        return result
+
+    def separation(self, excitation: Excitation) -> Separation:
+        """What an excitation would tell, the closest pair of survivors counting."""
+        leading = self.survivors[0]
+        recording = simulate_excitation(
+            self.problem, self.fitter.vector(leading.members, leading.result.values), excitation
+        )
+        trial = PredictionProblem(
+            self.problem.rig,
+            self.problem.joint,
+            [recording],
+            horizon=self.problem.horizon,
+            threads=self.problem.threads,
+        )
+        errors, jacobians = [], []
+        for h in self.survivors:
+            free, targets, factor = self.fitter.problem_parts(h.members)
+            predict = trial.predictor(trial.base.values, targets, factor)
+            scaling = Scaling(free)
+            at = scaling.scaled(h.result.values)
+            own = predict(scaling.own(at[None]))[0]
+            errors.append(own)
+            jacobians.append(
+                numerical_jacobian(predict, scaling, at, own, np.arange(at.size), 0.03)
+            )
+        rows = trial.counted
+        share = float(rows.sum()) / float(rows.sum() + self.problem.counted.sum())
+        worst = Separation(excitation, np.inf, np.inf, ("", ""))
+        for i, j in permutations(range(len(self.survivors)), 2):
+            apart = errors[j] - errors[i]
+            left = self._after_imitation(apart, jacobians[j], rows, self.known[j])
+            mean = mean_squares(left, rows)[self.problem.present]
+            level = float(np.sum(np.log1p(share * mean / self.left[self.problem.present])))
+            if level < worst.smallest:
+                noise = float(np.sqrt(np.max(mean / self.fitter.floor[self.problem.present])))
+                names = (self.survivors[i].label, self.survivors[j].label)
+                worst = Separation(excitation, level, noise, names)
+        return worst
+
+    def _after_imitation(
+        self, apart: Array, jacobian: Array, rows: np.ndarray, known: Array
+    ) -> Array:
+        """What is left of a difference when the imitating survivor is re-fitted, linearised."""
+        apart = np.where(np.isfinite(apart), apart, np.nan)
+        hessian, slope = normal_equations(apart, jacobian, rows, self.weights)
+        total = hessian / CORRELATION + known
+        move = -np.linalg.lstsq(total, slope / CORRELATION, rcond=1e-10)[0]
+        left: Array = apart + jacobian @ move
+        return left
+
+    def choose(self, menu: Sequence[Excitation]) -> tuple[Separation, ...]:
+        """Every excitation with what it would tell, the best first; those that fail left out."""
+        found = []
+        for excitation in menu:
+            separation = self.separation(excitation)
+            if np.isfinite(separation.smallest):
+                found.append(separation)
+        return tuple(sorted(found, key=lambda s: -s.smallest))
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """The experiment proposed, and how the rest of the menu compares.
+
+    Attributes
+    ----------
+    problem : PredictionProblem
+        What it is proposed for.
+    ranking : tuple of Separation
+        The whole menu, best first.
+    """
+
+    problem: PredictionProblem
+    ranking: tuple[Separation, ...]
+
+    @property
+    def best(self) -> Separation:
+        """What is proposed."""
+        return self.ranking[0]
+
+    def sentence(self) -> str:
+        """What to do, in words."""
+        best = self.best
+        words = (
+            f"{best.excitation.name}: {best.excitation.instruction} "
+            f"({best.excitation.duration:.0f} s; files in {FOLDER}/). {best.closest[0]} and "
+            f"{best.closest[1]}, the closest of what is left, should then differ by "
+            f"{best.in_noise:.3g} times the noise, each re-fitted."
+        )
+        if not best.is_decisive:
+            words += " That may be too little: nothing on the menu parts them well."
+        return words
+
+    def write(self, folder: Path) -> None:
+        """Write the files to play it, and the ranking of the menu."""
+        ranking = [
+            {
+                "name": s.excitation.name,
+                "expected_level": s.smallest,
+                "times_noise": s.in_noise,
+                "closest": list(s.closest),
+            }
+            for s in self.ranking
+        ]
+        write_experiment(
+            folder, self.problem.rig, self.problem.joint, self.best.excitation, {"menu": ranking}
+        )
+
+
+def propose(fitter: HypothesisFitter, survivors: Sequence[Hypothesis]) -> Proposal | None:
+    """The experiment of the menu with the largest smallest separation; None for one survivor.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        Of the problem diagnosed.
+    survivors : sequence of Hypothesis
+        What the data could not tell apart, best first; MOST_SURVIVORS are compared.
+    """
+    if len(survivors) < 2:
+        return None
+    problem = fitter.problem
+    menu = Menu(problem.rig, problem.joint, problem.data[0].recording.sample_time)
+    ranking = ExperimentPlanner(fitter, survivors).choose(menu.entries())
+    return Proposal(problem, ranking) if ranking else None

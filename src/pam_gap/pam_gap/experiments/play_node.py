@@ -1,0 +1,138 @@
+"""Plays a proposed experiment on the rig in place of the controller.
+
+`ros2 run pam_gap play --ros-args --params-file RIG -p experiment:=OUT/next_experiment`
+
+The driver is active and no controller runs. The joint is first brought to where the experiment
+begins; at the end both muscles are vented and the node ends.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from pam_gap.experiments.files import read_experiment
+from pam_gap.experiments.loop import ExperimentLoop
+from pam_model.errors import PamError
+from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.periodic import PeriodicLoop
+from pam_ros.spin import spin_node
+
+PARAMETERS = (
+    Parameter("experiment", "", "-", 0, 0, "folder that a diagnosis has written"),
+    Parameter("joint", "", "-", 0, 0, "which joint; empty for the rig's first"),
+    Parameter("rate", 200.0, "Hz", 50.0, 1000.0, "how often the valves are commanded"),
+    Parameter("approach", 3.0, "s", 1.0, 30.0, "time to get to where the experiment begins"),
+    Parameter("max_age", 0.1, "s", 0.001, 1.0, "with an older measurement the play ends"),
+)
+_SENSED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+VENT_TIME = 1.0  # s, of venting at the end
+
+
+class PlayNode(Node):  # type: ignore[misc]
+    """Measurements in, valve commands out, around an ExperimentLoop."""
+
+    def __init__(self) -> None:
+        super().__init__("pam_play", automatically_declare_parameters_from_overrides=True)
+        parameters = NodeParameters(self, PARAMETERS)
+        rig = parameters.rig
+        name = str(parameters["joint"]) or rig.joint_names[0]
+        if name not in rig.joint_names:
+            raise PamError(f"joint = {name!r}: must be one of {', '.join(rig.joint_names)}")
+        joint = list(rig.joint_names).index(name)
+        self._joint = rig.joints[joint]
+        self._muscle_names = list(rig.muscle_names)
+        self._excitation = read_experiment(Path(str(parameters["experiment"])))
+        self._loop = ExperimentLoop(rig, joint, self._excitation)
+        self._approach = parameters.number("approach")
+        self._max_age = parameters.number("max_age")
+        self._position, self._position_at = 0.0, -math.inf
+        self._pressures: dict[str, float] = {}
+        self._pressures_at = -math.inf
+        self._begin = math.inf
+        self._problem = ""
+        self.done = False
+        self._commands = self.create_publisher(JointState, "valve_commands", QoSProfile(depth=1))
+        self.create_subscription(JointState, "joint_states", self._take_positions, _SENSED)
+        self.create_subscription(JointState, "pressure_states", self._take_pressures, _SENSED)
+        self.loop = PeriodicLoop(self._cycle, 1.0 / parameters.number("rate"), "play")
+        self.loop.start()
+
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _take_positions(self, message: Any) -> None:
+        if self._joint.name in message.name:
+            self._position = float(message.position[message.name.index(self._joint.name)])
+            self._position_at = self._now()
+
+    def _take_pressures(self, message: Any) -> None:
+        self._pressures = dict(zip(message.name, message.effort, strict=False))
+        self._pressures_at = self._now()
+
+    def _cycle(self, _: float) -> None:
+        now = self._now()
+        pressures = [self._pressures.get(m, math.nan) for m in self._joint.muscles]
+        fresh = now - min(self._position_at, self._pressures_at) < self._max_age
+        known = fresh and all(math.isfinite(x) for x in (self._position, *pressures))
+        if math.isinf(self._begin):
+            if not known:
+                return
+            self._begin = now + self._approach
+            self.get_logger().info(f"{self._excitation.name}: {self._excitation.instruction}")
+        time = now - self._begin
+        if not known and not self._problem:
+            self._problem = "measurements are missing or too old; vented"
+            self._begin = now - self._excitation.duration
+            time = self._excitation.duration
+        if time < self._excitation.duration and not self._problem:
+            self._send(self._loop.commands(time, self._position, pressures))
+        elif time < self._excitation.duration + VENT_TIME:
+            self._send([0.0 if regulated else -1.0 for regulated in self._loop.is_regulated])
+        else:
+            self.done = True
+
+    def _send(self, commands: Sequence[float]) -> None:
+        message = JointState(name=self._muscle_names)
+        position = [0.0] * len(self._muscle_names)
+        effort = [math.nan] * len(self._muscle_names)
+        for muscle, value, regulated in zip(
+            self._joint.muscles, commands, self._loop.is_regulated, strict=True
+        ):
+            at = self._muscle_names.index(muscle)
+            position[at], effort[at] = (math.nan, value) if regulated else (value, math.nan)
+        message.position, message.effort = position, effort
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._commands.publish(message)
+
+    def check(self) -> None:
+        """End the process when the play has ended.
+
+        Raises
+        ------
+        PamError
+            When it ended early.
+        """
+        self.loop.check()
+        if self.done:
+            self.loop.stop()
+            if self._problem:
+                raise PamError(self._problem)
+            rclpy.try_shutdown()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Play until the experiment's end or a signal."""
+    return spin_node(PlayNode, arguments, lambda node: node.check())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

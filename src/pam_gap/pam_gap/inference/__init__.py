@@ -1,0 +1,1 @@
+"""Which effects explain a gap: candidates, search, selection, confidence, verdict."""

@@ -1,0 +1,127 @@
+"""Scores on data that took no part in a fit: two folds of alternating blocks with guards between.
+
+Each fold is fitted on its own blocks and scored on the other's; rows nearer to a border than the
+guard count for neither. The observer forgets within its horizon and slower memories run along the
+true history, so that a guard of a few horizons separates the folds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter, Rows
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.problem import PredictionProblem
+
+BLOCK_TIME = 4.0  # s, of one fold's turn
+GUARD = 0.9  # s, left out at each border: three horizons
+SCORE_TIME = 1.0  # s, of one block of the bootstrap
+
+
+@dataclass(frozen=True, slots=True)
+class Folds:
+    """Rows of either fold, and the score block each counted row belongs to (-1: none)."""
+
+    rows: tuple[Rows, Rows]
+    score_block: np.ndarray
+    n_blocks: int
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """One hypothesis on data it was not fitted to.
+
+    Attributes
+    ----------
+    hypothesis : Hypothesis
+        As fitted to everything.
+    sums, counts : ndarray, shape (n_blocks, channels)
+        Sum of squared whitened errors of each score block, and number of rows.
+    fold_values : tuple of ndarray
+        Parameters found by either fold.
+    """
+
+    hypothesis: Hypothesis
+    sums: Array
+    counts: Array
+    fold_values: tuple[Array, ...]
+
+    @property
+    def mean_square(self) -> Array:
+        """J_c on held-out data, shape (channels,)."""
+        mean: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
+        return mean
+
+    def over_floor(self, floor: Array, present: np.ndarray) -> Array:
+        """RMS error over floor of each channel that is there."""
+        ratio: Array = np.sqrt(self.mean_square / floor)[present]
+        return ratio
+
+
+def make_folds(problem: PredictionProblem) -> Folds:
+    """Cut a problem's counted rows into two folds."""
+    n = problem.n_rows
+    fold = np.full(n, -1)
+    block = np.full(n, -1)
+    next_block = 0
+    for start, end in zip(problem.offsets[:-1], problem.offsets[1:], strict=True):
+        time = problem.row_time[start:end]
+        length = max(min(BLOCK_TIME, float(time[-1]) / 4.0), 4.0 * GUARD / 3.0)
+        turn = np.floor(time / length).astype(int)
+        from_border = np.minimum(time - turn * length, (turn + 1) * length - time)
+        guard = min(GUARD / 2.0, 0.2 * length)
+        inside = (from_border > guard) & problem.counted[start:end]
+        fold[start:end][inside] = turn[inside] % 2
+        pieces = np.floor(time / SCORE_TIME).astype(int)
+        block[start:end][inside] = next_block + pieces[inside]
+        next_block += int(pieces.max()) + 1
+    used = np.unique(block[block >= 0])
+    block = np.where(block >= 0, np.searchsorted(used, block), -1)
+    return Folds((fold == 0, fold == 1), block, used.size)
+
+
+def block_sums(errors: Array, folds: Folds, rows: Rows) -> tuple[Array, Array]:
+    """Sum of squares and number of known rows of each score block, over the given rows."""
+    sums = np.zeros((folds.n_blocks, errors.shape[1]))
+    counts = np.zeros_like(sums)
+    chosen = rows & (folds.score_block >= 0)
+    place = folds.score_block[chosen]
+    square = errors[chosen] ** 2
+    known = np.isfinite(square)
+    np.add.at(sums, place, np.where(known, square, 0.0))
+    np.add.at(counts, place, known.astype(np.float64))
+    return sums, counts
+
+
+def score_held_out(
+    fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis, iterations: int = 2
+) -> HeldOut:
+    """Fit either fold from where the whole fit ended and score it on the other."""
+    sums = np.zeros((folds.n_blocks, hypothesis.result.errors.shape[1]))
+    counts = np.zeros_like(sums)
+    values: list[Array] = []
+    for own, other in (folds.rows, folds.rows[::-1]):
+        part = hypothesis
+        if hypothesis.result.values.size:
+            part = fitter.fit(
+                hypothesis.members,
+                hypothesis.result.values,
+                rows=own,
+                cached=hypothesis.result.jacobian,
+                max_iterations=iterations,
+            )
+        values.append(part.result.values)
+        more_sums, more_counts = block_sums(part.result.errors, folds, other)
+        sums += more_sums
+        counts += more_counts
+    return HeldOut(hypothesis, sums, counts, tuple(values))
+
+
+def score_all(
+    fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]
+) -> list[HeldOut]:
+    """Held-out scores of several hypotheses."""
+    return [score_held_out(fitter, folds, h) for h in hypotheses]

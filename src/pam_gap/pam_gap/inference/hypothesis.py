@@ -1,0 +1,128 @@
+"""A hypothesis: the nominal plant re-tuned within tolerance, with effects added, and its fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_gap.inference.candidates import SIDES, Candidate, nuisances_for, transport_time
+from pam_gap.prediction.fit import Array, FitResult, FreeParameter, fit, mean_squares
+from pam_gap.prediction.problem import PredictionProblem
+from pam_model.plant.parameters import INDEX
+
+Rows = npt.NDArray[np.bool_]
+
+
+@dataclass(slots=True)
+class Hypothesis:
+    """Effects on trial together, and where their fit ended.
+
+    Attributes
+    ----------
+    members : tuple of Candidate
+        The effects; none for the re-tuned nominal plant.
+    result : FitResult
+        Of nuisances first, then each member's parameters in order.
+    mean_square : ndarray, shape (channels,)
+        J_c over all counted rows.
+    """
+
+    members: tuple[Candidate, ...]
+    result: FitResult
+    mean_square: Array
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(member.effect for member in self.members)
+
+    @property
+    def label(self) -> str:
+        """Names with sides."""
+        return " + ".join(member.label for member in self.members) or "re-tuned nominal"
+
+
+class HypothesisFitter:
+    """Fits hypotheses of one problem, sharing what they have in common.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        The rig and its recordings.
+    floor : ndarray, shape (channels,)
+        Mean square that noise alone leaves.
+    """
+
+    def __init__(self, problem: PredictionProblem, floor: Array) -> None:
+        self.problem = problem
+        self.floor = floor
+        self.nuisances = nuisances_for(problem.rig, problem.rig.joints[problem.joint])
+        stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
+        written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}
+        # delays written apart for the two muscles are known, transport included
+        if stamped and problem.has_commands and len(written) == 1:
+            self.nuisances += (transport_time(max(stamped), written.pop()),)
+        self.nominal: Hypothesis | None = None
+
+    def problem_parts(
+        self, members: Sequence[Candidate]
+    ) -> tuple[list[FreeParameter], list[tuple[str, ...]], list[bool]]:
+        """Free parameters of a hypothesis, their targets, whether each is a factor."""
+        free = [nuisance.free for nuisance in self.nuisances]
+        targets = [nuisance.targets for nuisance in self.nuisances]
+        factor = [nuisance.is_factor for nuisance in self.nuisances]
+        for member in members:
+            free += member.free
+            targets += member.targets
+            factor += [False] * len(member.free)
+        return free, targets, factor
+
+    def vector(self, members: Sequence[Candidate], values: Array) -> Array:
+        """The plant's full parameter vector of a fitted hypothesis."""
+        _, targets, factor = self.problem_parts(members)
+        places = [np.array([INDEX[name] for name in group]) for group in targets]
+        full: Array = self.problem.vectors(self.problem.base.values, places, factor, values[None])[
+            0
+        ]
+        return full
+
+    def fit(
+        self,
+        members: Sequence[Candidate],
+        start: Array,
+        *,
+        rows: Rows | None = None,
+        cached: Array | None = None,
+        max_iterations: int = 8,
+        tolerance: float = 1e-3,
+    ) -> Hypothesis:
+        """Fit one hypothesis from one start (nuisances first, then members' parameters)."""
+        problem = self.problem
+        free, targets, factor = self.problem_parts(members)
+        chosen = problem.counted if rows is None else rows
+        if not free:
+            errors = problem.errors(problem.base.values[None])[0]
+            result = FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
+        else:
+            result = fit(
+                problem.predictor(problem.base.values, targets, factor),
+                free,
+                start,
+                rows=chosen,
+                floor=self.floor,
+                cached=cached,
+                max_iterations=max_iterations,
+                tolerance=tolerance,
+            )
+        mean = mean_squares(result.errors, problem.counted)
+        return Hypothesis(tuple(members), result, mean)
+
+    def fit_nominal(self) -> Hypothesis:
+        """Re-tune the nominal parameters alone; kept as the start of everything else."""
+        if self.nominal is None:
+            start = np.array([nuisance.free.centre for nuisance in self.nuisances])
+            self.nominal = self.fit((), start, max_iterations=6)
+        return self.nominal

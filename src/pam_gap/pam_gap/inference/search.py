@@ -1,0 +1,242 @@
+"""The search for the effects that explain a recording: singles first, then one more at a time.
+
+Every candidate gets a few Gauss-Newton steps; those that fall behind are dropped, the leaders are
+fitted to the end. A second effect is sought on top of several of the best first ones, since the
+strongest first step need not be part of the best pair, and each member is challenged again.
+Forward selection with backward checks: Miller, Subset Selection in Regression (2002), chapter 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pam_gap.inference.candidates import Candidate, richer_starts
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.selection import NESTED
+from pam_gap.prediction.fit import Array
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share of the whole that is done."""
+
+BEHIND = 6.0
+"""Sum of log mean squares by which a candidate may trail the leader before it is dropped."""
+
+
+SCREENING = 3
+"""Steps before candidates are compared: the first is often cut short by the nuisances."""
+SETTLED = 12
+"""Steps by which a hypothesis is surely fitted to the end."""
+WORTH_A_CHALLENGE = 1.0
+"""Fall of the level by a further effect from which the others are challenged."""
+
+
+def silent(task: str, share: float) -> None:
+    """Report nothing."""
+
+
+def level(mean_square: Array, floor: Array, present: Array) -> float:
+    """Sum over channels of log J, none below its floor: what a hypothesis leaves."""
+    return float(np.sum(np.log(np.maximum(mean_square / floor, 1.0))[present]))
+
+
+@dataclass(slots=True)
+class SearchResult:
+    """All that was tried.
+
+    Attributes
+    ----------
+    nominal : Hypothesis
+        Re-tuned, without effects.
+    by_size : list of list of Hypothesis
+        Entry k holds the hypotheses of k + 1 effects, best first.
+    """
+
+    nominal: Hypothesis
+    by_size: list[list[Hypothesis]] = field(default_factory=list)
+
+
+class Search:
+    """One search over candidates.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        Of the problem.
+    candidates : sequence of Candidate
+        What may be added.
+    progress : callable, optional
+        Told what is being done.
+    """
+
+    def __init__(
+        self,
+        fitter: HypothesisFitter,
+        candidates: Sequence[Candidate],
+        progress: Progress = silent,
+    ) -> None:
+        self.fitter = fitter
+        self.candidates = tuple(candidates)
+        self.progress = progress
+        self.present = fitter.problem.present
+        self._last: dict[str, tuple[Array, ...]] = {}
+
+    def level(self, hypothesis: Hypothesis) -> float:
+        """What a hypothesis leaves above the floor, summed over channels in log mean squares."""
+        return level(hypothesis.mean_square, self.fitter.floor, self.present)
+
+    def _leaders(self, found: list[Hypothesis], count: int, behind: float) -> list[Hypothesis]:
+        """The best `count` hypotheses within `behind` of the best, one per set of effects."""
+        best: dict[str, Hypothesis] = {}
+        for h in found:
+            if h.label not in best or self.level(h) < self.level(best[h.label]):
+                best[h.label] = h
+        ranked = sorted(best.values(), key=self.level)
+        limit = self.level(ranked[0]) + behind if ranked else 0.0
+        return [h for h in ranked[:count] if self.level(h) <= limit]
+
+    def refine(self, h: Hypothesis, iterations: int, *, reuse: Array | None = None) -> Hypothesis:
+        """Fit on from where a hypothesis stands."""
+        again = self.fitter.fit(h.members, h.result.values, cached=reuse, max_iterations=iterations)
+        return again if self.level(again) <= self.level(h) else h
+
+    def extend(
+        self,
+        base: Hypothesis,
+        *,
+        screened: int,
+        finished: int,
+        task: str,
+        shares: tuple[float, float],
+        warm: bool = False,
+    ) -> list[Hypothesis]:
+        """Every hypothesis with one more effect than `base`, leaders fitted to the end.
+
+        With `warm` an effect begins where it stood when last it was tried beside others.
+        """
+        reuse = base.result.jacobian
+        values = base.result.values
+        names = {m.label for m in base.members} | {m.effect for m in base.members}
+        rivals = [c for c in self.candidates if c.effect not in names]
+        found: list[Hypothesis] = []
+        low, high = shares
+        for i, candidate in enumerate(rivals):
+            self.progress(f"{task}: {candidate.effect}", low + (high - low) * 0.6 * i / len(rivals))
+            starts = candidate.starts
+            if warm:
+                starts = self._last.get(candidate.label, starts)
+            tried = [
+                self.fitter.fit(
+                    (*base.members, candidate),
+                    np.concatenate([values, start]),
+                    cached=reuse,
+                    max_iterations=SCREENING,
+                )
+                for start in starts
+            ]
+            best = min(tried, key=self.level)
+            found.append(best)
+            self._last[candidate.label] = (best.result.values[values.size :],)
+        leaders = self._leaders(found, screened, 2 * BEHIND)
+        done: list[Hypothesis] = []
+        for i, h in enumerate(leaders):
+            self.progress(f"{task}: {h.label}", low + (high - low) * (0.6 + 0.2 * i / screened))
+            done.append(self.refine(h, 5, reuse=reuse if reuse.shape[-1] else None))
+            done += self._richer(done[-1])
+        leaders = self._leaders(done, finished, BEHIND)
+        ends: list[Hypothesis] = []
+        for i, h in enumerate(leaders):
+            self.progress(f"{task}: {h.label}", low + (high - low) * (0.8 + 0.2 * i / finished))
+            ends.append(self.refine(h, 8))
+        kept: dict[str, Hypothesis] = {}
+        for h in (*found, *done, *ends):
+            if h.label not in kept or self.level(h) < self.level(kept[h.label]):
+                kept[h.label] = h
+        return sorted(kept.values(), key=self.level)
+
+    def _richer(self, h: Hypothesis) -> list[Hypothesis]:
+        """Richer laws of the newest effect, from where the simple one ended: never behind it."""
+        newest, others = h.members[-1], h.members[:-1]
+        at = len(h.result.values) - len(newest.free)
+        found: list[Hypothesis] = []
+        for candidate in self.candidates:
+            if (newest.effect, candidate.effect) in NESTED:
+                found += [
+                    self.fitter.fit(
+                        (*others, candidate),
+                        np.concatenate([h.result.values[:at], start]),
+                        cached=h.result.jacobian[..., :at],
+                        max_iterations=SETTLED,
+                    )
+                    for start in richer_starts(candidate, newest, h.result.values[at:])
+                ]
+        return found
+
+    def singles(self) -> SearchResult:
+        """The re-tuned nominal plant and every single effect."""
+        self.progress("re-tuning nominal parameters", 0.0)
+        nominal = self.fitter.fit_nominal()
+        found = self.extend(nominal, screened=10, finished=5, task="one effect", shares=(0.05, 0.4))
+        return SearchResult(nominal, [found])
+
+    def without(self, h: Hypothesis, member: int) -> Hypothesis:
+        """The hypothesis with one effect taken out, the rest where it stands (not fitted)."""
+        start = len(self.fitter.nuisances) + sum(len(m.free) for m in h.members[:member])
+        cut = np.arange(start, start + len(h.members[member].free))
+        result = replace(
+            h.result,
+            values=np.delete(h.result.values, cut),
+            jacobian=np.delete(h.result.jacobian, cut, axis=-1),
+        )
+        members = h.members[:member] + h.members[member + 1 :]
+        return Hypothesis(members, result, h.mean_square)
+
+    def grow(self, result: SearchResult, shares: tuple[float, float]) -> None:
+        """Add the hypotheses with one more effect, and challenge each member of the best.
+
+        Parameters
+        ----------
+        result : SearchResult
+            Its last size is extended.
+        shares : tuple of float
+            Progress before and after.
+        """
+        low, high = shares
+        middle = 0.5 * (low + high)
+        # What the base has left to gain must not be credited to whatever is added to it.
+        base = self.refine(result.by_size[-1][0], SETTLED)
+        result.by_size[-1][0] = base
+        size = len(base.members) + 1
+        found = self.extend(
+            base, screened=8, finished=4, task=f"{size} effects",
+            shares=(low, middle), warm=size > 2,
+        )  # fmt: skip
+        best = found[0]
+        if self.level(base) - self.level(best) > WORTH_A_CHALLENGE:
+            # The newest member was chosen given the others; they were not chosen given it.
+            for member in range(size - 1):
+                found += self.extend(
+                    self.without(best, member), screened=4, finished=3,
+                    task=f"in place of {best.members[member].effect}", shares=(middle, high),
+                    warm=True,
+                )  # fmt: skip
+        distinct: dict[frozenset[str], Hypothesis] = {}
+        for h in sorted(found, key=self.level):
+            distinct.setdefault(frozenset(m.label for m in h.members), h)
+        result.by_size.append(list(distinct.values()))
+        self._check_backwards(result)
+
+    def _check_backwards(self, result: SearchResult) -> None:
+        """Fit what is left when either member of the best leaves it: it may explain all alone."""
+        best, smaller = result.by_size[-1][0], result.by_size[-2]
+        for member in range(len(best.members)):
+            start = self.without(best, member)
+            rest = self.fitter.fit(start.members, start.result.values, max_iterations=SETTLED)
+            known = next((h for h in smaller if h.label == rest.label), None)
+            if known is None or self.level(rest) < self.level(known):
+                result.by_size[-2] = smaller = [
+                    rest, *(h for h in smaller if h.label != rest.label)
+                ]  # fmt: skip
+        result.by_size[-2] = sorted(smaller, key=self.level)

@@ -1,0 +1,99 @@
+"""Does something no candidate knows remain? A flexible model of the leftover, scored held out.
+
+What the best hypothesis leaves is regressed on what the rig did (position, its rate and direction,
+pressures, commands, slow time), with products and harmonics of the position, by ridge regression
+on one fold and scored on the other. A smooth law of the inputs in the leftover that the hypothesis
+had no business to miss speaks for `unknown`; noise and the rough edges of friction do not follow
+such a law. The flexible model names nothing: it is confounded with every parameter (Kennedy and
+O'Hagan, J. R. Statist. Soc. B 63, 2001, on model discrepancy).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_gap.inference.held_out import Folds
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.problem import BLOCK, PredictionProblem
+
+RIDGE = 1e-3
+HARMONICS = (2.0, 4.0, 8.0, 12.0, 16.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Leftover:
+    """How much of each channel's leftover a flexible law of the inputs explains, held out."""
+
+    explained: Array
+    by_position: Array
+
+
+def _inputs(problem: PredictionProblem) -> tuple[Array, Array]:
+    """Standardised inputs (rows, n) and position (rows,), block means."""
+    columns, positions = [], []
+    for data, start, end in zip(
+        problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
+    ):
+        rows = end - start
+        mean = data.measured[: rows * BLOCK].reshape(rows, BLOCK, -1).mean(axis=1)
+        command = data.commands[: rows * BLOCK].reshape(rows, BLOCK, 2).mean(axis=1)
+        step = BLOCK * data.recording.sample_time
+        wide = max(1, round(0.04 / step))
+        smooth = np.convolve(mean[:, 2], np.ones(wide) / wide, mode="same")
+        rate = np.gradient(smooth, step)
+        direction = np.tanh(rate / (0.05 * np.std(rate) + 1e-9))
+        columns.append(np.column_stack([mean[:, :2], mean[:, 2], rate, direction, command]))
+        positions.append(mean[:, 2])
+    inputs = np.concatenate(columns)
+    spread = inputs.std(axis=0)
+    return (inputs - inputs.mean(axis=0)) / np.where(spread > 0, spread, 1.0), np.concatenate(
+        positions
+    )
+
+
+def _ridge_score(design: Array, errors: Array, folds: Folds) -> float:
+    """Share of the held-out squared error that a ridge regression takes away."""
+    left = total = 0.0
+    for own, other in (folds.rows, folds.rows[::-1]):
+        fit_rows = own & np.isfinite(errors)
+        test_rows = other & np.isfinite(errors)
+        if not fit_rows.any() or not test_rows.any():
+            return 0.0
+        a, b = design[fit_rows], errors[fit_rows]
+        gram = a.T @ a
+        gram[np.diag_indices(len(gram))] += RIDGE * len(a)
+        weights = np.linalg.solve(gram, a.T @ b)
+        residual = errors[test_rows] - design[test_rows] @ weights
+        left += float(residual @ residual)
+        total += float(errors[test_rows] @ errors[test_rows])
+    return 1.0 - left / max(total, 1e-300)
+
+
+def explain_leftover(problem: PredictionProblem, folds: Folds, errors: Array) -> Leftover:
+    """Regress what a hypothesis leaves on what the rig did.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        Rig and recordings.
+    folds : Folds
+        For the held-out score.
+    errors : ndarray, shape (n_rows, channels)
+        Whitened prediction errors of the hypothesis.
+    """
+    inputs, position = _inputs(problem)
+    ones = np.ones((len(inputs), 1))
+    harmonics = np.column_stack([f(k * position) for k in HARMONICS for f in (np.sin, np.cos)])
+    n = inputs.shape[1]
+    products = np.column_stack([inputs[:, i] * inputs[:, j] for i in range(n) for j in range(i, n)])
+    everything = np.column_stack([ones, inputs, products, harmonics])
+    z = inputs[:, 2]
+    static = np.column_stack([ones, z, z**2, z**3, harmonics])
+    channels = errors.shape[1]
+    explained, by_position = np.zeros(channels), np.zeros(channels)
+    for c in np.nonzero(problem.present)[0]:
+        explained[c] = _ridge_score(everything, errors[:, c], folds)
+        by_position[c] = _ridge_score(static, errors[:, c], folds)
+    return Leftover(np.maximum(explained, 0.0), np.maximum(by_position, 0.0))

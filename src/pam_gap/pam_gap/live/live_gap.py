@@ -1,0 +1,189 @@
+"""The gap over the last few seconds of a running rig: no ROS, messages' numbers in, figures out."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pam_gap.prediction.fit import mean_squares
+from pam_gap.prediction.gap_figures import HORIZONS, UNITS, noise_level
+from pam_gap.prediction.problem import SETTLING, PredictionProblem, PredictionSettings
+from pam_gap.recordings.recording import (
+    COMMANDS,
+    JOINTS,
+    PRESSURES,
+    RawChannel,
+    RawRecording,
+    RecordingError,
+    resample,
+)
+from pam_model.rig import Rig
+
+SHORTEST = SETTLING + 1.0  # s, of a window that says anything
+TIGHT = 0.01  # s, in which pressures follow the measured ones
+WATCHED = HORIZONS[:2]
+MOST_KEPT = 100_000
+"""Samples of a channel, however little their stamps advance."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFigure:
+    """RMS prediction error of a channel over one horizon, and what noise alone gives."""
+
+    channel: str
+    horizon: str
+    unit: str
+    error: float
+    floor: float
+
+
+@dataclass(frozen=True, slots=True)
+class LiveGap:
+    """One joint's gap.
+
+    Attributes
+    ----------
+    joint : str
+        Which joint.
+    figures : tuple of ChannelFigure
+        Every channel over every watched horizon.
+    stages : mapping
+        Stage -> gap over floor, for the stages that can be judged.
+    problem : str
+        Why nothing can be said; empty otherwise.
+    """
+
+    joint: str
+    figures: tuple[ChannelFigure, ...] = ()
+    stages: Mapping[str, float] | None = None
+    problem: str = ""
+
+    @property
+    def worst(self) -> float:
+        """Largest error over floor of a channel and horizon; 0 without figures."""
+        return max((f.error / f.floor for f in self.figures), default=0.0)
+
+    @property
+    def stage(self) -> str:
+        """The stage with the largest gap over its floor; empty without one."""
+        stages = self.stages or {}
+        return max(stages, key=lambda name: stages[name], default="")
+
+
+class LiveWindow:
+    """The last seconds of a rig's channels.
+
+    Parameters
+    ----------
+    rig : Rig
+        As written.
+    length : float
+        What is kept [s].
+    """
+
+    def __init__(self, rig: Rig, length: float) -> None:
+        self.rig = rig
+        self.length = length
+        self._samples: dict[str, deque[tuple[float, float]]] = {}
+        self._known = {
+            *(f"{PRESSURES}{m}" for m in rig.muscle_names),
+            *(f"{COMMANDS}{m}" for m in rig.muscle_names),
+            *(f"{JOINTS}{j}.position" for j in rig.joint_names),
+        }
+
+    def take(self, topic: str, stamp: float, names: Sequence[str], values: Sequence[float]) -> None:
+        """Keep one message's values; names the rig does not have are left out.
+
+        Parameters
+        ----------
+        topic : str
+            Channel prefix, such as `recording.PRESSURES`.
+        stamp : float
+            [s].
+        names, values : sequence
+            As in the message, of one length.
+        """
+        suffix = ".position" if topic == JOINTS else ""
+        for name, value in zip(names, values, strict=False):
+            channel = f"{topic}{name}{suffix}"
+            if channel in self._known:
+                kept = self._samples.setdefault(channel, deque(maxlen=MOST_KEPT))
+                if kept and stamp < kept[-1][0] - self.length:
+                    kept.clear()  # the clock was set back
+                kept.append((stamp, float(value)))
+                while kept[-1][0] - kept[0][0] > self.length:
+                    kept.popleft()
+
+    def forget(self) -> None:
+        """Drop everything, as after a pause."""
+        self._samples.clear()
+
+    def _forget_silent(self) -> None:
+        """Drop channels that have stopped while others go on."""
+        newest = max((kept[-1][0] for kept in self._samples.values()), default=0.0)
+        for name, kept in list(self._samples.items()):
+            if newest - kept[-1][0] > 0.5 * self.length:
+                del self._samples[name]
+
+    def gap(self, joint: int) -> LiveGap:
+        """What the rig file leaves unexplained of one joint's last seconds."""
+        self._forget_silent()
+        entry = self.rig.joints[joint]
+        wanted = [f"{PRESSURES}{m}" for m in entry.muscles]
+        wanted += [f"{COMMANDS}{m}" for m in entry.muscles] + [f"{JOINTS}{entry.name}.position"]
+        channels = {}
+        for name in wanted:
+            kept = self._samples.get(name)
+            if kept:
+                pairs = np.array(kept)
+                channels[name] = RawChannel(pairs[:, 0], pairs[:, 1])
+        missing = [name for name in wanted[:2] if name not in channels]
+        if missing:
+            return LiveGap(entry.name, problem=f"no {', '.join(missing)}")
+        shortest = min(float(c.time[-1] - c.time[0]) for c in channels.values())
+        if shortest < min(SHORTEST, self.length):
+            return LiveGap(entry.name, problem=f"only {shortest:.1f} s heard so far")
+        try:
+            recording = resample(RawRecording(Path("live"), channels))
+            return self._judged(PredictionProblem(self.rig, joint, [recording]))
+        except RecordingError as error:
+            return LiveGap(entry.name, problem=str(error))
+
+    def _judged(self, problem: PredictionProblem) -> LiveGap:
+        scale = problem.data[0].block_deviation
+        use = np.nonzero(problem.present)[0].tolist()
+        figures = []
+        for horizon in WATCHED:
+            error, floor = _rms(problem, horizon.settings)
+            figures += [
+                ChannelFigure(
+                    problem.names[c],
+                    horizon.name,
+                    UNITS[c],
+                    float(error[c] * scale[c]),
+                    float(floor[c] * scale[c]),
+                )
+                for c in use
+                if math.isfinite(error[c])
+            ]
+        stages: dict[str, float] = {}
+        if problem.has_commands:
+            error, floor = _rms(problem, PredictionSettings(follow_motion=bool(problem.present[2])))
+            stages["valve"] = float(np.max((error / floor)[:2]))
+        if problem.present[2]:
+            error, floor = _rms(problem, PredictionSettings(TIGHT))
+            stages["muscle and joint"] = float(error[2] / floor[2])
+        return LiveGap(problem.rig.joints[problem.joint].name, tuple(figures), stages)
+
+
+def _rms(problem: PredictionProblem, settings: PredictionSettings) -> tuple[np.ndarray, np.ndarray]:
+    """RMS error and floor of each channel in units of its noise."""
+    values = problem.base.values
+    errors = problem.errors(values[None], settings)[0]
+    floor = noise_level(problem, values, settings)
+    return np.sqrt(mean_squares(errors, problem.counted)), np.sqrt(floor)

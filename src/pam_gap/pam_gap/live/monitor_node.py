@@ -1,0 +1,104 @@
+"""Watches a running rig and reports on /diagnostics how far it is from its rig file.
+
+`python -m pam_gap monitor --ros-args --params-file config/elbow.yaml`, the same as
+`ros2 run pam_gap monitor`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from pam_gap.live.live_gap import LiveGap, LiveWindow
+from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
+from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
+from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.spin import spin_node
+
+PARAMETERS = (
+    Parameter("window", 6.0, "s", 3.0, 60.0, "how much of the past is judged"),
+    Parameter("period", 1.0, "s", 0.2, 60.0, "how often the gap is reported"),
+    Parameter(
+        "warning_ratio", 5.0, "-", 1.0, 1e6, "gap over noise from which it is a warning", True
+    ),
+)
+_SENSED = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class MonitorNode(Node):  # type: ignore[misc]
+    """Topics in and diagnostics out around a LiveWindow."""
+
+    def __init__(self) -> None:
+        super().__init__("pam_gap", automatically_declare_parameters_from_overrides=True)
+        self._parameters = NodeParameters(self, PARAMETERS)
+        self._rig = self._parameters.rig
+        self._window = LiveWindow(self._rig, self._parameters.number("window"))
+        self._messages = 0
+        self._regulated = all(m.valve.kind == "pressure_regulator" for m in self._rig.muscles)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.create_subscription(JointState, "valve_commands", self._take_commands, _SENSED)
+        self.create_subscription(JointState, "pressure_states", self._take_pressures, _SENSED)
+        self.create_subscription(JointState, "joint_states", self._take_positions, _SENSED)
+        self.create_timer(self._parameters.number("period"), self._report)
+
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def _stamp(self, message: Any) -> float:
+        stamp = message.header.stamp
+        seconds = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+        return seconds if seconds > 0.0 else self._now()
+
+    def _take_commands(self, message: Any) -> None:
+        self._messages += 1
+        # a regulator's command is its effort [Pa], a spool's its position
+        values = message.effort if self._regulated else message.position
+        self._window.take(COMMANDS, self._stamp(message), message.name, values)
+
+    def _take_pressures(self, message: Any) -> None:
+        self._messages += 1
+        self._window.take(PRESSURES, self._stamp(message), message.name, message.effort)
+
+    def _take_positions(self, message: Any) -> None:
+        self._messages += 1
+        self._window.take(JOINTS, self._stamp(message), message.name, message.position)
+
+    def _report(self) -> None:
+        messages, self._messages = self._messages, 0
+        if not messages:
+            self._window.forget()
+        statuses = [self._status(self._window.gap(i)) for i in range(len(self._rig.joints))]
+        stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(diagnostic_array(stamp, *statuses))
+
+    def _status(self, gap: LiveGap) -> Any:
+        name = f"{self.get_name()}: {gap.joint}"
+        if gap.problem:
+            return diagnostic_status(name, STALE, gap.problem, {})
+        values: dict[str, object] = {}
+        for figure in gap.figures:
+            values[f"{figure.channel} {figure.horizon} [{figure.unit}]"] = figure.error
+            values[f"{figure.channel} {figure.horizon} noise [{figure.unit}]"] = figure.floor
+        for stage, ratio in (gap.stages or {}).items():
+            values[f"stage {stage} [times the noise]"] = ratio
+        values["worst [times the noise]"] = gap.worst
+        large = gap.worst > self._parameters.number("warning_ratio")
+        text = f"gap {gap.worst:.1f} times the noise"
+        if gap.stage:
+            text += f", largest at the {gap.stage} stage"
+        return diagnostic_status(name, WARN if large else OK, text, values)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop."""
+    return spin_node(MonitorNode, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The plant run along a recording, and how far the two differ."""

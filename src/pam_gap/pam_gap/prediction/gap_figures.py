@@ -1,0 +1,89 @@
+"""How large the gap is: per channel in its unit, at one step, at half a second and in free run.
+
+One step hides slow errors and free run adds up early ones, so all are given. The floor of each is
+what the channels' noise alone does to it: the difference the same predictions show when one more
+draw of that noise is added to the measurements.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pam_gap.prediction.fit import Array, mean_squares
+from pam_gap.prediction.problem import AS_FITTED, PredictionProblem, PredictionSettings
+
+ONE_STEP_BANDWIDTH = 200.0  # rad/s, of the position's pull
+UNITS = ("Pa", "Pa", "rad", "N", "N")
+
+
+@dataclass(frozen=True, slots=True)
+class Horizon:
+    """One way to predict, and its name."""
+
+    name: str
+    settings: PredictionSettings
+
+
+HORIZONS = (
+    Horizon("one step", PredictionSettings(1e-4, position_bandwidth=ONE_STEP_BANDWIDTH)),
+    Horizon("0.5 s", PredictionSettings(np.inf, window_time=0.5)),
+    Horizon("free run", PredictionSettings(np.inf)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class GapFigure:
+    """RMS prediction error of one channel over one horizon, in the channel's unit."""
+
+    horizon: str
+    channel: str
+    unit: str
+    before: float
+    after: float
+    floor: float
+
+
+def noise_level(
+    problem: PredictionProblem, values: Array, settings: PredictionSettings = AS_FITTED
+) -> Array:
+    """J_c that noise alone leaves at these predictions, shape (channels,), at least a little."""
+    plain = problem.errors(values[None], settings)[0]
+    noisy = problem.errors(values[None], replace(settings, noise_seed=12345))[0]
+    return np.maximum(mean_squares(noisy - plain, problem.counted), 0.05)
+
+
+def gap_figures(
+    problem: PredictionProblem, before: Array, after: Array, rows: np.ndarray | None = None
+) -> list[GapFigure]:
+    """The gap of two plants over every horizon.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        Rig and recordings.
+    before, after : ndarray, shape (n_parameters,)
+        Full parameter vectors of the written and the improved plant.
+    rows : ndarray of bool, optional
+        Rows that count; default all after the start.
+    """
+    chosen = problem.counted if rows is None else rows
+    scale = np.sqrt(np.mean([data.block_deviation**2 for data in problem.data], axis=0))
+    figures = []
+    for horizon in HORIZONS:
+        both = problem.errors(np.array([before, after]), horizon.settings)
+        rms = np.sqrt(mean_squares(both, chosen))
+        floor = np.sqrt(noise_level(problem, after, horizon.settings))
+        for c in np.nonzero(problem.present)[0]:
+            figures.append(
+                GapFigure(
+                    horizon.name,
+                    problem.names[c],
+                    UNITS[c],
+                    float(rms[0, c] * scale[c]),
+                    float(rms[1, c] * scale[c]),
+                    float(floor[c] * scale[c]),
+                )
+            )
+    return figures

@@ -1,0 +1,220 @@
+"""Where the gap arises: each stage fed its measured inputs, and regimes of the motion.
+
+Commands and measured motion -> pressures; measured pressures -> pulls where load cells are, and
+position; measured pulls -> motion; late channels from the slope of their errors on their own rate.
+Measured inputs bring their noise along, so each stage has its own floor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_gap.prediction.fit import Array, mean_squares
+from pam_gap.prediction.gap_figures import noise_level
+from pam_gap.prediction.problem import BLOCK, PredictionProblem, PredictionSettings
+
+FORCE_HORIZON = 3.0  # rad/s, of the motion's pull in torque -> motion
+
+
+@dataclass(frozen=True, slots=True)
+class StageGap:
+    """Error of one stage on its measured inputs, RMS over its floor; None where not measured."""
+
+    stage: str
+    inputs: str
+    gap_over_floor: float | None
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """Stages, late channels [s] and the regimes that hold most of the error."""
+
+    stages: tuple[StageGap, ...]
+    delays: tuple[tuple[str, float], ...]
+    regimes: tuple[tuple[str, float], ...]
+
+    @property
+    def worst(self) -> str | None:
+        """The stage with the largest gap over its floor, None when all are near theirs."""
+        known = [s for s in self.stages if s.gap_over_floor is not None]
+        if not known:
+            return None
+        top = max(known, key=lambda s: s.gap_over_floor or 0.0)
+        return top.stage if (top.gap_over_floor or 0.0) > 1.5 else None
+
+
+def _ratio(
+    problem: PredictionProblem, values: Array, channels: Sequence[int], settings: PredictionSettings
+) -> float | None:
+    use = [c for c in channels if problem.present[c]]
+    if not use:
+        return None
+    errors = problem.errors(values[None], settings)[0]
+    floor = noise_level(problem, values, settings)
+    return float(np.sqrt(np.max((mean_squares(errors, problem.counted) / floor)[use])))
+
+
+def motion_from_pulls(problem: PredictionProblem) -> float | None:
+    """Torque -> motion: gap over floor of the position predicted from measured pulls."""
+    if not problem.present[2:].all():
+        return None
+    base = problem.base
+    radius, inertia = base["joint.pulley_radius"], base["joint.inertia"]
+    viscous, gravity = base["joint.viscous_friction"], base["joint.gravity_torque"]
+    angle = base["joint.gravity_angle"]
+    worst = 0.0
+    for data in problem.data:
+        h = data.recording.sample_time
+        results = []
+        for extra in (0.0, 1.0):
+            generator = np.random.default_rng(7)
+            noise = extra * data.deviation * generator.standard_normal(data.measured.shape)
+            seen = data.measured + noise
+            torque = (radius * (seen[:, 3] - seen[:, 4])).tolist()
+            measured = seen[:, 2].tolist()
+            q, w = measured[0], 0.0
+            error = np.empty(len(measured))
+            for k, (t, m) in enumerate(zip(torque, measured, strict=True)):
+                e = m - q
+                error[k] = e
+                w += FORCE_HORIZON**2 * h * e
+                w += h * (t - viscous * w - gravity * math.sin(q - angle)) / inertia
+                q += h * w + 2.0 * FORCE_HORIZON * h * e
+                if not abs(q) < 100.0:
+                    return None
+            results.append(error[round(0.5 / h) :])
+        rms = float(np.sqrt(np.mean(results[0] ** 2)))
+        floor = float(np.sqrt(np.mean((results[1] - results[0]) ** 2)))
+        worst = max(worst, rms / max(floor, 1e-12))
+    return worst
+
+
+def late_channels(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float], ...]:
+    """How late each measured channel is against its prediction [s], least squares on its rate."""
+    found = []
+    for c in range(3):
+        if not problem.present[c]:
+            continue
+        top = bottom = 0.0
+        for data, start, end in zip(
+            problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
+        ):
+            rows = end - start
+            mean = data.measured[: rows * BLOCK, c].reshape(rows, BLOCK).mean(axis=1)
+            rate = np.gradient(mean, BLOCK * data.recording.sample_time)
+            e = errors[start:end, c] * data.block_deviation[c]
+            known = np.isfinite(e) & problem.counted[start:end]
+            top -= float(e[known] @ rate[known])
+            bottom += float(rate[known] @ rate[known])
+        found.append((problem.names[c], top / max(bottom, 1e-300)))
+    return tuple(found)
+
+
+def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float], ...]:
+    """Share of the squared error in each regime over the share of time spent there, largest first.
+
+    Regimes: low and high mean pressure, position by thirds, direction, at rest, slow, fast, first
+    and last half; errors of all channels weigh by their own mean square.
+    """
+    mean = np.maximum(mean_squares(errors, problem.counted), 1e-9)
+    weight = np.nansum((errors**2 / mean)[:, problem.present], axis=1)
+    weight = np.where(problem.counted, weight, 0.0)
+    pressure, position, speed = np.zeros((3, problem.n_rows))
+    for data, start, end in zip(
+        problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
+    ):
+        rows = end - start
+        mean_of = data.measured[: rows * BLOCK].reshape(rows, BLOCK, -1).mean(axis=1)
+        pressure[start:end] = mean_of[:, :2].mean(axis=1)
+        position[start:end] = mean_of[:, 2]
+        step = BLOCK * data.recording.sample_time
+        wide = max(1, round(0.04 / step))
+        smooth = np.convolve(mean_of[:, 2], np.ones(wide) / wide, mode="same")
+        speed[start:end] = np.gradient(smooth, step)
+    cuts = np.quantile(position, [1 / 3, 2 / 3])
+    middle = float(np.median(pressure))
+    quick = float(np.quantile(np.abs(speed), 0.75))
+    rest = 0.1 * quick
+    time = np.arange(problem.n_rows) / problem.n_rows
+    masks = {
+        "low pressure": pressure < middle,
+        "high pressure": pressure >= middle,
+        "flexed towards the antagonist": position < cuts[0],
+        "middle positions": (position >= cuts[0]) & (position < cuts[1]),
+        "flexed towards the agonist": position >= cuts[1],
+        "moving up": speed > rest,
+        "moving down": speed < -rest,
+        "at rest": np.abs(speed) <= rest,
+        "fast motion": np.abs(speed) > quick,
+        "first half of the time": time < 0.5,
+        "second half of the time": time >= 0.5,
+    }
+    total = max(float(weight.sum()), 1e-300)
+    result = []
+    for name, mask in masks.items():
+        share = float((mask & problem.counted).sum()) / max(int(problem.counted.sum()), 1)
+        if share > 0.02:
+            result.append((name, float(weight[mask].sum()) / total / share))
+    return tuple(sorted(result, key=lambda item: -item[1]))
+
+
+def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location:
+    """Where a plant and its recordings part.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        Rig and recordings.
+    values : ndarray, shape (n_parameters,)
+        The plant looked at: the written one re-tuned.
+    errors : ndarray, shape (n_rows, channels)
+        Its whitened prediction errors.
+    """
+    stages: list[StageGap] = []
+    if problem.has_commands:
+        stages.append(
+            StageGap(
+                "valve",
+                "commands and measured motion -> pressures",
+                _ratio(
+                    problem,
+                    values,
+                    (0, 1),
+                    PredictionSettings(follow_motion=bool(problem.present[2])),
+                ),
+            )
+        )
+    else:
+        stages.append(
+            StageGap("valve", "commands -> pressures", None, "no valve commands in the recording")
+        )
+    pulls = _ratio(
+        problem, values, (3, 4), PredictionSettings(follow_pressures=True, follow_motion=True)
+    )
+    stages.append(
+        StageGap(
+            "muscle",
+            "measured pressures and position -> pulls",
+            pulls,
+            "" if pulls is not None else "no load cells: muscle and joint are judged together",
+        )
+    )
+    moved = motion_from_pulls(problem)
+    if moved is not None:
+        stages.append(StageGap("joint", "measured pulls -> position", moved))
+    else:
+        stages.append(
+            StageGap(
+                "joint",
+                "measured pressures -> position",
+                _ratio(problem, values, (2,), PredictionSettings(follow_pressures=True)),
+                "" if problem.present[2] else "no joint position in the recording",
+            )
+        )
+    delays = late_channels(problem, errors)
+    return Location(tuple(stages), delays, regimes(problem, errors))

@@ -1,0 +1,262 @@
+"""The plant run along a recording: commands in, measured pressures pulling the state back.
+
+A Luenberger observer with one small, fixed gain on the pressures and none on the motion. A muscle
+behind a shut valve integrates, so that a free run from the commands drifts away with any error;
+with the pull the prediction forgets within `horizon` and its errors show what the model does not
+know of the last fraction of a second, whatever the length of the recording. States that nothing
+measures (spool, creep, thread friction, gas temperature, reservoir) evolve by the model along the
+true history. Prediction errors of such an observer are what the diagnosis fits: the prediction
+error method, Ljung, System Identification, chapters 4 and 7; multiple shooting with exponentially
+fading windows.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_model.plant.compiled import compiled
+from pam_model.plant.kernel import run
+from pam_model.plant.layout import (
+    AGONIST,
+    C_AMBIENT,
+    C_EXTERNAL,
+    M_TUBE,
+    N_JOINT_OUTPUTS,
+    N_MUSCLE_CONSTANTS,
+    N_MUSCLE_OUTPUTS,
+    N_MUSCLE_STATES,
+    N_OUTPUTS,
+    N_STATES,
+    S_PRESSURE,
+    S_VALVE_PRESSURE,
+    Y_AGONIST,
+    Y_POSITION,
+    Y_VELOCITY,
+)
+
+Array = npt.NDArray[np.float64]
+
+N_CHANNELS = 5
+"""Pressures of agonist and antagonist, position, pulls of agonist and antagonist."""
+# Sensor constants of one lane: gain, bias, lag of either pressure; offset and delay of position.
+N_SENSORS = 8
+FOLLOW_MOTION, FOLLOW_PRESSURES, FOLLOW_BOTH = -1, -2, -3
+CATCH_TIME = 1.0  # s at the start in which the motion is pulled to the measured one
+CATCH_BANDWIDTH = 15.0  # rad/s
+NEUTRAL_SENSORS = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+
+
+@compiled
+def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
+    c: Any,
+    sensors: Any,
+    tables: Any,
+    commands: Any,
+    measured: Any,
+    known: Any,
+    external: Any,
+    shut: bool,
+    sample_time: float,
+    step: float,
+    gains: Any,
+    window: int,
+    restart: Any,
+    y: Any,
+    work: Any,
+    row: Any,
+    block: int,
+    total: Any,
+    history: Any,
+    nothing: Any,
+    no_pressures: Any,
+) -> None:
+    """One lane; block sums of prediction errors go to `total`, NaN where a block has gaps."""
+    samples = len(commands)
+    shown0 = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
+    shown1 = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
+    blocks = len(total)
+    delay = sensors[7] / sample_time
+    whole = math.floor(delay)
+    share = delay - whole
+    for k in range(samples):
+        history[k] = y[Y_POSITION]
+        at = min(k // block, blocks - 1)
+        counted = k < blocks * block
+        anew = window > 0 and k % window == 0
+        if anew or window in (FOLLOW_MOTION, FOLLOW_BOTH):
+            y[Y_POSITION] = restart[k, 2] - sensors[6]
+            y[Y_VELOCITY] = restart[k, 3]
+        if anew or window in (FOLLOW_PRESSURES, FOLLOW_BOTH):
+            for i in range(2):
+                o = Y_AGONIST + i * N_MUSCLE_STATES
+                true = (restart[k, i] - sensors[3 * i + 1]) / sensors[3 * i] + c[C_AMBIENT]
+                y[o + S_PRESSURE] = true
+                y[o + S_VALVE_PRESSURE] = true
+        if anew:
+            shown0 = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
+            shown1 = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
+        for i in range(2):
+            o = Y_AGONIST + i * N_MUSCLE_STATES
+            has_tube = c[AGONIST + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0
+            true = y[o + (S_VALVE_PRESSURE if has_tube else S_PRESSURE)] - c[C_AMBIENT]
+            shown = true
+            lag = sensors[3 * i + 2]
+            if lag > 0.0:
+                shown = shown0 if i == 0 else shown1
+            error = measured[k, i] - (sensors[3 * i] * shown + sensors[3 * i + 1])
+            if counted:
+                total[at, i] += error if known[k, i] else np.nan
+            if known[k, i]:
+                pull = gains[0] * error / sensors[3 * i]
+                y[o + S_PRESSURE] += pull
+                if has_tube:
+                    y[o + S_VALVE_PRESSURE] += pull
+                if lag > 0.0:
+                    true += pull
+                    shown += pull
+            if lag > 0.0:
+                shown += (1.0 - math.exp(-sample_time / lag)) * (true - shown)
+                if i == 0:
+                    shown0 = shown
+                else:
+                    shown1 = shown
+        late = max(k - whole, 0)
+        later = max(late - 1, 0)
+        position = (1.0 - share) * history[late] + share * history[later] + sensors[6]
+        error = measured[k, 2] - position
+        if counted:
+            total[at, 2] += error if known[k, 2] else np.nan
+        # A joint still swinging when the recording begins is caught first.
+        early = k * sample_time < CATCH_TIME and window in (0, FOLLOW_PRESSURES)
+        if known[k, 2] and (early or gains[1] > 0.0):
+            y[Y_POSITION] += (gains[3] if early else gains[1]) * error
+            y[Y_VELOCITY] += (gains[4] if early else gains[2]) * error
+        if len(external) > 0:
+            c[C_EXTERNAL] = external[k]
+        run(
+            c, tables, commands, k, nothing, no_pressures, shut, sample_time, step, y, work, row,
+        )  # fmt: skip
+        for i in range(2):
+            pull = row[0, N_JOINT_OUTPUTS + i * N_MUSCLE_OUTPUTS + 2]
+            if counted:
+                total[at, 3 + i] += measured[k, 3 + i] - pull if known[k, 3 + i] else np.nan
+
+
+def observe(
+    constants: Array,
+    sensors: Array,
+    tables: Any,
+    commands: Array,
+    measured: Array,
+    known: npt.NDArray[np.bool_],
+    initial: Array,
+    *,
+    sample_time: float,
+    step: float,
+    horizon: float,
+    position_bandwidth: float = 0.0,
+    window: int = 0,
+    restart: Array | None = None,
+    external: Array | None = None,
+    shut: bool = False,
+    block: int = 4,
+    threads: int = 1,
+) -> Array:
+    """Prediction errors of several plants along one recording.
+
+    Parameters
+    ----------
+    constants : ndarray, shape (lanes, N_CONSTANTS)
+        Of each plant.
+    sensors : ndarray, shape (lanes, N_SENSORS)
+        Of each plant: gain, bias [Pa], lag [s] of each pressure; offset [rad], delay [s].
+    tables : sequence of two ndarrays
+        Force tables, as the plant takes them.
+    commands : ndarray, shape (N, 2)
+        As logged, each held for one sample.
+    measured, known : ndarray, shape (N, N_CHANNELS)
+        Measurements, and whether they are true samples.
+    initial : ndarray, shape (lanes, N_STATES)
+        States at the first sample.
+    sample_time, step : float
+        Of the recording and of the integration [s].
+    horizon : float
+        Time in which the pressures' pull fades an error [s]; infinite for none.
+    position_bandwidth : float
+        Above 0 the motion is pulled to the measured one too, with this bandwidth [rad/s].
+    window : int
+        Samples after which the state starts anew from `restart`; 0 for never; or one of
+        FOLLOW_MOTION, FOLLOW_PRESSURES, FOLLOW_BOTH: these are the measured ones at all times.
+    restart : ndarray, shape (N, 4), optional
+        Measured pressures [Pa], position [rad] and its rate [rad/s] to start anew from.
+    external : ndarray, shape (N,), optional
+        Torque on the joint from outside [N m].
+    shut : bool
+        Valves are shut.
+    block : int
+        Samples averaged into one row of the result.
+    threads : int
+        Lanes run at once.
+
+    Returns
+    -------
+    ndarray, shape (lanes, N // block, N_CHANNELS)
+        Mean prediction error of each block in the channel's unit; NaN where a sample is missing.
+    """
+    lanes = constants.shape[0]
+    samples = commands.shape[0]
+    blocks = samples // block
+    total = np.zeros((lanes, blocks, N_CHANNELS))
+    pull = 1.0 - math.exp(-sample_time / horizon)
+    caught = max(position_bandwidth, CATCH_BANDWIDTH)
+    gains = np.array(
+        [
+            pull,
+            min(2.0 * position_bandwidth * sample_time, 1.0),
+            position_bandwidth**2 * sample_time,
+            min(2.0 * caught * sample_time, 1.0),
+            caught**2 * sample_time,
+        ]
+    )
+
+    anew = np.zeros((1, 4)) if restart is None else restart
+    every = 0 if restart is None else window
+
+    def one(lane: int) -> None:
+        _observe(
+            constants[lane].copy(),
+            sensors[lane],
+            tables,
+            commands,
+            measured,
+            known,
+            np.zeros(0) if external is None else external,
+            shut,
+            sample_time,
+            step,
+            gains,
+            every,
+            anew,
+            initial[lane].copy(),
+            np.zeros((6, N_STATES)),
+            np.zeros((1, N_OUTPUTS)),
+            block,
+            total[lane],
+            np.zeros(samples),
+            np.zeros(0),
+            np.zeros((0, 2)),
+        )
+
+    if threads > 1 and lanes > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(one, range(lanes)))
+    else:
+        for lane in range(lanes):
+            one(lane)
+    total /= block
+    return total

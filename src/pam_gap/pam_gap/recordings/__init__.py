@@ -1,0 +1,1 @@
+"""Recordings read, put on an even grid, and judged for noise."""

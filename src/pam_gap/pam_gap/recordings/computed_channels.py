@@ -1,0 +1,56 @@
+"""Channels that look measured and are not: forces and lengths a node computed from pressures.
+
+The model node publishes `muscle_states` too. A pull that equals the nominal force of the measured
+pressure and position, sample by sample, carries no news and would count as a load cell's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pam_gap.recordings.noise_floor import channel_noise
+from pam_gap.recordings.recording import JOINTS, MUSCLES, PRESSURES, Recording
+from pam_model.errors import PamError
+from pam_model.rig import Rig
+
+EQUAL = 1e-2
+"""Median difference over the pull's own span up to which it may be computed."""
+OWN_NOISE = 0.5
+"""Noise of the difference over that of the pull below which the pull has none of its own."""
+
+
+def without_computed(recording: Recording, rig: Rig) -> Recording:
+    """The recording without pulls that are the nominal model's own answer."""
+    computed = []
+    for joint in rig.joints:
+        position_name = f"{JOINTS}{joint.name}.position"
+        for name, sign in zip(joint.muscles, (-1.0, 1.0), strict=True):
+            channel = f"{MUSCLES}{name}.effort"
+            pressure_name = f"{PRESSURES}{name}"
+            if not all(recording.has(c) for c in (channel, pressure_name, position_name)):
+                continue
+            muscle = rig.muscle(name)
+            position = recording.values[position_name]
+            length = muscle.neutral_length + sign * joint.pulley_radius * position
+            try:
+                force = rig.force_model(name).force(recording.values[pressure_name], length)
+            except PamError:
+                continue
+            pull = recording.values[channel]
+            span = float(np.ptp(pull))
+            off = np.maximum(np.asarray(force, dtype=np.float64), 0.0) - pull
+            # A load cell has noise of its own; a computed pull has that of its inputs.
+            has_own_noise = channel_noise(off).deviation > OWN_NOISE * channel_noise(pull).deviation
+            if float(np.median(np.abs(off))) < EQUAL * span and not has_own_noise:
+                computed.append(channel)
+    if not computed:
+        return recording
+    note = f"{', '.join(computed)}: computed from pressure and position, not measured; left out"
+    return replace(
+        recording,
+        values={k: v for k, v in recording.values.items() if k not in computed},
+        valid={k: v for k, v in recording.valid.items() if k not in computed},
+        repairs=(*recording.repairs, note),
+    )

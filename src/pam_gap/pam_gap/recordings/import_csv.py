@@ -1,0 +1,79 @@
+"""Recordings kept as tables: CSV, optionally compressed, and Parquet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pam_gap.recordings.recording import (
+    COMMANDS,
+    JOINTS,
+    MUSCLES,
+    PRESSURES,
+    SUPPLY,
+    RawRecording,
+    RecordingError,
+    from_columns,
+)
+
+TABLES = (".csv", ".csv.gz", ".csv.bz2", ".csv.xz", ".csv.zst", ".parquet", ".pq")
+
+
+def is_table(path: Path) -> bool:
+    """Whether the file's name is that of a table this module reads."""
+    return path.is_file() and path.name.lower().endswith(TABLES)
+
+
+def known_channel(name: str) -> bool:
+    """Whether a column bears a name of the rig contract."""
+    return name == SUPPLY or (
+        name.startswith((COMMANDS, PRESSURES))
+        or (name.startswith(JOINTS) and name.endswith((".position", ".effort")))
+        or (name.startswith(MUSCLES) and name.endswith((".effort", ".position")))
+    )
+
+
+def read_table(path: Path) -> RawRecording:
+    """Read a table with a `time` column [s] and one column per channel of the rig contract.
+
+    Raises
+    ------
+    RecordingError
+        When the file cannot be read, has no `time`, or holds text where numbers belong.
+    """
+    try:
+        frame: Any = (
+            pd.read_parquet(path)
+            if path.suffix.lower() in (".parquet", ".pq")
+            else pd.read_csv(path, comment="#")
+        )
+    except (OSError, ValueError, EOFError) as error:
+        raise RecordingError(f"{path}: not a readable table ({error})") from error
+    frame.columns = [str(column).strip() for column in frame.columns]
+    if "time" not in frame.columns:
+        raise RecordingError(
+            f"{path}: no column 'time' [s]; found {', '.join(frame.columns[:6]) or 'none'}"
+        )
+    remarks: list[str] = []
+    columns: dict[str, Any] = {}
+    for name in frame.columns:
+        if name != "time" and not known_channel(name):
+            remarks.append(f"{name}: not a channel of the rig contract, left out")
+            continue
+        numbers = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
+        text = int(np.isnan(numbers).sum() - frame[name].isna().sum())
+        if text:
+            remarks.append(f"{name}: {text} entries are not numbers")
+        if not np.isfinite(numbers).any():
+            remarks.append(f"{name}: holds no number, left out")
+            continue
+        columns[name] = numbers
+    if "time" not in columns:
+        raise RecordingError(f"{path}: column 'time' holds no number; expected seconds")
+    time = columns.pop("time")
+    if not columns:
+        raise RecordingError(f"{path}: no channel of the rig contract beside 'time'")
+    return from_columns(path, time, columns, remarks)

@@ -1,0 +1,100 @@
+"""How noisy each channel is, from the recording alone.
+
+Motion is smooth at the sampling rate and noise is not: high-order differences remove the first
+and keep the second. The median of their size over short stretches gives white noise that events
+do not lift; quantisation sets what it cannot fall below.
+Source: von Neumann, Kent, Bellinson and Hart (1941) on mean square successive differences, here
+of third order; quantisation noise is one step over the square root of twelve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_gap.recordings.recording import COMMANDS, Array, Mask, Recording
+
+_THIRD = np.array([1.0, -3.0, 3.0, -1.0])
+_FIFTH = np.array([1.0, -5.0, 10.0, -10.0, 5.0, -1.0])
+_STRETCH = 64
+SMOOTHED = 0.5
+"""White noise shows alike in differences of any order; below this ratio a filter has been there."""
+CLEANEST = 1e-5
+"""Of a channel's span: no sensor is as quiet."""
+SMOOTHED_SHARE = 1e-3
+"""Of a filtered channel's span: taken for its noise, which cannot be seen any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelNoise:
+    """White noise of one channel: standard deviation and quantisation step, channel's unit."""
+
+    deviation: float
+    resolution: float
+    is_smoothed: bool = False
+
+
+def quantisation(values: Array) -> float:
+    """The step every value is a whole multiple of, or 0 when there is none."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-12 * (float(np.max(np.abs(values))) + 1e-300)]
+    if steps.size < 20:
+        return 0.0
+    step = float(np.min(steps))
+    few = np.unique(np.round(steps / step, 6)).size
+    if few > 0.2 * steps.size:
+        return 0.0
+    step = float(np.median(steps[steps < 1.5 * step]))
+    near = steps[steps < 8.5 * step]
+    whole = np.round(near / step)
+    # Rounded decimals of a table move each value by up to half their last digit.
+    if float(np.mean(np.abs(near / step - whole) < 0.15)) < 0.9:
+        return 0.0
+    return float(np.sum(near) / np.sum(whole))
+
+
+def channel_noise(values: Array, valid: Mask | None = None) -> ChannelNoise:
+    """White noise of one channel.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+        The channel, any unit.
+    valid : ndarray of bool, shape (N,), optional
+        True samples; differences across others are left out.
+    """
+    resolution = quantisation(values if valid is None else values[valid])
+    series = values if valid is None or valid.mean() > 0.9 else values[valid]
+    difference = np.convolve(series, _THIRD, mode="valid") / np.sqrt(float(_THIRD @ _THIRD))
+    higher = np.convolve(series, _FIFTH, mode="valid") / np.sqrt(float(_FIFTH @ _FIFTH))
+    if valid is not None and valid.mean() > 0.9:
+        whole = np.convolve(valid.astype(np.float64), np.ones(4), mode="valid") > 3.5
+        difference = difference[whole]
+    count = difference.size // _STRETCH
+    if count >= 4:
+        stretches = difference[: count * _STRETCH].reshape(count, _STRETCH)
+        deviation = float(np.sqrt(np.median(np.mean(stretches**2, axis=1))))
+    else:
+        deviation = float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
+    floor = resolution / np.sqrt(12.0)
+    scale = 1e-9 * (float(np.ptp(series)) if series.size else 0.0)
+    lower, upper = float(np.median(np.abs(difference))), float(np.median(np.abs(higher)))
+    span = float(np.subtract(*np.percentile(series, [95, 5]))) if series.size else 0.0
+    is_filtered = resolution < 0.3 * deviation and upper < SMOOTHED * lower
+    if is_filtered or deviation < CLEANEST * span:
+        return ChannelNoise(max(deviation, SMOOTHED_SHARE * span, scale), resolution, True)
+    return ChannelNoise(max(deviation, floor, scale, 1e-12), resolution)
+
+
+def noise_floor(recording: Recording) -> Mapping[str, ChannelNoise]:
+    """Noise of every measured channel of a recording (commands are known, not measured)."""
+    samples = recording.samples
+    return {
+        name: channel_noise(samples[name])
+        if name in samples
+        else channel_noise(values, recording.valid[name])
+        for name, values in recording.values.items()
+        if not name.startswith(COMMANDS)
+    }

@@ -1,0 +1,1 @@
+"""The other models of the review: bending, losses, phenomenological models, air supply."""

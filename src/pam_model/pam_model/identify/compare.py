@@ -1,0 +1,236 @@
+"""Rank force models on the same measured points by their held-out error.
+
+Each model is fitted anew (`fit`) and each block held out once. Whether two models differ is told
+by a paired bootstrap: clusters of points that share their errors are drawn with replacement, the
+same draw for both models, and where the 95 % interval of the difference in mean squared held-out
+error holds 0, the data do not separate them. Intervals are for one pair at a time.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pam_model.errors import PamError
+from pam_model.identify.fit import FitResult, fit
+from pam_model.identify.fit_problem import RESIDUAL_UNITS, Residual
+from pam_model.identify.measurements import Array, Measurements
+from pam_model.muscles.force_model import MuscleGeometry, registered_models
+
+DRAWS = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class RankedModel:
+    """One model's place.
+
+    Attributes
+    ----------
+    fit : FitResult
+        The model on all points, and its held-out error.
+    free_numbers : int
+        How many numbers were fitted.
+    low, high : float
+        95 % interval of the held-out error by the bootstrap [unit].
+    ties : tuple of str
+        Models that the data do not separate from this one.
+    """
+
+    fit: FitResult
+    free_numbers: int
+    low: float
+    high: float
+    ties: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Models on one branch of the points, best first.
+
+    Attributes
+    ----------
+    data : Measurements
+        The points.
+    branch : str
+        Its name, or "".
+    unit : str
+        Of the errors.
+    ranking : tuple of RankedModel
+        Smallest held-out error first.
+    refused : dict of str to str
+        Models that could not be fitted, and why.
+    """
+
+    data: Measurements
+    branch: str
+    unit: str
+    ranking: tuple[RankedModel, ...]
+    refused: Mapping[str, str]
+
+    def table(self) -> str:
+        """The ranking as text."""
+        scale, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
+        blocks = ", ".join(dict.fromkeys(str(b) for b in self.data.block))
+        title = f"{self.data.name}{', ' + self.branch if self.branch else ''}"
+        best = self.ranking[0]
+        lines = [
+            f"{title}: {len(self.data)} points, held out one at a time: {blocks}",
+            f"  {'model':32s} free  training  held out [{unit}], 95 % interval",
+        ]
+        for row in self.ranking:
+            tied = row is best or best.fit.model in row.ties
+            interval = f"({row.low * scale:.3g} to {row.high * scale:.3g})"
+            lines.append(
+                f"{'=' if tied else ' '} {row.fit.model:32s} {row.free_numbers:4d}  "
+                f"{row.fit.training_error * scale:8.3g}  "
+                f"{row.fit.held_out_error * scale:8.3g}  {interval}"
+            )
+        lines.append(f"  = not distinguishable from the best, {best.fit.model}")
+        for name, why in self.refused.items():
+            lines.append(f"  {name} was not fitted: {why}")
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "data": self.data.name,
+            "branch": self.branch,
+            "unit": self.unit,
+            "points": len(self.data),
+            "blocks": list(dict.fromkeys(str(b) for b in self.data.block)),
+            "assumptions": list(self.data.assumptions),
+            "ranking": [
+                {
+                    "model": row.fit.model,
+                    "free_numbers": row.free_numbers,
+                    "training_error": row.fit.training_error,
+                    "held_out_error": row.fit.held_out_error,
+                    "held_out_low": row.low,
+                    "held_out_high": row.high,
+                    "indistinguishable_from": list(row.ties),
+                    "fit": row.fit.as_dict(),
+                }
+                for row in self.ranking
+            ],
+            "refused": dict(self.refused),
+        }
+
+
+def compare(
+    data: Measurements,
+    models: Iterable[str] | None = None,
+    geometry: MuscleGeometry | None = None,
+    *,
+    fit_geometry: bool = False,
+    residual: Residual = "force",
+    starts: int = 4,
+    seed: int = 1,
+) -> list[Comparison]:
+    """Rank models on each branch of the points.
+
+    Parameters
+    ----------
+    data : Measurements
+        Points in at least two blocks.
+    models : iterable of str, optional
+        Names; all registered force models if left out.
+    geometry : MuscleGeometry, optional
+        The muscle; without one it has to be fitted.
+    fit_geometry : bool
+        Also fit rest length, braid angle and diameter.
+    residual : str
+        "force" or "length", as in `fit`.
+    starts : int
+        As in `fit`.
+    seed : int
+        Of starts and bootstrap.
+
+    Raises
+    ------
+    PamError
+        For a branch with fewer than two blocks, an unknown model, or if no model can be fitted.
+    """
+    names = list(models) if models is not None else list(registered_models())
+    unknown = [name for name in names if name not in registered_models()]
+    if unknown:
+        raise PamError(
+            f"unknown force model {', '.join(unknown)}; known: {', '.join(registered_models())}"
+        )
+    results = []
+    for branch, points in data.branches().items():
+        if np.unique(points.block).size < 2:
+            raise PamError(
+                f"{data.name}{', ' + branch if branch else ''}: 1 block; a held-out error needs "
+                "at least 2 (column block)"
+            )
+        fits: list[FitResult] = []
+        refused: dict[str, str] = {}
+        for name in names:
+            try:
+                fits.append(
+                    fit(
+                        name,
+                        points,
+                        geometry,
+                        fit_geometry=fit_geometry,
+                        residual=residual,
+                        starts=starts,
+                        seed=seed,
+                    )
+                )
+            except PamError as error:
+                refused[name] = str(error)
+        if not fits:
+            raise PamError(
+                f"{data.name}: no model could be fitted: "
+                + "; ".join(f"{k}: {v}" for k, v in refused.items())
+            )
+        ranking = _rank(fits, points, seed)
+        results.append(Comparison(points, branch, RESIDUAL_UNITS[residual], ranking, refused))
+    return results
+
+
+def _rank(fits: list[FitResult], data: Measurements, seed: int) -> tuple[RankedModel, ...]:
+    fits = sorted(fits, key=lambda f: f.held_out_error)
+    clusters, index = np.unique(data.cluster, return_inverse=True)
+    number = clusters.size
+    sizes = np.bincount(index, minlength=number).astype(float)
+    sums = np.stack([np.bincount(index, f.held_out**2, minlength=number) for f in fits])
+    draws = np.random.default_rng(seed).integers(0, number, (DRAWS, number))
+    weight: Array = np.stack([np.bincount(d, minlength=number) for d in draws]).astype(float)
+    squares = (weight @ sums.T) / (weight @ sizes)[:, None]
+    ranked = []
+    for i, result in enumerate(fits):
+        low, high = np.sqrt(np.quantile(squares[:, i], [0.025, 0.975]))
+        ties = []
+        for j, other in enumerate(fits):
+            if i == j:
+                continue
+            less, more = np.quantile(squares[:, i] - squares[:, j], [0.025, 0.975])
+            # Two forms of one model agree to rounding and are tied, whichever side of 0 that is.
+            rounding = 1e-6 * (squares[:, i] + squares[:, j]).mean()
+            if less <= rounding and more >= -rounding:
+                ties.append(other.model)
+        free = sum(p.fitted for p in result.parameters.values())
+        ranked.append(RankedModel(result, free, float(low), float(high), tuple(ties)))
+    return tuple(ranked)
+
+
+def save_comparison(comparisons: list[Comparison], path: str | Path) -> None:
+    """Write comparisons as JSON; a number that is not finite becomes null."""
+
+    def clean(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: clean(item) for key, item in value.items()}
+        if isinstance(value, list):
+            return [clean(item) for item in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    text = json.dumps([clean(c.as_dict()) for c in comparisons], indent=1)
+    Path(path).write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,258 @@
+"""Identify a force model's constants and geometry from measured points.
+
+Nonlinear least squares (`scipy.optimize.least_squares`, bounded, several starts) on the force,
+or on the length a muscle takes at given pressure and force. Geometry is fitted as rest length,
+braid angle at rest and diameter at rest, which are always a possible braid. Intervals are robust
+against errors that the points of a cluster share (sandwich estimate, Student's t). The held-out
+error leaves out one block at a time and fits the others anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from pam_model.errors import DomainError, PamError
+from pam_model.identify.fit_problem import GEOMETRY_UNITS, RESIDUAL_UNITS, FitProblem, Residual
+from pam_model.identify.measurements import Array, Measurements
+from pam_model.muscles.force_model import MuscleGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class FittedParameter:
+    """One number of a fit; low and high are its 95 % interval, equal to it where it was given."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    fitted: bool
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FitResult:
+    """A model with its numbers and how well they hold.
+
+    Attributes
+    ----------
+    model : str
+        Name of the force model.
+    geometry : MuscleGeometry
+        As fitted or given.
+    constants : dict of str to float
+        As fitted or given; fit for a rig file's `model_parameters`.
+    parameters : dict of str to FittedParameter
+        All of them with intervals.
+    training_error, held_out_error : float
+        Root mean square [unit].
+    unit : str
+        N or m.
+    held_out : array
+        Held-out residual of every point, model less measured [unit].
+    points, blocks : int
+        How many there were.
+    """
+
+    model: str
+    geometry: MuscleGeometry
+    constants: Mapping[str, float]
+    parameters: Mapping[str, FittedParameter]
+    training_error: float
+    held_out_error: float
+    unit: str
+    held_out: Array = field(repr=False)
+    points: int
+    blocks: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; an interval without a bound is null."""
+        return {
+            "model": self.model,
+            "geometry": {
+                "thread_length": self.geometry.thread_length,
+                "turns": self.geometry.turns,
+                "rest_length": self.geometry.rest_length,
+                "wall_thickness": self.geometry.wall_thickness,
+            },
+            "constants": dict(self.constants),
+            "parameters": {
+                name: {
+                    "value": p.value,
+                    "low": p.low if math.isfinite(p.low) else None,
+                    "high": p.high if math.isfinite(p.high) else None,
+                    "unit": p.unit,
+                    "fitted": p.fitted,
+                    "note": p.note,
+                }
+                for name, p in self.parameters.items()
+            },
+            "training_error": self.training_error,
+            "held_out_error": self.held_out_error,
+            "unit": self.unit,
+            "points": self.points,
+            "blocks": self.blocks,
+        }
+
+    def table(self) -> str:
+        """The fit as text."""
+        lines = [
+            f"{self.model}: {self.points} points in {self.blocks} blocks",
+            f"  error {self.training_error:.4g} {self.unit} in training, "
+            f"{self.held_out_error:.4g} {self.unit} held out (root mean square)",
+        ]
+        for name, p in self.parameters.items():
+            if not p.fitted:
+                interval = "" if p.note else "given"
+            elif math.isfinite(p.low) and math.isfinite(p.high):
+                interval = f"95 %: {p.low:.6g} to {p.high:.6g}"
+            else:
+                interval = "not identifiable"
+            note = f"  ({p.note})" if p.note else ""
+            lines.append(f"  {name:26s} {p.value:12.6g} {p.unit:10s} {interval}{note}")
+        g = self.geometry
+        lines.append(f"  thread_length {g.thread_length:.6g} m, turns {g.turns:.6g}")
+        return "\n".join(lines)
+
+
+def fit(
+    name: str,
+    data: Measurements,
+    geometry: MuscleGeometry | None = None,
+    constants: Mapping[str, float] | None = None,
+    *,
+    fit_geometry: bool = False,
+    free: Iterable[str] | None = None,
+    residual: Residual = "force",
+    starts: int = 4,
+    seed: int = 1,
+) -> FitResult:
+    """Identify a model on measured points.
+
+    Parameters
+    ----------
+    name : str
+        A registered force model.
+    data : Measurements
+        One branch of the points, or all of them.
+    geometry : MuscleGeometry, optional
+        The muscle; without one it is guessed and has to be fitted.
+    constants : mapping of str to float, optional
+        Constants held at a value instead of fitted.
+    fit_geometry : bool
+        Also fit rest length, braid angle, diameter and wall, as far as the model uses them.
+    free : iterable of str, optional
+        Fit exactly these (constants, or names of `GEOMETRY_UNITS`).
+    residual : str
+        "force" [N], or "length" [m] at given pressure and force.
+    starts : int
+        How many starts: the given one, and the best of some random ones around it.
+    seed : int
+        Of the random starts.
+
+    Raises
+    ------
+    PamError
+        For unknown names, or fewer points than free numbers.
+    DomainError
+        If the model covers none of the starts, or a geometry it does not accept.
+    """
+    problem = FitProblem(
+        name,
+        data,
+        geometry=geometry,
+        constants=constants or {},
+        fit_geometry=fit_geometry,
+        free=free,
+        residual=residual,
+    )
+    held = problem.hold_what_the_data_do_not_tell(seed) if free is None else {}
+    blocks = list(dict.fromkeys(str(b) for b in data.block))
+    size = int(np.sum(problem.active))
+    if len(data) <= size:
+        raise PamError(f"{data.name}: {len(data)} points are too few for {size} free numbers")
+    everything = np.ones(len(data), dtype=bool)
+    best = problem.solve(everything, problem.screened_starts(starts, seed))
+    residuals = problem.residuals(best)
+    if not np.all(np.isfinite(residuals)):
+        raise DomainError(f"model {name}: gives no finite value at some of the points")
+    held_out = np.full(len(data), math.nan)
+    if len(blocks) > 1:
+        for block in blocks:
+            left_out = data.block == block
+            if int(np.sum(~left_out)) <= size:
+                raise PamError(
+                    f"{data.name}: without block {block!r} {int(np.sum(~left_out))} points are "
+                    f"left, too few for {size} free numbers"
+                )
+            trained = problem.solve(~left_out, [best], 30)
+            held_out[left_out] = problem.residuals(trained)[left_out]
+    _, found_geometry, found_constants = problem.model(best)
+    return FitResult(
+        name,
+        found_geometry,
+        found_constants,
+        _intervals(problem, best, residuals, held),
+        _root_mean_square(residuals),
+        _root_mean_square(held_out),
+        RESIDUAL_UNITS[residual],
+        held_out,
+        len(data),
+        len(blocks),
+    )
+
+
+def _intervals(
+    problem: FitProblem, best: Array, residuals: Array, held: Mapping[str, str]
+) -> dict[str, FittedParameter]:
+    """95 % intervals by the sandwich estimate over clusters; infinite where the data are silent."""
+    values = problem.values(best)
+    units = {**GEOMETRY_UNITS, **{key: p.unit for key, p in problem.declared.items()}}
+    result = {k: FittedParameter(values[k], values[k], values[k], units[k], False) for k in units}
+    size = len(problem.free)
+    if not size:
+        return result
+    jacobian = problem.jacobian(problem.inside(best))
+    _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
+    weak = singular <= 1e-7 * max(float(singular[0]), 1e-300)
+    silent = np.any(np.abs(right[weak]) > 0.1, axis=0) if np.any(weak) else np.zeros(size, bool)
+    bread = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-13)
+    clusters = np.unique(problem.data.cluster)
+    meat = np.zeros((size, size))
+    for cluster in clusters:
+        rows = problem.data.cluster == cluster
+        score = jacobian[rows].T @ residuals[rows]
+        meat += np.outer(score, score)
+    number = clusters.size
+    spread = np.full(size, math.inf)
+    degrees = number - int(np.sum(problem.active))
+    if degrees > 0:
+        covariance = bread @ meat @ bread * number / degrees
+        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        spread = spread * float(student.ppf(0.975, degrees))
+    for i, free in enumerate(problem.free):
+        value = values[free.name]
+        if free.name in held:
+            result[free.name] = FittedParameter(
+                value, -math.inf, math.inf, units[free.name], False, held[free.name]
+            )
+            continue
+        reach = math.inf if silent[i] else float(spread[i]) * free.scale
+        near = 1e-6 * max(abs(value), free.scale)
+        at_bound = min(value - free.low, free.high - value) <= near
+        note = "at its bound" if at_bound else ("the data do not tell it" if silent[i] else "")
+        if at_bound:
+            reach = math.inf
+        result[free.name] = FittedParameter(
+            value, value - reach, value + reach, units[free.name], True, note
+        )
+    return result
+
+
+def _root_mean_square(values: Array) -> float:
+    return float(np.sqrt(np.mean(values * values)))

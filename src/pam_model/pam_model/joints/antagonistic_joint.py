@@ -1,0 +1,401 @@
+"""A pulley between two muscles: torque and stiffness from pressures, and pressures from both.
+
+With lengths L_a = L_a0 - r q and L_b = L_b0 + r q, torque = r (F_a - F_b) and, at constant
+pressures, stiffness = -d torque/dq = r^2 (K_a + K_b). Two pressures give two freedoms: the
+difference of the pulls sets the torque, their sum the stiffness.
+
+Source: section on antagonistic joints of "A Review of Design and Modeling of Pneumatic
+Artificial Muscle"; the inverse is exact for models affine in pressure (a line in the plane of the
+two pressures holds the torque, and stiffness changes evenly along it); for others the same line is
+drawn through the last two points (secants) until it stays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import cast
+
+from pam_model.effects import effect_value
+from pam_model.errors import DomainError
+from pam_model.joints.pressure_line import Point, PressureLine
+from pam_model.muscles.effective_force_model import effective_force_model
+from pam_model.muscles.force_model import AffineForceModel, ForceModel
+from pam_model.rig.types import Rig
+
+_EDGE = 1e-6
+_CLIPPED = 1e-6
+_ROUNDS = 20
+_PRESSURE_TOLERANCE = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class JointMuscle:
+    """One muscle as its joint sees it.
+
+    Attributes
+    ----------
+    model : ForceModel
+        Static law.
+    neutral_length : float
+        At joint position 0 [m].
+    low_pressure, high_pressure : float
+        What a command may ask for [Pa gauge].
+    dead_volume : float
+        [m^3].
+    is_affine : bool
+        Whether the inverse of the model is exact.
+    """
+
+    model: ForceModel
+    neutral_length: float
+    low_pressure: float
+    high_pressure: float
+    dead_volume: float = 0.0
+    is_affine: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        # asked once: checking a protocol costs more than solving the joint
+        object.__setattr__(self, "is_affine", isinstance(self.model, AffineForceModel))
+
+
+@dataclass(frozen=True, slots=True)
+class JointPressures:
+    """Two pressures, what they achieve, and what of the request they do not.
+
+    Attributes
+    ----------
+    agonist, antagonist : float
+        [Pa gauge].
+    torque : float
+        Achieved [N m].
+    stiffness : float
+        Achieved, at constant pressures [N m/rad].
+    torque_limited, stiffness_limited : bool
+        Whether the request was out of reach; torque goes first, stiffness gets what is left.
+    position_limited : bool
+        Whether the position was outside what the models cover and its nearest edge was used.
+    """
+
+    agonist: float
+    antagonist: float
+    torque: float
+    stiffness: float
+    torque_limited: bool
+    stiffness_limited: bool
+    position_limited: bool
+
+
+class AntagonisticJoint:
+    """Statics of one joint, on plain floats.
+
+    Parameters
+    ----------
+    agonist, antagonist : JointMuscle
+        The first pulls towards positive positions.
+    pulley_radius : float
+        r [m].
+    ambient_pressure : float, optional
+        [Pa absolute].
+    exponent : float, optional
+        Of shut chambers [-].
+    """
+
+    def __init__(
+        self,
+        agonist: JointMuscle,
+        antagonist: JointMuscle,
+        pulley_radius: float,
+        *,
+        ambient_pressure: float = 101325.0,
+        exponent: float = 1.0,
+    ) -> None:
+        self.agonist = agonist
+        self.antagonist = antagonist
+        self.pulley_radius = pulley_radius
+        self.ambient_pressure = ambient_pressure
+        self.exponent = exponent
+        self._affine = agonist.is_affine and antagonist.is_affine
+        ends = []
+        for muscle, sign in ((agonist, -1.0), (antagonist, 1.0)):
+            low, high = muscle.model.length_bounds
+            edge = _EDGE * (min(high, 10.0 * muscle.neutral_length) - low)
+            ends.append(
+                sorted(
+                    sign * (length - muscle.neutral_length) / pulley_radius
+                    for length in (low + edge, high - edge)
+                )
+            )
+        self.position_range = (max(ends[0][0], ends[1][0]), min(ends[0][1], ends[1][1]))
+        """Positions that both models cover [rad]."""
+
+    @classmethod
+    def from_rig(
+        cls, rig: Rig, joint_name: str, *, min_pressure: float = 0.0, with_effects: bool = True
+    ) -> AntagonisticJoint:
+        """The joint of a rig, with the static effects that the rig file names.
+
+        Parameters
+        ----------
+        rig : Rig
+            As read from a file.
+        joint_name : str
+            Which joint.
+        min_pressure : float, optional
+            What a command never goes below [Pa gauge].
+        with_effects : bool, optional
+            False for the nominal rig.
+
+        Raises
+        ------
+        KeyError
+            For an unknown joint.
+        DomainError
+            For a muscle that cannot reach `min_pressure`.
+        """
+        joint = rig.joint(joint_name)
+        muscles = []
+        for name in joint.muscles:
+            muscle = rig.muscle(name)
+            high = min(muscle.max_pressure, rig.supply_gauge_pressure)
+            if not 0.0 <= min_pressure < high:
+                raise DomainError(
+                    f"min_pressure = {min_pressure:g} Pa must be from 0 to below {high:g} Pa, "
+                    f"the most that {name} gets"
+                )
+            extra = effect_value(muscle.effects, "dead_volume", "extra_volume")
+            muscles.append(
+                JointMuscle(
+                    effective_force_model(rig, name) if with_effects else rig.force_model(name),
+                    muscle.neutral_length,
+                    min_pressure,
+                    high,
+                    max(0.0, muscle.dead_volume + (extra if with_effects else 0.0)),
+                )
+            )
+        scale = effect_value(joint.effects, "pulley_radius", "scale") if with_effects else 1.0
+        return cls(
+            muscles[0],
+            muscles[1],
+            joint.pulley_radius * scale,
+            ambient_pressure=rig.gas.ambient_pressure,
+            exponent=rig.gas.polytropic_exponent,
+        )
+
+    def lengths(self, position: float) -> tuple[float, float]:
+        """Agonist's and antagonist's length [m] at a position [rad]."""
+        stroke = self.pulley_radius * position
+        return self.agonist.neutral_length - stroke, self.antagonist.neutral_length + stroke
+
+    def tensions(
+        self, agonist: float, antagonist: float, position: float, velocity: float = 0.0
+    ) -> tuple[float, float]:
+        """Pulls of agonist and antagonist [N], never below 0.
+
+        Parameters
+        ----------
+        agonist, antagonist : float
+            Pressures [Pa gauge].
+        position, velocity : float
+            Of the joint [rad], [rad/s].
+
+        Raises
+        ------
+        DomainError
+            At a position that a model does not cover.
+        """
+        first, second = self.lengths(position)
+        speed = self.pulley_radius * velocity
+        return (
+            max(0.0, float(self.agonist.model.force(agonist, first, -speed))),
+            max(0.0, float(self.antagonist.model.force(antagonist, second, speed))),
+        )
+
+    def torque(
+        self, agonist: float, antagonist: float, position: float, velocity: float = 0.0
+    ) -> float:
+        """Torque r (F_a - F_b) [N m]; arguments and errors as for `tensions`."""
+        first, second = self.tensions(agonist, antagonist, position, velocity)
+        return self.pulley_radius * (first - second)
+
+    def stiffness(self, agonist: float, antagonist: float, position: float) -> float:
+        """Stiffness at constant pressures [N m/rad]; a slack muscle adds nothing."""
+        return self._stiffness(
+            agonist,
+            antagonist,
+            position,
+            lambda muscle, pressure, length: float(muscle.model.stiffness(pressure, length)),
+        )
+
+    def closed_stiffness(self, agonist: float, antagonist: float, position: float) -> float:
+        """Stiffness with both chambers shut [N m/rad]; a slack muscle adds nothing."""
+        return self._stiffness(
+            agonist,
+            antagonist,
+            position,
+            lambda muscle, pressure, length: float(
+                muscle.model.closed_stiffness(
+                    pressure,
+                    length,
+                    dead_volume=muscle.dead_volume,
+                    ambient_pressure=self.ambient_pressure,
+                    exponent=self.exponent,
+                )
+            ),
+        )
+
+    def _stiffness(
+        self,
+        agonist: float,
+        antagonist: float,
+        position: float,
+        rate: Callable[[JointMuscle, float, float], float],
+    ) -> float:
+        first, second = self.lengths(position)
+        total = 0.0
+        for muscle, pressure, length in (
+            (self.agonist, agonist, first),
+            (self.antagonist, antagonist, second),
+        ):
+            if float(muscle.model.force(pressure, length)) > 0.0:
+                total += rate(muscle, pressure, length)
+        return self.pulley_radius * self.pulley_radius * total
+
+    def volumes(self, position: float) -> tuple[float, float]:
+        """Gas volumes [m^3], dead volumes included."""
+        first, second = self.lengths(position)
+        return (
+            float(self.agonist.model.volume(first)) + self.agonist.dead_volume,
+            float(self.antagonist.model.volume(second)) + self.antagonist.dead_volume,
+        )
+
+    def volume_slopes(self, position: float) -> tuple[float, float]:
+        """dV/dq of both muscles [m^3/rad]."""
+        first, second = self.lengths(position)
+        return (
+            -self.pulley_radius * float(self.agonist.model.volume_slope(first)),
+            self.pulley_radius * float(self.antagonist.model.volume_slope(second)),
+        )
+
+    def pressures_for(self, torque: float, stiffness: float, position: float) -> JointPressures:
+        """The pressures that give this torque and this stiffness at constant pressures.
+
+        What the pressure range cannot reach is cut: first the torque to what is reachable at all,
+        then the stiffness to what is reachable at that torque.
+
+        Parameters
+        ----------
+        torque : float
+            [N m].
+        stiffness : float
+            [N m/rad].
+        position : float
+            [rad]; outside `position_range` its nearest edge is used.
+
+        Raises
+        ------
+        DomainError
+            For a request that is not finite.
+        """
+        if not (math.isfinite(torque) and math.isfinite(stiffness) and math.isfinite(position)):
+            raise DomainError(
+                f"torque = {torque} N m, stiffness = {stiffness} N m/rad, position = {position} "
+                "rad: all must be finite numbers"
+            )
+        low, high = self.position_range
+        inside = min(max(position, low), high)
+        first, second = self.lengths(inside)
+        a, b = self._line(self.agonist, first), self._line(self.antagonist, second)
+        radius = self.pulley_radius
+        difference = min(max(torque / radius, a.weakest - b.strongest), a.strongest - b.weakest)
+        rate = stiffness / (radius * radius)
+        pull = self._antagonist_pull(a, b, difference, rate)
+        pressures = a.pressure(pull + difference), b.pressure(pull)
+        if self._affine:
+            reached = (
+                radius * difference,
+                radius * radius * (a.stiffness(pull + difference) + b.stiffness(pull)),
+            )
+        else:
+            pressures = self._refine(a, b, (first, second), difference, rate)
+            reached = self.torque(*pressures, inside), self.stiffness(*pressures, inside)
+        strongest = radius * (a.strongest + b.strongest)
+        return JointPressures(
+            agonist=pressures[0],
+            antagonist=pressures[1],
+            torque=reached[0],
+            stiffness=reached[1],
+            torque_limited=abs(reached[0] - torque) > _CLIPPED * (1.0 + strongest),
+            stiffness_limited=abs(reached[1] - stiffness) > 1e-5 * (1.0 + abs(stiffness)),
+            position_limited=inside != position,
+        )
+
+    @staticmethod
+    def _line(muscle: JointMuscle, length: float) -> PressureLine:
+        model, low, high = muscle.model, muscle.low_pressure, muscle.high_pressure
+        at_low, at_high = float(model.force(low, length)), float(model.force(high, length))
+        weakest, strongest = max(0.0, at_low), max(0.0, at_high)
+        if strongest <= weakest:
+            # too short to pull: whatever the pressure, there is nothing to choose
+            rate = float(model.stiffness(low, length)) if weakest > 0.0 else 0.0
+            return PressureLine(weakest, weakest, 0.0, weakest, 0.0, rate, low, high)
+        if muscle.is_affine:
+            affine = cast(AffineForceModel, model)
+            scale, passive = affine.coefficients(length)
+            rise, offset = affine.coefficient_slopes(length)
+            return PressureLine(weakest, strongest, scale, passive, rise, offset, low, high)
+        line = PressureLine(weakest, strongest, 0.0, 0.0, 0.0, 0.0, low, high)
+        stiff = float(model.stiffness(low, length)), float(model.stiffness(high, length))
+        line.through((low, at_low, stiff[0]), (high, at_high, stiff[1]))
+        return line
+
+    @staticmethod
+    def _antagonist_pull(a: PressureLine, b: PressureLine, difference: float, rate: float) -> float:
+        """The antagonist's pull [N] at which the sum of stiffnesses comes nearest to `rate`."""
+        least = max(b.weakest, a.weakest - difference)
+        most = max(least, min(b.strongest, a.strongest - difference))
+        at_least = a.stiffness(least + difference) + b.stiffness(least) - rate
+        at_most = a.stiffness(most + difference) + b.stiffness(most) - rate
+        if at_least * at_most >= 0.0:
+            return least if abs(at_least) <= abs(at_most) else most
+        return least - at_least * (most - least) / (at_most - at_least)
+
+    def _refine(
+        self,
+        a: PressureLine,
+        b: PressureLine,
+        lengths: tuple[float, float],
+        difference: float,
+        rate: float,
+    ) -> tuple[float, float]:
+        """Pressures for models that are not affine: redraw both lines until they stay."""
+        sides = [(self.agonist, a, lengths[0]), (self.antagonist, b, lengths[1])]
+        last: list[Point | None] = [None, None]
+        pressures = [a.low, b.low]
+        for _ in range(_ROUNDS):
+            pull = self._antagonist_pull(a, b, difference, rate)
+            step = 0.0
+            for index, (muscle, line, length) in enumerate(sides):
+                pressure = line.pressure(pull + difference if index == 0 else pull)
+                point = (
+                    pressure,
+                    float(muscle.model.force(pressure, length)),
+                    float(muscle.model.stiffness(pressure, length)),
+                )
+                before = last[index]
+                if before is None:
+                    step = float("inf")
+                    line.shift(point)
+                else:
+                    moved = abs(pressure - before[0])
+                    step = max(step, moved)
+                    if moved > _PRESSURE_TOLERANCE:
+                        line.through(before, point)
+                    else:
+                        line.shift(point)
+                last[index] = point
+                pressures[index] = pressure
+            if step < _PRESSURE_TOLERANCE:
+                break
+        return pressures[0], pressures[1]

@@ -1,0 +1,197 @@
+"""What muscles and joints do, from the latest pressures and positions: the model node without ROS.
+
+A measurement counts while it is younger than `max_age`; what is missing or too old is NaN, never
+zero and never the last value.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from pam_model.effects import effect_value
+from pam_model.errors import DomainError
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.rig.types import Rig
+
+NAN = math.nan
+
+
+@dataclass(slots=True)
+class Estimate:
+    """One estimate, in the order of the rig's muscles and joints; NaN where nothing is known.
+
+    Attributes
+    ----------
+    stamp : float or None
+        Time of the newest measurement in it [s]; None if there is none.
+    muscle_lengths, muscle_speeds, muscle_forces : list of float
+        [m], [m/s] (lengthening), [N].
+    joint_torques, joint_stiffnesses : list of float
+        [N m], [N m/rad].
+    problems : list of str
+        Why something is NaN, one line each.
+    """
+
+    stamp: float | None
+    muscle_lengths: list[float] = field(default_factory=list)
+    muscle_speeds: list[float] = field(default_factory=list)
+    muscle_forces: list[float] = field(default_factory=list)
+    joint_torques: list[float] = field(default_factory=list)
+    joint_stiffnesses: list[float] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+
+class JointEstimator:
+    """Forces, torques and stiffnesses from pressures and positions.
+
+    Sensor errors that the rig file names (gain and bias of a pressure, offset of a position) are
+    taken out first.
+
+    Parameters
+    ----------
+    rig : Rig
+        As read from a file.
+    max_age : float, optional
+        An older measurement is none [s].
+    closed_chambers : bool, optional
+        Stiffness with the valves shut instead of at constant pressures.
+    """
+
+    def __init__(self, rig: Rig, max_age: float = 0.1, *, closed_chambers: bool = False) -> None:
+        self.rig = rig
+        self.max_age = max_age
+        self.closed_chambers = closed_chambers
+        self._joints = {name: AntagonisticJoint.from_rig(rig, name) for name in rig.joint_names}
+        self._calibration = {
+            muscle.name: (
+                effect_value(muscle.effects, "pressure_gain", "gain"),
+                effect_value(muscle.effects, "pressure_bias", "bias"),
+            )
+            for muscle in rig.muscles
+        }
+        self._offset = {
+            joint.name: effect_value(joint.effects, "position_offset", "offset")
+            for joint in rig.joints
+        }
+        self._pressures: dict[str, tuple[float, float]] = {}
+        self._positions: dict[str, tuple[float, float, float]] = {}
+
+    def take_pressures(self, stamp: float, names: Sequence[str], pressures: Sequence[float]) -> int:
+        """Keep measured gauge pressures [Pa]; names of no muscle are passed over.
+
+        Returns how many were of this rig.
+        """
+        taken = 0
+        for index, name in enumerate(names):
+            known = self._calibration.get(name)
+            if known is not None:
+                taken += 1
+                if self._is_overtaken(stamp, self._pressures.get(name)):
+                    continue
+                gain, bias = known
+                value = pressures[index] if index < len(pressures) else NAN
+                self._pressures[name] = stamp, (value - bias) / gain
+        return taken
+
+    def take_positions(
+        self,
+        stamp: float,
+        names: Sequence[str],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+    ) -> int:
+        """Keep measured positions [rad] and velocities [rad/s], either of which may be empty.
+
+        Returns how many were of this rig.
+        """
+        taken = 0
+        for index, name in enumerate(names):
+            if name in self._offset:
+                taken += 1
+                if self._is_overtaken(stamp, self._positions.get(name)):
+                    continue
+                position = positions[index] if index < len(positions) else NAN
+                velocity = velocities[index] if index < len(velocities) else NAN
+                self._positions[name] = stamp, position - self._offset[name], velocity
+        return taken
+
+    def _is_overtaken(self, stamp: float, kept: tuple[float, ...] | None) -> bool:
+        """Whether a newer value came first; one far newer is of a clock since set back."""
+        return kept is not None and 0.0 < kept[0] - stamp <= self.max_age
+
+    def estimate(self, now: float) -> Estimate:
+        """Everything that the measurements at hand tell at time `now` [s]."""
+        result = Estimate(None)
+        stamps: list[float] = []
+        by_muscle: dict[str, tuple[float, float, float]] = {}
+        for joint in self.rig.joints:
+            statics = self._joints[joint.name]
+            position, velocity = self._position(joint.name, now, stamps, result.problems)
+            a, b = (self._pressure(name, now, stamps, result.problems) for name in joint.muscles)
+            torque = stiffness = NAN
+            lengths = forces = (NAN, NAN)
+            if not math.isnan(position):
+                lengths = statics.lengths(position)
+                speed = 0.0 if math.isnan(velocity) else velocity
+                try:
+                    # one pressure missing must not hide the other muscle's pull
+                    forces = statics.tensions(
+                        0.0 if math.isnan(a) else a, 0.0 if math.isnan(b) else b, position, speed
+                    )
+                    forces = (
+                        NAN if math.isnan(a) else forces[0],
+                        NAN if math.isnan(b) else forces[1],
+                    )
+                    if not (math.isnan(a) or math.isnan(b)):
+                        torque = statics.pulley_radius * (forces[0] - forces[1])
+                        rate = (
+                            statics.closed_stiffness if self.closed_chambers else statics.stiffness
+                        )
+                        stiffness = rate(a, b, position)
+                except DomainError as error:
+                    forces = (NAN, NAN)
+                    torque = stiffness = NAN
+                    result.problems.append(f"{joint.name} at {position:.4g} rad: {error}")
+            lengthening = statics.pulley_radius * velocity
+            by_muscle[joint.agonist] = lengths[0], -lengthening, forces[0]
+            by_muscle[joint.antagonist] = lengths[1], lengthening, forces[1]
+            result.joint_torques.append(torque)
+            result.joint_stiffnesses.append(stiffness)
+        for name in self.rig.muscle_names:
+            length, speed, force = by_muscle.get(name, (NAN, NAN, NAN))
+            result.muscle_lengths.append(length)
+            result.muscle_speeds.append(speed)
+            result.muscle_forces.append(force)
+        result.stamp = max(stamps, default=None)
+        return result
+
+    def _position(
+        self, name: str, now: float, stamps: list[float], problems: list[str]
+    ) -> tuple[float, float]:
+        stamp, position, velocity = self._positions.get(name, (NAN, NAN, NAN))
+        if not self._usable("position", name, now - stamp, position, problems):
+            return NAN, NAN
+        stamps.append(stamp)
+        return position, velocity if math.isfinite(velocity) else NAN
+
+    def _pressure(self, name: str, now: float, stamps: list[float], problems: list[str]) -> float:
+        stamp, pressure = self._pressures.get(name, (NAN, NAN))
+        if not self._usable("pressure", name, now - stamp, pressure, problems):
+            return NAN
+        stamps.append(stamp)
+        return pressure
+
+    def _usable(
+        self, quantity: str, name: str, age: float, value: float, problems: list[str]
+    ) -> bool:
+        if math.isnan(age):
+            problems.append(f"{name}: no {quantity} has come yet")
+        elif abs(age) > self.max_age:
+            problems.append(f"{name}: {quantity} is {age:.3g} s old, limit {self.max_age:g} s")
+        elif not math.isfinite(value):
+            problems.append(f"{name}: {quantity} is {value}")
+        else:
+            return True
+        return False

@@ -1,0 +1,108 @@
+"""Strands and jam limits of a braid: equations (15)-(19), after Davis and Caldwell.
+
+Source: equations (15)-(19) of "A Review of Design and Modeling of Pneumatic Artificial Muscle";
+S. Davis, D. G. Caldwell, "Braid effects on contractile range and friction modeling in pneumatic
+muscle actuators", International Journal of Robotics Research 25(4), 2006. Derived again here.
+Errata: D_s is the width of a strand (or bundle), N = 2 N_c counts the strands of both families,
+D_0 and D_o are both the diameter at 90 degrees; none of the three is defined in the text. (15) is
+the circumference at 90 degrees; I is the thread between two crossings, not the strands' spacing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pam_model.errors import DomainError
+from pam_model.muscles.braid import require_positive
+
+
+@dataclass(frozen=True, slots=True)
+class BraidLimits:
+    """A braid of strands that touch when it is pulled long or blown wide.
+
+    Attributes
+    ----------
+    strand_width : float
+        D_s [m].
+    strands : float
+        N, all strands of both families [-].
+    diameter_at_90_degrees : float
+        D90 [m].
+    thread_length : float
+        b [m].
+
+    Raises
+    ------
+    DomainError
+        For a quantity not above zero, or strands too wide for the braid: D_s N > pi D90.
+    """
+
+    strand_width: float
+    strands: float
+    diameter_at_90_degrees: float
+    thread_length: float
+
+    def __post_init__(self) -> None:
+        require_positive(
+            strand_width=self.strand_width,
+            strands=self.strands,
+            diameter_at_90_degrees=self.diameter_at_90_degrees,
+            thread_length=self.thread_length,
+        )
+        room = math.pi * self.diameter_at_90_degrees
+        if self.strand_width * self.strands > room:
+            raise DomainError(
+                f"strand_width times strands = {self.strand_width * self.strands:g} m is above "
+                f"pi D90 = {room:g} m: such a braid cannot exist"
+            )
+
+    @property
+    def cover(self) -> float:
+        """D_s N/(pi D90) [-], at most 1."""
+        return self.strand_width * self.strands / (math.pi * self.diameter_at_90_degrees)
+
+    @property
+    def thread_segment(self) -> float:
+        """(16): I = pi D90/(2 N_c) = pi D90/N, thread between neighbouring crossings [m]."""
+        return math.pi * self.diameter_at_90_degrees / self.strands
+
+    def node_pitch(self, angle: Any) -> Any:
+        """(17): G = 2 I sin(angle), distance of crossings around the braid [m]."""
+        return 2.0 * self.thread_segment * np.sin(angle)
+
+    def circumference(self, angle: Any) -> Any:
+        """(15): C = N_c G = pi D [m]; at 90 degrees pi D90."""
+        return 0.5 * self.strands * self.node_pitch(angle)
+
+    def gap(self, angle: Any) -> Any:
+        """I sin(2 angle): distance of neighbouring parallel strands' middles [m]."""
+        return self.thread_segment * np.sin(2.0 * np.asarray(angle))[()]
+
+    @property
+    def minimum_angle(self) -> float:
+        """(18): thread angle at which the braid pulled long jams [rad]."""
+        return 0.5 * math.asin(min(1.0, self.cover))
+
+    @property
+    def lock_angle(self) -> float:
+        """Thread angle at which the braid blown wide jams, 90 degrees less (18) [rad]."""
+        return 0.5 * math.pi - self.minimum_angle
+
+    @property
+    def longest_length(self) -> float:
+        """(19): b cos(minimum angle) [m]."""
+        return self.thread_length * math.cos(self.minimum_angle)
+
+    @property
+    def shortest_length(self) -> float:
+        """Length at the lock angle, b cos(lock angle) [m]."""
+        return self.thread_length * math.cos(self.lock_angle)
+
+    @property
+    def contraction_range(self) -> float:
+        """Free contraction from the longest length to zero force [-]."""
+        return 1.0 - 1.0 / (math.sqrt(3.0) * math.cos(self.minimum_angle))

@@ -1,0 +1,231 @@
+"""A muscle's static force with what its rig file says the nominal model leaves out.
+
+End caps, bladder elasticity, extensible threads and a compliant cable are functions of pressure
+and length, so estimator and controller can account for them; effects with a memory (hysteresis,
+creep) are left to simulation. `pam_model.effects` has the laws. Scalars only: this is the view of
+a joint, not of a fit.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+from pam_model.effects import effect_value
+from pam_model.effects.bladder_pull import bladder_pull
+from pam_model.muscles.braid import trapped_gas_slope
+from pam_model.muscles.force_model import AffineForceModel, ForceModel, ModelParameter
+from pam_model.rig.types import Muscle, Rig
+
+_ROUNDS = 50
+_LENGTH_TOLERANCE = 1e-11
+_PRESSURE_STEP = 1.0
+
+
+def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
+    """The force model of a muscle with the static effects that its rig file names.
+
+    Parameters
+    ----------
+    rig : Rig
+        As read from a file.
+    muscle_name : str
+        Which muscle.
+
+    Returns
+    -------
+    ForceModel
+        Affine in pressure where the nominal model is and neither threads nor cable stretch; the
+        nominal model itself where no such effect is named.
+
+    Raises
+    ------
+    KeyError
+        For an unknown muscle.
+    """
+    muscle = rig.muscle(muscle_name)
+    model = rig.force_model(muscle_name)
+    factor = effect_value(muscle.effects, "end_caps", "factor")
+    linear = effect_value(muscle.effects, "bladder_elasticity", "linear")
+    cubic = effect_value(muscle.effects, "bladder_elasticity", "cubic")
+    thread = effect_value(muscle.effects, "braid_extensibility", "compliance")
+    cable = effect_value(muscle.effects, "cable_compliance", "compliance")
+    if factor != 1.0 or linear != 0.0 or cubic != 0.0:
+        kind = _AffineEnds if isinstance(model, AffineForceModel) else _Ends
+        model = kind(model, muscle, factor, linear, cubic)
+    if thread != 0.0:
+        model = _ExtensibleBraid(model, muscle, thread)
+    if cable != 0.0:
+        model = _SeriesCable(model, cable)
+    return model
+
+
+class _Wrapper(ABC):
+    """A model in terms of another one; pressure slopes by difference, unless better is known."""
+
+    name: ClassVar[str] = "effective"
+    parameters: ClassVar[Mapping[str, ModelParameter]] = {}
+
+    def __init__(self, inner: ForceModel) -> None:
+        self.inner = inner
+
+    @property
+    def length_bounds(self) -> tuple[float, float]:
+        return self.inner.length_bounds
+
+    @abstractmethod
+    def force(self, pressure: float, length: float, velocity: float = 0.0) -> float: ...
+
+    @abstractmethod
+    def stiffness(self, pressure: float, length: float) -> float: ...
+
+    def pressure_slope(self, pressure: float, length: float) -> float:
+        """dF/dP [m^2]."""
+        step = max(_PRESSURE_STEP, 1e-6 * abs(pressure))
+        rise = self.force(pressure + step, length) - self.force(pressure - step, length)
+        return rise / (2.0 * step)
+
+    def volume(self, length: float) -> float:
+        return float(self.inner.volume(length))
+
+    def volume_slope(self, length: float) -> float:
+        return float(self.inner.volume_slope(length))
+
+    def closed_stiffness(
+        self,
+        pressure: float,
+        length: float,
+        *,
+        dead_volume: float,
+        ambient_pressure: float,
+        exponent: float,
+    ) -> float:
+        gas = trapped_gas_slope(
+            pressure,
+            self.volume(length),
+            self.volume_slope(length),
+            dead_volume=dead_volume,
+            ambient_pressure=ambient_pressure,
+            exponent=exponent,
+        )
+        return self.stiffness(pressure, length) + self.pressure_slope(pressure, length) * float(gas)
+
+
+class _Ends(_Wrapper):
+    """End caps (the nominal force at k times the contraction) and the bladder's own force."""
+
+    def __init__(
+        self, inner: ForceModel, muscle: Muscle, factor: float, linear: float, cubic: float
+    ) -> None:
+        super().__init__(inner)
+        self._rest = muscle.rest_length
+        self._factor, self._linear, self._cubic = factor, linear, cubic
+
+    @property
+    def length_bounds(self) -> tuple[float, float]:
+        low, high = self.inner.length_bounds
+        return (
+            max(low, self._rest + (low - self._rest) / self._factor),
+            min(high, self._rest + (high - self._rest) / self._factor),
+        )
+
+    def _inside(self, length: float) -> float:
+        return self._rest + self._factor * (length - self._rest)
+
+    def _bladder(self, length: float) -> tuple[float, float]:
+        return bladder_pull(length - self._rest, self._linear, self._cubic)
+
+    def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:
+        braid = self.inner.force(pressure, self._inside(length), self._factor * velocity)
+        return float(braid) + self._bladder(length)[0]
+
+    def stiffness(self, pressure: float, length: float) -> float:
+        braid = self._factor * float(self.inner.stiffness(pressure, self._inside(length)))
+        return braid + self._bladder(length)[1]
+
+
+class _AffineEnds(_Ends):
+    """The same for a model affine in pressure, which it stays."""
+
+    inner: AffineForceModel
+
+    def coefficients(self, length: float) -> tuple[float, float]:
+        scale, passive = self.inner.coefficients(self._inside(length))
+        return float(scale), float(passive) + self._bladder(length)[0]
+
+    def coefficient_slopes(self, length: float) -> tuple[float, float]:
+        scale, passive = self.inner.coefficient_slopes(self._inside(length))
+        rate = self._factor * float(passive) + self._bladder(length)[1]
+        return self._factor * float(scale), rate
+
+    def pressure_slope(self, pressure: float, length: float) -> float:
+        return self.coefficients(length)[0]
+
+
+class _ExtensibleBraid(_Wrapper):
+    """Threads of length b = b_0/(1 - c P L): the cylinder's force at b, less that at b_0."""
+
+    def __init__(self, inner: ForceModel, muscle: Muscle, compliance: float) -> None:
+        super().__init__(inner)
+        self._square = muscle.thread_length**2
+        self._scale = 1.0 / (4.0 * math.pi * muscle.turns**2)
+        self._compliance = compliance
+
+    def _left(self, pressure: float, length: float) -> float:
+        # tension beyond which the linear thread would stretch without bound
+        return max(0.5, 1.0 - self._compliance * pressure * length)
+
+    def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:
+        left = self._left(pressure, length)
+        longer = self._square * (1.0 / (left * left) - 1.0)
+        return float(self.inner.force(pressure, length, velocity)) - pressure * longer * self._scale
+
+    def stiffness(self, pressure: float, length: float) -> float:
+        left = self._left(pressure, length)
+        rate = 2.0 * self._square * self._compliance * pressure / left**3 if left > 0.5 else 0.0
+        return float(self.inner.stiffness(pressure, length)) - pressure * rate * self._scale
+
+
+class _SeriesCable(_Wrapper):
+    """A muscle behind a spring: it is shorter than its path by compliance times force."""
+
+    def __init__(self, inner: ForceModel, compliance: float) -> None:
+        super().__init__(inner)
+        self._compliance = compliance
+        self._solved = (math.nan, math.nan, math.nan)
+
+    def _stretched(self, pressure: float, length: float) -> float:
+        """The muscle's own length: Newton steps, kept inside [shortest, path]."""
+        # force and stiffness are asked for the same state, one after the other
+        solved = self._solved
+        if solved[0] == pressure and solved[1] == length:
+            return solved[2]
+        low, high = self.inner.length_bounds[0], length
+        muscle = length
+        for _ in range(_ROUNDS):
+            force = float(self.inner.force(pressure, muscle))
+            miss = muscle + self._compliance * max(0.0, force) - length
+            if abs(miss) < _LENGTH_TOLERANCE:
+                break
+            if miss > 0.0:
+                high = muscle
+            else:
+                low = muscle
+            rate = float(self.inner.stiffness(pressure, muscle)) if force > 0.0 else 0.0
+            step = muscle - miss / max(1e-3, 1.0 + self._compliance * rate)
+            muscle = step if low < step < high else 0.5 * (low + high)
+        self._solved = pressure, length, muscle
+        return muscle
+
+    def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:
+        return float(self.inner.force(pressure, self._stretched(pressure, length), velocity))
+
+    def stiffness(self, pressure: float, length: float) -> float:
+        muscle = self._stretched(pressure, length)
+        rate = float(self.inner.stiffness(pressure, muscle))
+        if muscle >= length:
+            # slack: the cable plays no part
+            return rate
+        return rate / max(1e-3, 1.0 + self._compliance * rate)

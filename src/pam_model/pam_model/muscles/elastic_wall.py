@@ -1,0 +1,213 @@
+"""What muscle models share beyond the ideal braid: elastic walls, friction, curved pressure laws.
+
+Source: virtual work, F = -P dV/dL + dU/dL, with U the energy stored in the wall; friction always
+opposes dL/dt; a chamber that is shut keeps P_abs (V + dead volume)^exponent.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pam_model.errors import DomainError
+from pam_model.muscles.braid import (
+    ThinCylinder,
+    braid_diameter,
+    require_length,
+    require_positive,
+    trapped_gas_slope,
+)
+from pam_model.muscles.force_model import MuscleGeometry
+
+
+def square_root(value: Any) -> Any:
+    """The square root of a float as a float, of an array as an array."""
+    return math.sqrt(value) if isinstance(value, float) else np.sqrt(value)
+
+
+def exponential(value: Any) -> Any:
+    """e^value of a float as a float, of an array as an array."""
+    return math.exp(value) if isinstance(value, float) else np.exp(value)
+
+
+def all_true(condition: Any) -> bool:
+    """Whether a comparison holds, everywhere for one of arrays; quick for one of floats."""
+    return condition if isinstance(condition, bool) else bool(np.all(condition))
+
+
+def direction(velocity: Any) -> Any:
+    """Sign of a lengthening speed: 1.0 lengthening, -1.0 shortening, 0.0 at rest."""
+    if isinstance(velocity, (float, int)):
+        return 1.0 if velocity > 0.0 else (-1.0 if velocity < 0.0 else 0.0)
+    return np.sign(velocity)
+
+
+class Wall(Protocol):
+    """Elastic parts of a muscle that follow its length."""
+
+    def force(self, length: Any) -> Any:
+        """Pull of the wall [N]."""
+        ...
+
+    def stiffness(self, length: Any) -> Any:
+        """d(pull)/dL [N/m]."""
+        ...
+
+
+def rest_diameter(geometry: MuscleGeometry) -> float:
+    """The braid's diameter at rest [m].
+
+    Raises
+    ------
+    DomainError
+        For a thread length or turns not above zero, or a rest length outside (0, b).
+    """
+    thread, rest = geometry.thread_length, geometry.rest_length
+    require_positive(thread_length=thread, turns=geometry.turns)
+    if not 0.0 < rest < thread:
+        raise DomainError(f"rest_length = {rest:g} m is outside (0, {thread:g}) m")
+    return float(braid_diameter(thread, geometry.turns, rest))
+
+
+def lengths_with_room(braid: ThinCylinder, wall_volume: float) -> tuple[float, float]:
+    """Lengths [m] between which the braid holds more than the wall's rubber [m^3].
+
+    Raises
+    ------
+    DomainError
+        Where it never does.
+    """
+    longest = braid.thread_length
+    if wall_volume == 0.0:
+        return 0.0, longest
+    scale = 1.0 / (4.0 * math.pi * braid.turns**2)
+
+    def room(length: float) -> float:
+        return length * (longest**2 - length**2) * scale - wall_volume
+
+    widest = longest / math.sqrt(3.0)
+    if not (wall_volume > 0.0 and room(widest) > 0.0):
+        raise DomainError(
+            f"rubber of {wall_volume:g} m^3 does not fit into a braid that holds "
+            f"{room(widest) + wall_volume:g} m^3 at most"
+        )
+    low = brentq(room, 0.0, widest, xtol=1e-15)
+    return float(low), float(brentq(room, widest, longest, xtol=1e-15))
+
+
+class ElasticCylinder(ThinCylinder):
+    """The ideal braid with an elastic wall, and friction in proportion to pressure.
+
+    F = P (3 L^2 - b^2)/(4 pi n^2) + wall(L) + sgn(dL/dt) P friction(L).
+
+    Parameters
+    ----------
+    thread_length : float
+        b [m].
+    turns : float
+        n [-].
+    wall : Wall
+        What pulls without pressure.
+    wall_volume : float
+        Rubber inside the braid that holds no gas [m^3].
+
+    Raises
+    ------
+    DomainError
+        For b or n not above zero, or more rubber than the braid can hold; by the methods for a
+        length outside `length_bounds`.
+    """
+
+    def __init__(
+        self, thread_length: float, turns: float, wall: Wall, wall_volume: float = 0.0
+    ) -> None:
+        super().__init__(thread_length, turns)
+        self.wall = wall
+        self.wall_volume = wall_volume
+        self._shortest, self._longest = lengths_with_room(self, wall_volume)
+
+    @property
+    def length_bounds(self) -> tuple[float, float]:
+        """Lengths at which the rubber leaves the gas room [m]."""
+        return self._shortest, self._longest
+
+    def _check(self, length: Any) -> None:
+        reason = "the thread length" if self.wall_volume == 0.0 else "the rubber fills the braid"
+        require_length(length, self._shortest, self._longest, reason)
+
+    def coefficients(self, length: Any) -> tuple[Any, Any]:
+        """A of the ideal cylinder [m^2] and the wall's pull B [N]."""
+        return super().coefficients(length)[0], self.wall.force(length)
+
+    def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
+        """dA/dL [m] and the wall's stiffness [N/m]."""
+        return super().coefficient_slopes(length)[0], self.wall.stiffness(length)
+
+    def friction_per_pressure(self, length: Any) -> Any:
+        """Friction over pressure [m^2]; none unless a model has some."""
+        return 0.0 * length
+
+    def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
+        """Pull [N]; lengthening adds the friction, shortening takes it off."""
+        static = super().force(pressure, length)
+        return static + direction(velocity) * pressure * self.friction_per_pressure(length)
+
+    def volume(self, length: Any) -> Any:
+        """Braid volume less the rubber's [m^3]."""
+        return super().volume(length) - self.wall_volume
+
+
+class CurvedMuscle(ABC):
+    """A muscle whose force is no straight line in pressure; it offers dF/dP instead.
+
+    A model derived from this has `force`, `stiffness`, `pressure_slope`, and a gas volume, by
+    default that of the ideal braid in `braid`.
+    """
+
+    name: ClassVar[str]
+    braid: ThinCylinder
+
+    @property
+    def length_bounds(self) -> tuple[float, float]:
+        """(0, b) [m]."""
+        return self.braid.length_bounds
+
+    @abstractmethod
+    def stiffness(self, pressure: Any, length: Any) -> Any:
+        """dF/dL at constant pressure [N/m]."""
+
+    @abstractmethod
+    def pressure_slope(self, pressure: Any, length: Any) -> Any:
+        """dF/dP at constant length [m^2]."""
+
+    def volume(self, length: Any) -> Any:
+        """The ideal braid's gas volume [m^3]."""
+        return self.braid.volume(length)
+
+    def volume_slope(self, length: Any) -> Any:
+        """The ideal braid's dV/dL [m^2]."""
+        return self.braid.volume_slope(length)
+
+    def closed_stiffness(
+        self,
+        pressure: Any,
+        length: Any,
+        *,
+        dead_volume: float,
+        ambient_pressure: float,
+        exponent: float,
+    ) -> Any:
+        """dF/dL [N/m] with the gas shut in: constant-pressure stiffness plus dF/dP dP/dL."""
+        gas = trapped_gas_slope(
+            pressure,
+            self.volume(length),
+            self.volume_slope(length),
+            dead_volume=dead_volume,
+            ambient_pressure=ambient_pressure,
+            exponent=exponent,
+        )
+        return self.stiffness(pressure, length) + self.pressure_slope(pressure, length) * gas

@@ -1,0 +1,204 @@
+"""What every length-force model of a muscle offers, and the register that finds one by name.
+
+Conventions (everywhere in this package): SI units; force is positive when the muscle pulls its
+ends together; pressure is gauge; stiffness is dF/dL, positive for a muscle under pressure.
+Arguments are floats or arrays that broadcast against each other; the result has their common
+shape, a float for floats. Forces are not cut at zero here: that a muscle cannot push is the
+joint's business, since extensors do push.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_model.errors import RigError
+
+Quantity = float | npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelParameter:
+    """One free constant of a force model, as `<muscle>.model_parameters.<name>` gives it."""
+
+    default: float | None
+    unit: str
+    low: float
+    high: float
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class MuscleGeometry:
+    """What a rig file says about every muscle, whichever model it names.
+
+    Attributes
+    ----------
+    thread_length : float
+        b, length of one braid thread [m].
+    turns : float
+        n, turns of one thread about the axis [-].
+    rest_length : float
+        Unpressurised braid length [m].
+    wall_thickness : float
+        t_k, bladder and sheath [m].
+    """
+
+    thread_length: float
+    turns: float
+    rest_length: float
+    wall_thickness: float = 0.0
+
+
+@runtime_checkable
+class ForceModel(Protocol):
+    """A muscle as a law between pressure, length and force."""
+
+    name: ClassVar[str]
+    parameters: ClassVar[Mapping[str, ModelParameter]]
+
+    @property
+    def length_bounds(self) -> tuple[float, float]:
+        """Shortest and longest length the model answers for [m]."""
+        ...
+
+    def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
+        """Pull [N] at gauge pressure [Pa], length [m] and lengthening speed dL/dt [m/s]."""
+        ...
+
+    def stiffness(self, pressure: Any, length: Any) -> Any:
+        """dF/dL at constant pressure [N/m], without velocity terms."""
+        ...
+
+    def volume(self, length: Any) -> Any:
+        """Gas volume [m^3], without the rig's dead volume."""
+        ...
+
+    def volume_slope(self, length: Any) -> Any:
+        """dV/dL [m^2]."""
+        ...
+
+    def closed_stiffness(
+        self,
+        pressure: Any,
+        length: Any,
+        *,
+        dead_volume: float,
+        ambient_pressure: float,
+        exponent: float,
+    ) -> Any:
+        """dF/dL with the chamber shut [N/m]: P_abs (V + dead_volume)^exponent stays constant."""
+        ...
+
+
+@runtime_checkable
+class AffineForceModel(ForceModel, Protocol):
+    """A force model with F = pressure * A(L) + B(L), so that its inverse is exact."""
+
+    def coefficients(self, length: Any) -> tuple[Any, Any]:
+        """A(L) [m^2] and B(L) [N]."""
+        ...
+
+    def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
+        """dA/dL [m] and dB/dL [N/m]."""
+        ...
+
+
+Factory = Callable[[MuscleGeometry, Mapping[str, float]], ForceModel]
+
+
+@dataclass(frozen=True, slots=True)
+class RegisteredModel:
+    """A model's class, how to make one, and the line `python -m pam_model list` shows."""
+
+    name: str
+    factory: Factory
+    model: type[Any]
+    equations: str
+    status: str
+    summary: str
+
+
+_REGISTER: dict[str, RegisteredModel] = {}
+
+
+def register(*, equations: str, status: str, summary: str) -> Callable[[type[Any]], type[Any]]:
+    """Put a model class under its `name`; it needs `from_geometry(geometry, constants)`.
+
+    Parameters
+    ----------
+    equations : str
+        Numbers in the review, such as "(7)-(8)".
+    status : str
+        "derived", "published", "empirical" or "stand-in".
+    summary : str
+        One line for the list of models.
+    """
+
+    def enter(model: type[Any]) -> type[Any]:
+        name = model.name
+        if name in _REGISTER:
+            raise RuntimeError(f"two force models are called {name!r}")
+        _REGISTER[name] = RegisteredModel(
+            name, model.from_geometry, model, equations, status, summary
+        )
+        return model
+
+    return enter
+
+
+def registered_models() -> Mapping[str, RegisteredModel]:
+    """Every length-force model by the name a rig file uses, in alphabetical order."""
+    import pam_model.muscles.models  # noqa: F401, PLC0415  (importing the package fills the register)
+
+    return dict(sorted(_REGISTER.items()))
+
+
+def create_force_model(
+    name: str, geometry: MuscleGeometry, constants: Mapping[str, float] | None = None
+) -> ForceModel:
+    """Make the force model called `name` for a muscle of this geometry.
+
+    Parameters
+    ----------
+    name : str
+        As in a rig file's `<muscle>.model`.
+    geometry : MuscleGeometry
+        The muscle.
+    constants : mapping of str to float, optional
+        The model's own constants; those left out take the model's defaults.
+
+    Raises
+    ------
+    RigError
+        For an unknown model, an unknown or missing constant, or one out of bounds.
+    DomainError
+        For a geometry the model does not cover.
+    """
+    models = registered_models()
+    if name not in models:
+        raise RigError(f"unknown force model {name!r}; known: {', '.join(models)}")
+    entry = models[name]
+    declared: Mapping[str, ModelParameter] = entry.model.parameters
+    given = dict(constants or {})
+    values: dict[str, float] = {}
+    for key, parameter in declared.items():
+        value = given.pop(key, parameter.default)
+        if value is None:
+            raise RigError(f"model {name}: needs {key} [{parameter.unit}], {parameter.description}")
+        if not parameter.low <= value <= parameter.high:
+            raise RigError(
+                f"model {name}: {key} = {value:g} {parameter.unit} is outside "
+                f"[{parameter.low:g}, {parameter.high:g}] ({parameter.description})"
+            )
+        values[key] = float(value)
+    if given:
+        raise RigError(
+            f"model {name}: unknown constant {', '.join(sorted(given))}; "
+            f"it has {', '.join(declared) or 'none'}"
+        )
+    return entry.factory(geometry, values)

@@ -1,0 +1,84 @@
+"""Static model of ends, rubber and friction in the manner of Li.
+
+Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle"; the
+source was not found. Composite: F = F_ideal(L_m) - F_rubber(L_m) - F_friction(L_m), the ideal
+force, bladder and thread friction of the cylindrical part alone; the cones of (20)-(22) only turn
+the muscle's length into the cylinder's. `friction_loss_static` lets the cones work as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from pam_model.muscles.braid import ThinCylinder
+from pam_model.muscles.force_model import ModelParameter, register
+from pam_model.muscles.models.friction_loss_static import FrictionLossStatic
+from pam_model.muscles.rubber_wall import RubberWall
+from pam_model.muscles.thread_friction import ThreadFriction
+
+
+@register(
+    equations="(1), (20)-(22)",
+    status="stand-in",
+    summary="ideal force, rubber and friction of the cylinder between tapered ends (after Li)",
+)
+class LiStatic(FrictionLossStatic):
+    """Force of the cylindrical part; gas volume with the cones, so not of one energy.
+
+    Parameters
+    ----------
+    thread_length : float
+        b of the cylindrical part [m].
+    turns : float
+        n of the cylindrical part [-].
+    cone_slant : float
+        L_z [m].
+    fitting_diameter : float
+        d [m].
+    bladder : RubberWall
+        Along the cylindrical part.
+    friction : ThreadFriction
+        Along the cylindrical part.
+
+    Raises
+    ------
+    DomainError
+        As `FrictionLossStatic`.
+    """
+
+    name: ClassVar[str] = "li_static"
+    parameters: ClassVar[Mapping[str, ModelParameter]] = FrictionLossStatic.parameters
+
+    def __init__(
+        self,
+        thread_length: float,
+        turns: float,
+        cone_slant: float,
+        fitting_diameter: float,
+        *,
+        bladder: RubberWall,
+        friction: ThreadFriction,
+    ) -> None:
+        super().__init__(
+            thread_length, turns, cone_slant, fitting_diameter, bladder=bladder, friction=friction
+        )
+        self._cylinder = ThinCylinder(thread_length, turns)
+
+    def coefficients(self, length: Any) -> tuple[Any, Any]:
+        """A of the ideal cylinder [m^2] and the bladder's pull B [N], both at L_m."""
+        middle = self.middle_length(length)
+        return self._cylinder.coefficients(middle)[0], self.bladder.force(middle)
+
+    def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
+        """dA/dL [m] and dB/dL [N/m]."""
+        middle = self.middle_length(length)
+        rate = self._state(middle).length1
+        return (
+            self._cylinder.coefficient_slopes(middle)[0] / rate,
+            self.bladder.stiffness(middle) / rate,
+        )
+
+    def friction_loss(self, pressure: Any, length: Any) -> Any:
+        """F_friction [N] of the cylindrical part."""
+        return pressure * self.friction.per_pressure(self.middle_length(length))

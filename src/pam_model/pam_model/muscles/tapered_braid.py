@@ -1,0 +1,268 @@
+"""A braided cylinder that tapers to its fittings: equations (20)-(22).
+
+Source: equations (20)-(22) of "A Review of Design and Modeling of Pneumatic Artificial Muscle",
+after Doumit and Fahim; correct as printed. b and n are those of the cylindrical part (b in (23)
+is the whole muscle's); the cones keep their slant. Volume by frusta, F = -P dV/dL by virtual work
+(derived; the published model balances forces in the threads and its law is not in the review).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from pam_model.errors import DomainError
+from pam_model.muscles.braid import AffineMuscle, require_length, require_positive
+from pam_model.muscles.elastic_wall import square_root
+from pam_model.muscles.force_model import ModelParameter, MuscleGeometry
+
+END_PARAMETERS = {
+    "cone_slant": ModelParameter(0.015, "m", 1e-4, 1.0, "slant L_z of the cone at either end"),
+    "fitting_diameter": ModelParameter(0.01, "m", 1e-4, 1.0, "diameter d of the fittings"),
+}
+"""Constants of every model with tapered ends, as rig files name them."""
+
+
+_LIMITS = "where |D - d| = 2 cone_slant, the length turns back, or a bladder fills the braid"
+
+
+class EndState(NamedTuple):
+    """A tapered braid at one middle length, with slopes by that length where named so."""
+
+    diameter: Any
+    cone_length: Any
+    length: Any
+    length1: Any
+    length2: Any
+    volume: Any
+    volume1: Any
+    volume2: Any
+
+
+class TaperedBraid(AffineMuscle):
+    """Cylinder and two cones, affine in pressure with B = 0.
+
+    Parameters
+    ----------
+    thread_length : float
+        b of the cylindrical part [m].
+    turns : float
+        n of the cylindrical part [-].
+    cone_slant : float
+        L_z [m].
+    fitting_diameter : float
+        d [m].
+
+    Raises
+    ------
+    DomainError
+        For a quantity not above zero, or cones too short to join braid and fitting; by the
+        methods for a length outside `length_bounds`.
+    """
+
+    def __init__(
+        self, thread_length: float, turns: float, cone_slant: float, fitting_diameter: float
+    ) -> None:
+        require_positive(
+            thread_length=thread_length,
+            turns=turns,
+            cone_slant=cone_slant,
+            fitting_diameter=fitting_diameter,
+        )
+        self.thread_length = thread_length
+        self.turns = turns
+        self.cone_slant = cone_slant
+        self.fitting_diameter = fitting_diameter
+        self._square = thread_length**2
+        self._pitch = (math.pi * turns) ** 2
+        self.middle_bounds = self._find_middle_bounds()
+        self._bounds = self._find_bounds()
+
+    def _find_bounds(self) -> tuple[float, float]:
+        low, high = self.middle_bounds
+        inside = 1e-9 * (high - low)
+        return float(self._state(low + inside).length), float(self._state(high - inside).length)
+
+    def _keep_room_for(self, wall_volume: float) -> None:
+        """Narrow the bounds to lengths at which rubber of this volume [m^3] leaves gas room."""
+        low, high = self.middle_bounds
+        middles = np.linspace(low, high, 202)[1:-1]
+        volumes = self._state(middles).volume
+        widest = int(np.argmax(volumes))
+        if volumes[widest] <= wall_volume:
+            raise DomainError(
+                f"rubber of {wall_volume:g} m^3 does not fit into a braid that holds "
+                f"{volumes[widest]:g} m^3 at most"
+            )
+
+        def room(middle: float) -> float:
+            return float(self._state(middle).volume) - wall_volume
+
+        inside = 1e-9 * (high - low)
+        peak = float(middles[widest])
+        if room(low + inside) < 0.0:
+            low = float(brentq(room, low + inside, peak, xtol=1e-15))
+        if room(high - inside) < 0.0:
+            high = float(brentq(room, peak, high - inside, xtol=1e-15))
+        self.middle_bounds = low, high
+        self._bounds = self._find_bounds()
+
+    def _find_middle_bounds(self) -> tuple[float, float]:
+        """Middle lengths between which the cones exist and the muscle lengthens with them [m]."""
+        thread, diameter90 = self.thread_length, self.thread_length / math.sqrt(self._pitch)
+        # a hair inside |D - d| = 2 cone_slant, where slopes are infinite
+        widest = self.fitting_diameter + 2.0 * (1.0 - 1e-9) * self.cone_slant
+        narrowest = max(0.0, self.fitting_diameter - 2.0 * self.cone_slant)
+        if diameter90 <= narrowest:
+            raise DomainError(
+                f"|D - d| is above 2 cone_slant = {2.0 * self.cone_slant:g} m at every length: "
+                f"the braid reaches D = {diameter90:g} m at most and the fittings have d = "
+                f"{self.fitting_diameter:g} m"
+            )
+        low = thread * math.sqrt(1.0 - min(1.0, widest / diameter90) ** 2)
+        high = thread * math.sqrt(1.0 - (narrowest / diameter90) ** 2)
+
+        def slope(middle: float) -> float:
+            # dL/dL_m times what is positive in it, finite at either end
+            size = math.sqrt(max(0.0, self._square - middle**2) / self._pitch)
+            excess = size - self.fitting_diameter
+            cone = math.sqrt(max(0.0, self.cone_slant**2 - 0.25 * excess**2))
+            return 2.0 * cone * self._pitch * size + excess * middle
+
+        if slope(high) < 0.0:
+            start = thread * math.sqrt(1.0 - min(1.0, self.fitting_diameter / diameter90) ** 2)
+            high = float(brentq(slope, max(low, start), high, xtol=1e-15))
+        return low, high
+
+    def state(self, middle_length: Any) -> EndState:
+        """(20)-(22) at a length of the cylindrical part [m]."""
+        low, high = self.middle_bounds
+        require_length(middle_length, low, high, _LIMITS)
+        return self._state(middle_length)
+
+    def _state(self, middle: Any) -> EndState:
+        pitch, fitting = self._pitch, self.fitting_diameter
+        size = square_root((self._square - middle * middle) / pitch)
+        size1 = -middle / (pitch * size)
+        size2 = -(1.0 + pitch * size1 * size1) / (pitch * size)
+        excess = size - fitting
+        cone = square_root(self.cone_slant * self.cone_slant - 0.25 * excess * excess)
+        cone1 = -excess * size1 / (4.0 * cone)
+        cone2 = -(size1 * size1 + excess * size2) / (4.0 * cone) - cone1 * cone1 / cone
+        section = size * size + size * fitting + fitting * fitting
+        section1 = (2.0 * size + fitting) * size1
+        section2 = 2.0 * size1 * size1 + (2.0 * size + fitting) * size2
+        quarter, sixth = 0.25 * math.pi, math.pi / 6.0
+        return EndState(
+            size,
+            cone,
+            middle + 2.0 * cone,
+            1.0 + 2.0 * cone1,
+            2.0 * cone2,
+            quarter * size * size * middle + sixth * cone * section,
+            quarter * (2.0 * size * size1 * middle + size * size)
+            + sixth * (cone1 * section + cone * section1),
+            quarter * (2.0 * (size1 * size1 + size * size2) * middle + 4.0 * size * size1)
+            + sixth * (cone2 * section + 2.0 * cone1 * section1 + cone * section2),
+        )
+
+    def cone_angle(self, middle_length: Any) -> Any:
+        """Beta = asin((D - d)/(2 L_z)) [rad] at a length of the cylindrical part [m]."""
+        size = self.state(middle_length).diameter
+        return np.arcsin((size - self.fitting_diameter) / (2.0 * self.cone_slant))
+
+    @property
+    def length_bounds(self) -> tuple[float, float]:
+        """Shortest and longest length of the whole muscle [m]."""
+        return self._bounds
+
+    def middle_length(self, length: Any) -> Any:
+        """L_m [m] of the cylindrical part at a length [m] of the whole muscle."""
+        low, high = self._bounds
+        require_length(length, low, high, _LIMITS)
+        if isinstance(length, float):
+            return self._solve(length)
+        return np.vectorize(self._solve, otypes=[float])(length)
+
+    def _solve(self, length: float) -> float:
+        """Newton's steps, halved into the bracket where they leave it."""
+        low, high = self.middle_bounds
+        middle = min(max(length - 2.0 * self.cone_slant, low), high)
+        if not low < middle < high:
+            middle = 0.5 * (low + high)
+        for _ in range(100):
+            at = self._length(middle)
+            error = at[0] - length
+            low, high = (low, middle) if error > 0.0 else (middle, high)
+            step = middle - error / at[1]
+            if abs(step - middle) <= 1e-15 * self.thread_length:
+                return step
+            middle = step if low < step < high else 0.5 * (low + high)
+        return middle
+
+    def _length(self, middle: float) -> tuple[float, float]:
+        """L [m] and dL/dL_m [-]."""
+        size = math.sqrt((self._square - middle * middle) / self._pitch)
+        excess = size - self.fitting_diameter
+        cone = math.sqrt(self.cone_slant * self.cone_slant - 0.25 * excess * excess)
+        return middle + 2.0 * cone, 1.0 + excess * middle / (2.0 * cone * self._pitch * size)
+
+    def at(self, length: Any) -> EndState:
+        """Everything at a length [m] of the whole muscle."""
+        return self._state(self.middle_length(length))
+
+    def coefficients(self, length: Any) -> tuple[Any, Any]:
+        """A = -dV/dL [m^2] and B = 0 [N]."""
+        state = self.at(length)
+        return -state.volume1 / state.length1, 0.0 * length
+
+    def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
+        """dA/dL [m] and 0 [N/m]."""
+        state = self.at(length)
+        turn = state.volume2 * state.length1 - state.volume1 * state.length2
+        return -turn / state.length1**3, 0.0 * length
+
+    def volume(self, length: Any) -> Any:
+        """Cylinder and cones [m^3]."""
+        return self.at(length).volume
+
+    def volume_slope(self, length: Any) -> Any:
+        """dV/dL [m^2]."""
+        state = self.at(length)
+        return state.volume1 / state.length1
+
+
+def cylindrical_part(
+    geometry: MuscleGeometry, cone_slant: float, fitting_diameter: float
+) -> tuple[float, float, float]:
+    """Thread length b [m], turns n and rest length [m] of the cylinder between the cones.
+
+    A rig file's thread runs the whole muscle; at rest, the cones take their share of its length
+    and turns, and the cylinder has the diameter the rig file implies.
+
+    Raises
+    ------
+    DomainError
+        For cones that do not fit the muscle at rest.
+    """
+    thread, turns, rest = geometry.thread_length, geometry.turns, geometry.rest_length
+    require_positive(thread_length=thread, turns=turns, rest_length=rest)
+    if rest >= thread:
+        raise DomainError(f"rest_length = {rest:g} m is outside (0, {thread:g}) m")
+    size = math.sqrt(thread**2 - rest**2) / (math.pi * turns)
+    square = cone_slant**2 - 0.25 * (size - fitting_diameter) ** 2
+    if square <= 0.0:
+        raise DomainError(
+            f"|D - d| = {abs(size - fitting_diameter):g} m at rest must be below 2 cone_slant = "
+            f"{2.0 * cone_slant:g} m"
+        )
+    middle = rest - 2.0 * math.sqrt(square)
+    if middle <= 0.0:
+        raise DomainError(
+            f"rest_length = {rest:g} m leaves no cylinder between two cones of "
+            f"{math.sqrt(square):g} m"
+        )
+    return thread * middle / rest, turns * middle / rest, middle

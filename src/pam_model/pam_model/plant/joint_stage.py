@@ -1,0 +1,246 @@
+"""One joint between two muscles: every state's rate of change, from gas to motion.
+
+Effects at the joint: dry friction (Coulomb and Stribeck), a stiff reservoir shared by its valves;
+payload, damping and pulley radius are merged into the constants beforehand.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pam_model.plant.compiled import compiled
+from pam_model.plant.gas_stage import HEAT_RATIO, flow, gas_rates
+from pam_model.plant.layout import (
+    AGONIST,
+    ANTAGONIST,
+    C_AMBIENT,
+    C_COULOMB,
+    C_DENSITY,
+    C_DROOP,
+    C_DROOP_CONDUCTANCE,
+    C_DROOP_VOLUME,
+    C_EXPONENT,
+    C_EXTERNAL,
+    C_GRAVITY,
+    C_GRAVITY_ANGLE,
+    C_INERTIA,
+    C_PRESLIDING,
+    C_RADIUS,
+    C_RT,
+    C_STRIBECK,
+    C_STRIBECK_SPEED,
+    C_SUPPLY,
+    C_VISCOUS,
+    M_CREEP,
+    M_CREEP_TIME,
+    M_CRITICAL,
+    M_HYSTERESIS,
+    M_NEUTRAL,
+    M_PRESLIDING,
+    M_REGULATOR,
+    M_THERMAL,
+    M_TUBE,
+    N_MUSCLE_STATES,
+    S_CREEP,
+    S_HYSTERESIS,
+    S_PRESSURE,
+    S_SPOOL,
+    S_TEMPERATURE,
+    S_VALVE_PRESSURE,
+    Y_AGONIST,
+    Y_BRISTLE,
+    Y_POSITION,
+    Y_RESERVOIR,
+    Y_VELOCITY,
+)
+from pam_model.plant.muscle_stage import gas_volume, muscle_speed, pull
+
+
+@compiled
+def muscle_rates(
+    m: int,
+    o: int,
+    c: Any,
+    table: Any,
+    y: Any,
+    dy: Any,
+    command: float,
+    path: float,
+    path_speed: float,
+    pressure_rate: float,
+    pressure_given: bool,
+    shut: bool,
+    step: float,
+) -> tuple[float, float]:
+    """Write one muscle's rates into `dy`; return its pull [N] and the flow it draws over rho0.
+
+    With `pressure_given` the pressure where the sensor is moves at `pressure_rate`: the muscle's,
+    or the valve side's of a tube.
+    """
+    pressure = y[o + S_PRESSURE]
+    gauge = pressure - c[C_AMBIENT]
+    hysteresis = y[o + S_HYSTERESIS]
+    force, length, slope, area = pull(m, c, table, gauge, path, y[o + S_CREEP], hysteresis)
+    volume, volume_slope, volume_per_pressure = gas_volume(m, c, table, gauge, length)
+    has_tube = c[m + M_TUBE] > 0.0
+    if pressure_given and not has_tube:
+        spool_rate, free_rate, valve_rate, drawn, heat_rate = 0.0, pressure_rate, 0.0, 0.0, 0.0
+        gas_slope = 0.0
+    else:
+        spool_rate, free_rate, valve_rate, drawn, heat_rate = gas_rates(
+            m,
+            c,
+            command,
+            y[o + S_SPOOL],
+            pressure,
+            y[o + S_VALVE_PRESSURE],
+            y[o + S_TEMPERATURE],
+            y[Y_RESERVOIR],
+            volume,
+            volume_per_pressure,
+            shut,
+        )
+        is_thermal = c[m + M_THERMAL] > 0.0
+        exponent = HEAT_RATIO if is_thermal else c[C_EXPONENT]
+        gas_slope = -exponent * pressure * volume_slope / volume
+        if volume_per_pressure != 0.0:
+            gas_slope /= 1.0 + exponent * pressure * volume_per_pressure / volume
+        if regulated(m, c) and not has_tube and not shut:
+            gas_slope = 0.0
+        if pressure_given:
+            valve_rate = pressure_rate
+    creep_rate = 0.0
+    if c[m + M_CREEP] > 0.0:
+        creep_rate = -y[o + S_CREEP] / c[m + M_CREEP_TIME]
+    speed = muscle_speed(
+        m, c, path_speed, free_rate, creep_rate, slope, area, gas_slope, gauge, hysteresis
+    )
+    dy[o + S_SPOOL] = spool_rate
+    rate = free_rate + gas_slope * speed
+    dy[o + S_PRESSURE] = rate
+    dy[o + S_VALVE_PRESSURE] = valve_rate
+    dy[o + S_CREEP] = 0.0
+    if c[m + M_CREEP] > 0.0:
+        dy[o + S_CREEP] = speed + creep_rate
+    dy[o + S_TEMPERATURE] = 0.0
+    if c[m + M_THERMAL] > 0.0 and not (pressure_given and not has_tube):
+        # From P V = m R T at constant mass, for what the motion adds.
+        dy[o + S_TEMPERATURE] = heat_rate + y[o + S_TEMPERATURE] * speed * (
+            gas_slope * (1.0 / pressure + volume_per_pressure / volume) + volume_slope / volume
+        )
+    dy[o + S_HYSTERESIS] = 0.0
+    if c[m + M_HYSTERESIS] > 0.0:
+        # Dahl: z turns by dL/s_p; not faster than the step can follow.
+        turn = speed / c[m + M_PRESLIDING]
+        turn = min(max(turn, -1.0 / step), 1.0 / step)
+        dy[o + S_HYSTERESIS] = turn - abs(turn) * hysteresis
+    return force, drawn
+
+
+@compiled
+def regulated(m: int, c: Any) -> bool:
+    """Whether this muscle's valve is a pressure regulator."""
+    return bool(c[m + M_REGULATOR] > 0.0)
+
+
+@compiled
+def dry_friction(c: Any, speed: float) -> float:
+    """Magnitude of the dry friction torque at this speed [N m]."""
+    torque = c[C_COULOMB]
+    if c[C_STRIBECK] != 0.0:
+        share = speed / c[C_STRIBECK_SPEED]
+        torque += c[C_STRIBECK] * math.exp(-share * share)
+    return float(torque)
+
+
+@compiled
+def joint_rates(
+    c: Any,
+    tables: Any,
+    y: Any,
+    dy: Any,
+    u0: float,
+    u1: float,
+    drive: Any,
+    sliding: float,
+    free: bool,
+    given: tuple[bool, bool],
+    shut: bool,
+    step: float,
+) -> float:
+    """Write every state's rate into `dy`; return the torque of the muscles [N m].
+
+    `drive` is position rate and pressure rates where these are `given`; `sliding` the sign friction
+    acts against (0: none); without `free` the joint is locked.
+    """
+    position_given, pressure_given = given
+    position = y[Y_POSITION]
+    speed = drive[0] if position_given else y[Y_VELOCITY]
+    if not free:
+        speed = 0.0
+    radius = c[C_RADIUS]
+    first, drawn_first = muscle_rates(
+        AGONIST,
+        Y_AGONIST,
+        c,
+        tables[0],
+        y,
+        dy,
+        u0,
+        c[AGONIST + M_NEUTRAL] - radius * position,
+        -radius * speed,
+        drive[1],
+        pressure_given,
+        shut,
+        step,
+    )
+    second, drawn_second = muscle_rates(
+        ANTAGONIST,
+        Y_AGONIST + N_MUSCLE_STATES,
+        c,
+        tables[1],
+        y,
+        dy,
+        u1,
+        c[ANTAGONIST + M_NEUTRAL] + radius * position,
+        radius * speed,
+        drive[2],
+        pressure_given,
+        shut,
+        step,
+    )
+    torque = radius * (first - second)
+    dy[Y_POSITION] = speed
+    dy[Y_VELOCITY] = 0.0
+    dy[Y_BRISTLE] = 0.0
+    bristle = 0.0
+    if c[C_PRESLIDING] > 0.0 and free:
+        turn = min(max(speed / c[C_PRESLIDING], -1.0 / step), 1.0 / step)
+        dy[Y_BRISTLE] = turn - abs(turn) * y[Y_BRISTLE]
+        grip = dry_friction(c, speed)
+        # Canudas de Wit et al. (1995): the bristles of a joint at rest are damped critically.
+        damping = 2.0 * math.sqrt(grip * c[C_PRESLIDING] * c[C_INERTIA])
+        bristle = grip * y[Y_BRISTLE] + damping * dy[Y_BRISTLE]
+    if free and not position_given:
+        total = (
+            torque
+            + c[C_EXTERNAL]
+            - c[C_VISCOUS] * speed
+            - c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE])
+            - bristle
+        )
+        if sliding != 0.0:
+            total -= sliding * dry_friction(c, speed)
+        dy[Y_VELOCITY] = total / c[C_INERTIA]
+    dy[Y_RESERVOIR] = 0.0
+    if c[C_DROOP] > 0.0:
+        refill = flow(c[C_DROOP_CONDUCTANCE], c[AGONIST + M_CRITICAL], c[C_SUPPLY], y[Y_RESERVOIR])
+        dy[Y_RESERVOIR] = (
+            c[C_EXPONENT]
+            * c[C_RT]
+            * c[C_DENSITY]
+            * (refill - drawn_first - drawn_second)
+            / c[C_DROOP_VOLUME]
+        )
+    return float(torque)

@@ -1,0 +1,257 @@
+"""One antagonistic joint through time: classical RK4 at a fixed step, the command held within it.
+
+The constants, states and outputs are flat arrays laid out in plant_layout. Dry friction and end
+stops are decided once per step: a joint at rest whose torque is below the friction stays locked
+for the step, one that slides sees friction against the speed it started with and stops where it
+would turn round. That is exact sticking, and stable for any friction at any step. Where a
+presliding angle is given, sticking is elastic instead (joint_stage) and nothing is locked by it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pam_model.plant.compiled import compiled
+from pam_model.plant.joint_stage import dry_friction, joint_rates
+from pam_model.plant.layout import (
+    AGONIST,
+    ANTAGONIST,
+    C_AMBIENT,
+    C_COULOMB,
+    C_EXTERNAL,
+    C_GRAVITY,
+    C_GRAVITY_ANGLE,
+    C_LOWER,
+    C_PRESLIDING,
+    C_RADIUS,
+    C_RATE,
+    C_STRIBECK,
+    C_UPPER,
+    M_DELAY,
+    M_NEUTRAL,
+    M_TUBE,
+    N_JOINT_OUTPUTS,
+    N_MUSCLE_CONSTANTS,
+    N_MUSCLE_OUTPUTS,
+    N_MUSCLE_STATES,
+    N_STATES,
+    S_CREEP,
+    S_HYSTERESIS,
+    S_PRESSURE,
+    S_SPOOL,
+    S_TEMPERATURE,
+    S_VALVE_PRESSURE,
+    Y_AGONIST,
+    Y_POSITION,
+    Y_RESERVOIR,
+    Y_VELOCITY,
+)
+from pam_model.plant.muscle_stage import pull
+
+LOWEST_PRESSURE = 1.0  # Pa absolute; a floor against a diverging fit, no rig comes near it
+LOCKED = 2
+
+
+@compiled
+def held_command(
+    commands: Any, channel: int, now: float, step: float, sample_time: float, delay: float
+) -> float:
+    """The command over [now, now + step], late by `delay`: the mean of the samples it spans.
+
+    `now` counts from the first row of `commands`; before it, the first row holds.
+    """
+    if delay <= 0.0:
+        index = min(int((now + 0.5 * step) / sample_time), len(commands) - 1)
+        return float(commands[index][channel])
+    start = (now - delay) / sample_time
+    end = start + step / sample_time
+    first = math.floor(start)
+    last = math.floor(end)
+    top = len(commands) - 1
+    low = commands[int(min(max(first, 0), top))][channel]
+    if first == last:
+        return float(low)
+    high = commands[int(min(max(last, 0), top))][channel]
+    share = (end - last) / (end - start)
+    return float(low + share * (high - low))
+
+
+@compiled
+def record(c: Any, tables: Any, y: Any, row: Any) -> None:
+    """Write what the joint shows at this state into one row of outputs."""
+    position = y[Y_POSITION]
+    torque = 0.0
+    for i in range(2):
+        m = AGONIST + i * N_MUSCLE_CONSTANTS
+        o = Y_AGONIST + i * N_MUSCLE_STATES
+        sign = 1.0 - 2.0 * i
+        gauge = y[o + S_PRESSURE] - c[C_AMBIENT]
+        force, length, _, _ = pull(
+            m,
+            c,
+            tables[i],
+            gauge,
+            c[m + M_NEUTRAL] - sign * c[C_RADIUS] * position,
+            y[o + S_CREEP],
+            y[o + S_HYSTERESIS],
+        )
+        torque += sign * c[C_RADIUS] * force
+        at = N_JOINT_OUTPUTS + i * N_MUSCLE_OUTPUTS
+        row[at] = gauge
+        row[at + 1] = y[o + S_VALVE_PRESSURE] - c[C_AMBIENT] if c[m + M_TUBE] > 0.0 else gauge
+        row[at + 2] = force
+        row[at + 3] = length
+        row[at + 4] = y[o + S_SPOOL]
+        row[at + 5] = y[o + S_TEMPERATURE]
+    row[0] = position
+    row[1] = y[Y_VELOCITY]
+    row[2] = torque
+    row[3] = y[Y_RESERVOIR]
+
+
+@compiled
+def rk4_step(
+    c: Any,
+    tables: Any,
+    y: Any,
+    work: Any,
+    u0: float,
+    u1: float,
+    contact: int,
+    position_given: bool,
+    pressure_given: bool,
+    shut: bool,
+    h: float,
+) -> None:
+    """Advance `y` by one classical Runge-Kutta step of `h` [s]."""
+    free = contact != LOCKED
+    sliding = float(contact) if free else 0.0
+    k1, k2, k3, k4, ys, drive = work[0], work[1], work[2], work[3], work[4], work[5]
+    given = (position_given, pressure_given)
+    joint_rates(c, tables, y, k1, u0, u1, drive, sliding, free, given, shut, h)
+    for i in range(N_STATES):
+        ys[i] = y[i] + 0.5 * h * k1[i]
+    joint_rates(c, tables, ys, k2, u0, u1, drive, sliding, free, given, shut, h)
+    for i in range(N_STATES):
+        ys[i] = y[i] + 0.5 * h * k2[i]
+    joint_rates(c, tables, ys, k3, u0, u1, drive, sliding, free, given, shut, h)
+    for i in range(N_STATES):
+        ys[i] = y[i] + h * k3[i]
+    joint_rates(c, tables, ys, k4, u0, u1, drive, sliding, free, given, shut, h)
+    for i in range(N_STATES):
+        y[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+
+
+@compiled
+def contact_of(
+    c: Any,
+    tables: Any,
+    y: Any,
+    work: Any,
+    u0: float,
+    u1: float,
+    pressure_given: bool,
+    shut: bool,
+    h: float,
+) -> int:
+    """What holds the joint for a step: LOCKED, the sign dry friction acts against, or 0."""
+    has_friction = c[C_PRESLIDING] <= 0.0 and (c[C_COULOMB] > 0.0 or c[C_STRIBECK] != 0.0)
+    speed = y[Y_VELOCITY]
+    at_lower = y[Y_POSITION] <= c[C_LOWER]
+    at_upper = y[Y_POSITION] >= c[C_UPPER]
+    if speed != 0.0:
+        sign = 1 if speed > 0.0 else -1
+        return sign if has_friction else 0
+    if not (has_friction or at_lower or at_upper):
+        return 0
+    given = (False, pressure_given)
+    torque = joint_rates(c, tables, y, work[0], u0, u1, work[5], 0.0, True, given, shut, h)
+    torque += c[C_EXTERNAL] - c[C_GRAVITY] * math.sin(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
+    if has_friction and abs(torque) <= dry_friction(c, 0.0):
+        return LOCKED
+    if (torque > 0.0 and at_upper) or (torque <= 0.0 and at_lower):
+        return LOCKED
+    if not has_friction:
+        return 0
+    return 1 if torque > 0.0 else -1
+
+
+@compiled
+def settle_contact(c: Any, y: Any, contact: int) -> None:
+    """After a step: friction never turns a motion round, end stops are inelastic."""
+    if contact * y[Y_VELOCITY] < 0.0:
+        y[Y_VELOCITY] = 0.0
+    if y[Y_POSITION] >= c[C_UPPER]:
+        y[Y_POSITION] = c[C_UPPER]
+        y[Y_VELOCITY] = min(y[Y_VELOCITY], 0.0)
+    elif y[Y_POSITION] <= c[C_LOWER]:
+        y[Y_POSITION] = c[C_LOWER]
+        y[Y_VELOCITY] = max(y[Y_VELOCITY], 0.0)
+
+
+@compiled
+def take_sample(
+    c: Any, y: Any, drive: Any, positions: Any, pressures: Any, k: int, sample_time: float
+) -> None:
+    """Set what is prescribed to sample `k`, and `drive` to its rate until the next."""
+    if len(positions) > 0:
+        following = min(k + 1, len(positions) - 1)
+        y[Y_POSITION] = positions[k]
+        drive[0] = (positions[following] - positions[k]) / sample_time
+        y[Y_VELOCITY] = drive[0]
+    if len(pressures) > 0:
+        following = min(k + 1, len(pressures) - 1)
+        for i in range(2):
+            o = Y_AGONIST + i * N_MUSCLE_STATES
+            sensed = S_PRESSURE
+            if c[AGONIST + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0:
+                sensed = S_VALVE_PRESSURE
+            y[o + sensed] = max(pressures[k][i] + c[C_AMBIENT], LOWEST_PRESSURE)
+            drive[1 + i] = (pressures[following][i] - pressures[k][i]) / sample_time
+
+
+@compiled
+def run(
+    c: Any,
+    tables: Any,
+    commands: Any,
+    first: int,
+    positions: Any,
+    pressures: Any,
+    shut: bool,
+    sample_time: float,
+    step: float,
+    y: Any,
+    work: Any,
+    outputs: Any,
+) -> None:
+    """Simulate one joint: row k of `outputs` is the state when command row `first + k` begins.
+
+    `positions` and `pressures`, where not empty, prescribe motion [rad] and sensed gauge
+    pressures [Pa] at the same samples, straight lines between. `y` holds the state and is left
+    at the end of the last sample; `work` is six rows of scratch of the state's size.
+    """
+    position_given = len(positions) > 0
+    pressure_given = len(pressures) > 0
+    steps = max(1, math.ceil(sample_time / step - 1e-9))
+    steps = max(steps, min(math.ceil(sample_time * c[C_RATE]), 64 * steps))
+    h = sample_time / steps
+    contact = 0
+    for i in range(3):
+        work[5][i] = 0.0
+    for k in range(len(outputs)):
+        take_sample(c, y, work[5], positions, pressures, k, sample_time)
+        record(c, tables, y, outputs[k])
+        for j in range(steps):
+            now = (first + k) * sample_time + j * h
+            u0 = held_command(commands, 0, now, h, sample_time, c[AGONIST + M_DELAY])
+            u1 = held_command(commands, 1, now, h, sample_time, c[ANTAGONIST + M_DELAY])
+            if not position_given:
+                contact = contact_of(c, tables, y, work, u0, u1, pressure_given, shut, h)
+            rk4_step(c, tables, y, work, u0, u1, contact, position_given, pressure_given, shut, h)
+            for i in range(2):
+                o = Y_AGONIST + i * N_MUSCLE_STATES
+                y[o + S_PRESSURE] = max(y[o + S_PRESSURE], LOWEST_PRESSURE)
+            if not position_given:
+                settle_contact(c, y, contact)

@@ -1,0 +1,233 @@
+"""The muscle: pull and gas volume from pressure and length, with what the braid leaves out.
+
+Nominal: the cylinder with a wall of constant thickness, F = p A(L), A = -dV/dL, or a table made
+from any other force model. Effects: pam_model.effects names and explains them. Pressures here are
+gauge.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pam_model.effects.bladder_pull import bladder_pull
+from pam_model.plant.compiled import compiled
+from pam_model.plant.layout import (
+    M_B,
+    M_CABLE,
+    M_CREEP,
+    M_CUBIC,
+    M_D90,
+    M_DEAD,
+    M_ELASTIC,
+    M_FACTOR,
+    M_HYSTERESIS,
+    M_LONGEST,
+    M_PRESLIDING,
+    M_REST,
+    M_SCALE,
+    M_SHORTEST,
+    M_TABLE,
+    M_TABLE_STEP,
+    M_THREAD,
+    M_WALL,
+)
+
+bladder = compiled(bladder_pull)
+
+
+@compiled
+def cubic_row(row: Any, place: float, step: float) -> tuple[float, float]:
+    """Value and slope at `place` (in cells) of a row of (value, slope times step) pairs."""
+    cell = min(int(place), len(row) // 2 - 2)
+    x = place - cell
+    y0, s0, y1, s1 = row[2 * cell], row[2 * cell + 1], row[2 * cell + 2], row[2 * cell + 3]
+    a = 2.0 * (y0 - y1) + s0 + s1
+    b = 3.0 * (y1 - y0) - 2.0 * s0 - s1
+    return y0 + x * (s0 + x * (b + x * a)), (s0 + x * (2.0 * b + 3.0 * a * x)) / step
+
+
+@compiled
+def table_force(
+    m: int, c: Any, table: Any, pressure: float, length: float
+) -> tuple[float, float, float]:
+    """Pull, dF/dL, dF/dp of a table: cubic along length, linear along pressure."""
+    rows = len(table) - 1
+    step = (c[m + M_LONGEST] - c[m + M_SHORTEST]) / (len(table[0]) // 2 - 1)
+    place = (length - c[m + M_SHORTEST]) / step
+    level = pressure / c[m + M_TABLE_STEP]
+    row = int(max(level, 0.0))
+    row = min(row, rows - 2)
+    share = level - row
+    low, low_slope = cubic_row(table[row + 1], place, step)
+    high, high_slope = cubic_row(table[row + 2], place, step)
+    return (
+        low + share * (high - low),
+        low_slope + share * (high_slope - low_slope),
+        (high - low) / c[m + M_TABLE_STEP],
+    )
+
+
+@compiled
+def braid_force(
+    m: int, c: Any, table: Any, pressure: float, length: float
+) -> tuple[float, float, float]:
+    """Pull without friction, creep or cable [N], its dF/dL [N/m] and dF/dp [m^2]."""
+    effective = length - (c[m + M_FACTOR] - 1.0) * (c[m + M_REST] - length)
+    b = c[m + M_B]
+    if c[m + M_TABLE] > 0.0:
+        effective = min(max(effective, c[m + M_SHORTEST]), c[m + M_LONGEST])
+        force, slope, area = table_force(m, c, table, pressure, effective)
+        slope *= c[m + M_FACTOR]
+    else:
+        scale = c[m + M_SCALE]
+        area = (3.0 * effective * effective - b * b) * scale
+        area_slope = 6.0 * effective * scale
+        wall = c[m + M_WALL]
+        if wall > 0.0:
+            cosine = min(effective / b, 0.999999)
+            sine = math.sqrt(1.0 - cosine * cosine)
+            area += math.pi * wall * (c[m + M_D90] * (2.0 * sine - 1.0 / sine) - wall)
+            area_slope -= (
+                math.pi * wall * c[m + M_D90] * (cosine / (b * sine)) * (2.0 + 1.0 / (sine * sine))
+            )
+        force = pressure * area
+        slope = pressure * area_slope * c[m + M_FACTOR]
+    if c[m + M_THREAD] > 0.0:
+        stretched, by_pressure, by_length = stretched_thread(m, c, pressure, length)
+        scale = c[m + M_SCALE]
+        force += pressure * (b * b - stretched * stretched) * scale
+        slope -= 2.0 * pressure * stretched * by_length * scale
+        area += (b * b - stretched * stretched - 2.0 * pressure * stretched * by_pressure) * scale
+    if c[m + M_ELASTIC] != 0.0 or c[m + M_CUBIC] != 0.0:
+        own, own_slope = bladder(length - c[m + M_REST], c[m + M_ELASTIC], c[m + M_CUBIC])
+        force += own
+        slope += own_slope
+    return force, slope, area
+
+
+@compiled
+def stretched_thread(m: int, c: Any, pressure: float, length: float) -> tuple[float, float, float]:
+    """Thread length b under tension [m], db/dp and db/dL."""
+    b = c[m + M_B]
+    # A stretch of half the thread is far outside any braid; the cut keeps a fit finite.
+    shrink = max(1.0 - c[m + M_THREAD] * max(pressure, 0.0) * length, 0.5)
+    stretched = b / shrink
+    gain = stretched * c[m + M_THREAD] / shrink
+    return stretched, gain * length, gain * pressure
+
+
+@compiled
+def gas_volume(
+    m: int, c: Any, table: Any, pressure: float, length: float
+) -> tuple[float, float, float]:
+    """Gas volume with dead volume [m^3], dV/dL [m^2] and dV/dp [m^3/Pa]."""
+    b = c[m + M_B]
+    scale = c[m + M_SCALE]
+    by_pressure = 0.0
+    if c[m + M_TABLE] > 0.0:
+        step = (c[m + M_LONGEST] - c[m + M_SHORTEST]) / (len(table[0]) // 2 - 1)
+        volume, slope = cubic_row(table[0], (length - c[m + M_SHORTEST]) / step, step)
+    else:
+        square = b * b - length * length
+        volume = length * square * scale
+        slope = (b * b - 3.0 * length * length) * scale
+        wall = c[m + M_WALL]
+        if wall > 0.0:
+            # (pi/4)(D - 2 t)^2 L = thin - pi t L (D - t)
+            diameter = c[m + M_D90] * math.sqrt(max(square, 1e-12)) / b
+            volume -= math.pi * wall * length * (diameter - wall)
+            diameter_slope = -c[m + M_D90] * length / (b * math.sqrt(max(square, 1e-12)))
+            slope -= math.pi * wall * (diameter - wall + length * diameter_slope)
+    if c[m + M_THREAD] > 0.0:
+        stretched, b_by_pressure, b_by_length = stretched_thread(m, c, pressure, length)
+        grown = stretched * stretched - b * b
+        volume += length * grown * scale
+        slope += (grown + 2.0 * length * stretched * b_by_length) * scale
+        by_pressure = 2.0 * length * stretched * b_by_pressure * scale
+    return volume + c[m + M_DEAD], slope, by_pressure
+
+
+@compiled
+def pull(
+    m: int,
+    c: Any,
+    table: Any,
+    pressure: float,
+    path: float,
+    creep: float,
+    hysteresis: float,
+) -> tuple[float, float, float, float]:
+    """Pull on the cable and the muscle's own length.
+
+    Returns
+    -------
+    force : float
+        Pull [N], never below 0.
+    length : float
+        The muscle's [m]: its path less the stretch of the cable.
+    slope : float
+        dF/dL [N/m]; 0 where the muscle is slack.
+    area : float
+        dF/dp [m^2]; 0 where the muscle is slack.
+    """
+    compliance = c[m + M_CABLE]
+    friction = c[m + M_HYSTERESIS] * c[m + M_B] * c[m + M_B] * c[m + M_SCALE] * hysteresis
+    viscous = c[m + M_CREEP] * creep
+    length = min(max(path, c[m + M_SHORTEST]), c[m + M_LONGEST])
+    force, slope, area = braid_force(m, c, table, pressure, length)
+    if friction != 0.0:
+        force += max(pressure, 0.0) * friction
+        area += friction
+    if viscous != 0.0:
+        force += viscous
+    if force <= 0.0:
+        return 0.0, length, 0.0, 0.0
+    if compliance > 0.0:
+        # Newton on L = path - compliance F(L): F rises with L, so it converges from the path.
+        for _ in range(4):
+            error = length + compliance * force - path
+            length -= error / (1.0 + compliance * max(slope, 0.0))
+            length = min(max(length, c[m + M_SHORTEST]), c[m + M_LONGEST])
+            force, slope, area = braid_force(m, c, table, pressure, length)
+            force += max(pressure, 0.0) * friction + viscous
+            area += friction
+        force = max(force, 0.0)
+    return force, length, slope, area
+
+
+@compiled
+def muscle_speed(
+    m: int,
+    c: Any,
+    path_speed: float,
+    free_pressure_rate: float,
+    creep_rate: float,
+    slope: float,
+    area: float,
+    gas_slope: float,
+    pressure: float,
+    hysteresis: float,
+) -> float:
+    """dL/dt of the muscle [m/s]; the path's own without a compliant cable.
+
+    `gas_slope` is dp/dL of the shut chamber [Pa/m], `creep_rate` what the bladder's Maxwell
+    element loses of its stretch [m/s]. From L + compliance F = path, with
+    friction turning by dL/s_p.
+    """
+    compliance = c[m + M_CABLE]
+    if compliance <= 0.0:
+        return path_speed
+    speed = path_speed - compliance * (area * free_pressure_rate + c[m + M_CREEP] * creep_rate)
+    rise = slope + area * gas_slope + c[m + M_CREEP]
+    if c[m + M_HYSTERESIS] > 0.0:
+        sign = 1.0 if speed >= 0.0 else -1.0
+        kappa = c[m + M_B] * c[m + M_B] * c[m + M_SCALE]
+        rise += (
+            c[m + M_HYSTERESIS]
+            * max(pressure, 0.0)
+            * kappa
+            * (1.0 - sign * hysteresis)
+            / c[m + M_PRESLIDING]
+        )
+    return float(speed / (1.0 + compliance * max(rise, 0.0)))

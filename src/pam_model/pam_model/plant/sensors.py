@@ -1,0 +1,146 @@
+"""What sensors show of the true quantities: gain, bias, lag, offset and delay.
+
+Order in the chain: a pressure passes gain, bias, then the first-order lag; a position gets its
+offset and is late by its delay. Between samples a signal is a straight line, for which the lag is
+solved exactly. At neutral values a reading is the true quantity.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import lfilter
+
+from pam_model.plant.layout import MUSCLES
+from pam_model.plant.parameters import INDEX
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """The measured channels.
+
+    Attributes
+    ----------
+    position : (..., n) array
+        [rad].
+    pressures : (..., n, 2) array
+        Gauge [Pa].
+    """
+
+    position: Array
+    pressures: Array
+
+
+def lag_weights(time_constant: float, duration: float) -> tuple[float, float, float]:
+    """First-order lag over a straight line: y1 = keep y0 + before u0 + after u1."""
+    if time_constant <= 0.0:
+        return 0.0, 0.0, 1.0
+    x = duration / time_constant
+    keep = math.exp(-x)
+    mean = -math.expm1(-x) / x
+    return keep, mean - keep, 1.0 - mean
+
+
+def measure(values: Array, time: Array, position: Array, pressures: Array) -> Measured:
+    """Pass true signals through the sensors.
+
+    Parameters
+    ----------
+    values : (n_parameters,) or (n_lane, n_parameters) array
+        Plant parameters.
+    time : (n,) array
+        Even [s].
+    position : (..., n) array
+        [rad].
+    pressures : (..., n, 2) array
+        Gauge pressure where the sensors are [Pa].
+    """
+    if values.ndim == 2:
+        lanes = [measure(one, time, position[i], pressures[i]) for i, one in enumerate(values)]
+        return Measured(
+            np.stack([lane.position for lane in lanes]),
+            np.stack([lane.pressures for lane in lanes]),
+        )
+    sample_time = float(time[1] - time[0]) if len(time) > 1 else 1.0
+    seen = position + values[INDEX["position_offset.offset"]]
+    delay = float(values[INDEX["position_delay.delay"]])
+    if delay > 0.0:
+        seen = np.interp(time - delay, time, seen)
+    shown = np.empty_like(pressures)
+    for i, muscle in enumerate(MUSCLES):
+        gain = values[INDEX[f"{muscle}.pressure_gain.gain"]]
+        bias = values[INDEX[f"{muscle}.pressure_bias.bias"]]
+        lag = float(values[INDEX[f"{muscle}.pressure_lag.time_constant"]])
+        signal = pressures[:, i] * gain + bias
+        if lag > 0.0 and len(signal) > 1:
+            keep, before, after = lag_weights(lag, sample_time)
+            # Starts settled at the first sample.
+            start = [(1.0 - after) * signal[0]]
+            signal = lfilter([after, before], [1.0, -keep], signal, zi=start)[0]
+        shown[:, i] = signal
+    return Measured(seen, shown)
+
+
+class SensorFilter:
+    """The same sensors one sample at a time.
+
+    Parameters
+    ----------
+    values : (n_parameters,) array
+        Plant parameters.
+    """
+
+    def __init__(self, values: Array) -> None:
+        def of(name: str) -> float:
+            return float(values[INDEX[name]])
+
+        self._offset, self._delay = of("position_offset.offset"), of("position_delay.delay")
+        self._gain = [of(f"{muscle}.pressure_gain.gain") for muscle in MUSCLES]
+        self._bias = [of(f"{muscle}.pressure_bias.bias") for muscle in MUSCLES]
+        self._lag = [of(f"{muscle}.pressure_lag.time_constant") for muscle in MUSCLES]
+        self._last_time: float | None = None
+        self._last_input = [0.0, 0.0]
+        self._last_output = [0.0, 0.0]
+        self._times: deque[float] = deque()
+        self._positions: deque[float] = deque()
+
+    def update(
+        self, time: float, position: float, first: float, second: float
+    ) -> tuple[float, float, float]:
+        """Reading of position [rad] and both gauge pressures [Pa] at `time` [s]."""
+        shown = []
+        for i, pressure in enumerate((first, second)):
+            signal = pressure * self._gain[i] + self._bias[i]
+            output = signal
+            if self._lag[i] > 0.0 and self._last_time is not None:
+                keep, before, after = lag_weights(self._lag[i], time - self._last_time)
+                output = keep * self._last_output[i] + before * self._last_input[i] + after * signal
+            self._last_input[i], self._last_output[i] = signal, output
+            shown.append(output)
+        self._last_time = time
+        return self._late(time, position + self._offset), shown[0], shown[1]
+
+    def _late(self, time: float, position: float) -> float:
+        if self._delay <= 0.0:
+            return position
+        self._times.append(time)
+        self._positions.append(position)
+        then = time - self._delay
+        while len(self._times) > 2 and self._times[1] <= then:
+            self._times.popleft()
+            self._positions.popleft()
+        at = bisect_right(self._times, then)
+        if at == 0:
+            return self._positions[0]
+        if at == len(self._times):
+            return self._positions[-1]
+        t0, t1 = self._times[at - 1], self._times[at]
+        q0, q1 = self._positions[at - 1], self._positions[at]
+        return q0 + (q1 - q0) * (then - t0) / (t1 - t0)

@@ -1,0 +1,415 @@
+"""The simulated joint: rig.md's ideal physics and every effect of pam_model.effects.
+
+Classical RK4 at a fixed step, the command held within a step (pam_model.plant.kernel); compiled
+where numba is installed, plain Python with the same results where not. `simulate` runs whole
+recordings, one or many parameter vectors at a time, and can be driven by measured signals so that
+each stage of a rig is looked at alone; `Plant` steps one joint in real time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_model.errors import PamError
+from pam_model.plant import layout as lay
+from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
+from pam_model.plant.kernel import record, run
+from pam_model.plant.parameters import INDEX, NAMES, PlantParameters, derive_constants
+from pam_model.plant.sensors import Measured, SensorFilter, measure
+
+Array = npt.NDArray[np.float64]
+
+DEFAULT_STEP = 2.5e-4  # s
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """What a simulation gives, for one parameter vector (n, ...) or a batch (n_lane, n, ...).
+
+    Row k is the state at `time[k]`, when command row k begins.
+
+    Attributes
+    ----------
+    time : (n,) array
+        [s].
+    outputs : (..., n, n_outputs) array
+        As plant_layout.OUTPUT_NAMES; the properties below name its columns.
+    final_state : (..., n_states) array
+        The state one sample after the last row: where a next `simulate` goes on.
+    """
+
+    time: Array
+    outputs: Array
+    final_state: Array
+
+    def __getitem__(self, name: str) -> Array:
+        """A column by its name in plant_layout.OUTPUT_NAMES, such as `agonist.spool`."""
+        return self.outputs[..., lay.OUTPUT_NAMES.index(name)]
+
+    def _pair(self, column: int) -> Array:
+        first = lay.N_JOINT_OUTPUTS + column
+        return self.outputs[..., first :: lay.N_MUSCLE_OUTPUTS]
+
+    @property
+    def position(self) -> Array:
+        """Joint position [rad]."""
+        return self.outputs[..., 0]
+
+    @property
+    def velocity(self) -> Array:
+        """Joint velocity [rad/s]."""
+        return self.outputs[..., 1]
+
+    @property
+    def torque(self) -> Array:
+        """Torque of the muscles [N m]."""
+        return self.outputs[..., 2]
+
+    @property
+    def reservoir_pressure(self) -> Array:
+        """Pressure the valves draw from [Pa absolute]."""
+        return self.outputs[..., 3]
+
+    @property
+    def pressures(self) -> Array:
+        """Gauge pressure in the muscles (..., n, 2) [Pa]."""
+        return self._pair(0)
+
+    @property
+    def valve_pressures(self) -> Array:
+        """Gauge pressure where the sensors are (..., n, 2) [Pa]."""
+        return self._pair(1)
+
+    @property
+    def forces(self) -> Array:
+        """Pull of the muscles (..., n, 2) [N]."""
+        return self._pair(2)
+
+    @property
+    def lengths(self) -> Array:
+        """Length of the muscles (..., n, 2) [m]."""
+        return self._pair(3)
+
+
+def initial_state(
+    parameters: PlantParameters,
+    *,
+    position: float = 0.0,
+    velocity: float = 0.0,
+    pressures: Sequence[float] = (0.0, 0.0),
+    commands: Sequence[float] = (0.0, 0.0),
+    creep_settled: bool = True,
+) -> Array:
+    """A state to start from, in the order of plant_layout.STATE_NAMES.
+
+    Parameters
+    ----------
+    parameters : PlantParameters
+        Of the joint.
+    position, velocity : float
+        [rad], [rad/s].
+    pressures : pair of float
+        Gauge pressure in the muscles [Pa].
+    commands : pair of float
+        What the valves have followed.
+    creep_settled : bool
+        Whether the bladders have long been at this position, or come from their rest length.
+    """
+    p = parameters
+    ambient = p["gas.ambient_pressure"]
+    y = np.zeros(lay.N_STATES)
+    y[lay.Y_POSITION], y[lay.Y_VELOCITY] = position, velocity
+    y[lay.Y_RESERVOIR] = p["supply_pressure"]
+    for i, (pressure, command) in enumerate(zip(pressures, commands, strict=True)):
+        o = lay.Y_AGONIST + i * lay.N_MUSCLE_STATES
+        y[o + lay.S_SPOOL] = command
+        y[o + lay.S_PRESSURE] = y[o + lay.S_VALVE_PRESSURE] = pressure + ambient
+        y[o + lay.S_TEMPERATURE] = p["gas.temperature"]
+    if not creep_settled:
+        lengths = simulate(p, np.zeros((1, 2)), 1e-6, y).lengths[0]
+        y[lay.Y_AGONIST + lay.S_CREEP] = lengths[0] - p["agonist.rest_length"]
+        y[lay.Y_ANTAGONIST + lay.S_CREEP] = lengths[1] - p["antagonist.rest_length"]
+    return y
+
+
+def simulate(
+    parameters: PlantParameters,
+    commands: Array,
+    sample_time: float,
+    state: Array | None = None,
+    step: float = DEFAULT_STEP,
+    *,
+    values: Array | None = None,
+    positions: Array | None = None,
+    pressures: Array | None = None,
+    shut: bool = False,
+    threads: int = 1,
+) -> Trajectory:
+    """Simulate a joint under sampled commands.
+
+    Parameters
+    ----------
+    parameters : PlantParameters
+        The joint.
+    commands : (n, 2) array
+        Per muscle: spool -1..1 of a flow valve, gauge pressure [Pa] of a regulator; row k holds
+        from k sample times to k + 1.
+    sample_time : float
+        [s].
+    state : (n_states,) or (n_lane, n_states) array, optional
+        To start from; default `initial_state` at rest and vented.
+    step : float
+        Longest RK4 step [s]; a sample time is cut into equal steps no longer than this, and into
+        shorter ones where a small tube or reservoir asks for it.
+    values : (n_lane, n_parameters) array, optional
+        Simulate this batch of vectors in place of `parameters.values`.
+    positions : (n,) array, optional
+        Measured position [rad]: prescribes the motion, straight lines between samples. An offset
+        and a delay of the encoder are taken out first.
+    pressures : (n, 2) array, optional
+        Measured gauge pressures [Pa]: prescribe the gas where the sensors are. Gain and bias of
+        the sensors are taken out first.
+    shut : bool
+        The valves stay shut whatever the commands (leaks go on).
+    threads : int
+        How many lanes run at once (compiled kernels release the interpreter lock).
+
+    Raises
+    ------
+    PamError
+        For arrays of a wrong shape, values that are not finite, or times not above zero.
+    """
+    commands = _checked("commands", commands, (None, 2))
+    if not (sample_time > 0.0 and step > 0.0):
+        raise PamError(f"sample_time {sample_time} s and step {step} s must be above 0")
+    count = len(commands)
+    lanes = parameters.values[None] if values is None else values
+    lanes = _checked("values", lanes, (None, len(NAMES)))
+    positions = None if positions is None else _checked("positions", positions, (count,))
+    pressures = None if pressures is None else _checked("pressures", pressures, (count, 2))
+    if state is None:
+        state = initial_state(parameters)
+    states: Array = np.array(np.broadcast_to(state, (len(lanes), lay.N_STATES)), dtype=float)
+    outputs: Array = np.empty((len(lanes), count, lay.N_OUTPUTS))
+    tables = tuple(for_kernel(table) for table in parameters.tables)
+    kernel_commands = for_kernel(commands)
+
+    def run_lane(i: int) -> None:
+        given_positions, given_pressures = _true_drive(lanes[i], positions, pressures, sample_time)
+        y = for_kernel(states[i])
+        rows = outputs[i] if HAVE_NUMBA else np.empty_like(outputs[i]).tolist()
+        run(
+            for_kernel(derive_constants(lanes[i])),
+            tables,
+            kernel_commands,
+            0,
+            for_kernel(given_positions),
+            for_kernel(given_pressures),
+            shut,
+            sample_time,
+            step,
+            y,
+            for_kernel(np.zeros((6, lay.N_STATES))),
+            rows,
+        )
+        states[i] = y
+        if not HAVE_NUMBA:
+            outputs[i] = rows
+
+    if threads > 1 and len(lanes) > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(run_lane, range(len(lanes))))
+    else:
+        for i in range(len(lanes)):
+            run_lane(i)
+    time: Array = np.arange(count, dtype=np.float64) * sample_time
+    if values is None:
+        return Trajectory(time, outputs[0], states[0])
+    return Trajectory(time, outputs, states)
+
+
+def simulate_measured(
+    parameters: PlantParameters, trajectory: Trajectory, values: Array | None = None
+) -> Measured:
+    """What the rig's sensors show of a trajectory, with the sensing effects.
+
+    Parameters
+    ----------
+    parameters : PlantParameters
+        The joint.
+    trajectory : Trajectory
+        From `simulate` with the same parameters (and `values`).
+    values : (n_lane, n_parameters) array, optional
+        The batch the trajectory came from.
+    """
+    return measure(
+        parameters.values if values is None else values,
+        trajectory.time,
+        trajectory.position,
+        trajectory.valve_pressures,
+    )
+
+
+class Plant:
+    """One joint, stepped: holds its state and the commands still under way to the valves.
+
+    Parameters
+    ----------
+    parameters : PlantParameters
+        The joint, with its effects.
+    step : float
+        Longest RK4 step [s].
+    state : array, optional
+        To start from; default at rest at position 0, vented.
+    """
+
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        step: float = DEFAULT_STEP,
+        state: Array | None = None,
+    ) -> None:
+        self.parameters = parameters
+        self.step_length = step
+        start = initial_state(parameters) if state is None else state
+        self._constants = for_kernel(derive_constants(parameters.values))
+        self._tables = tuple(for_kernel(table) for table in parameters.tables)
+        self._none = for_kernel(np.zeros(0))
+        self._none_pairs = for_kernel(np.zeros((0, 2)))
+        self._work = for_kernel(np.zeros((6, lay.N_STATES)))
+        self._y = for_kernel(np.array(start, dtype=float))
+        self._row = for_kernel(np.zeros((1, lay.N_OUTPUTS)))
+        self._sensors = SensorFilter(parameters.values)
+        delays = [parameters[f"{muscle}.command_delay.delay"] for muscle in lay.MUSCLES]
+        self._longest_delay = max(delays)
+        self._history: list[tuple[float, float]] = []
+        self._period = 0.0
+        self.time = 0.0
+        self._observe()
+
+    @property
+    def state(self) -> Array:
+        """A copy of the state, as plant_layout.STATE_NAMES."""
+        return np.array(self._y, dtype=float)
+
+    @property
+    def output(self) -> dict[str, float]:
+        """The true quantities now, by plant_layout.OUTPUT_NAMES."""
+        return dict(zip(lay.OUTPUT_NAMES, (float(x) for x in self._row[0]), strict=True))
+
+    @property
+    def reservoir_pressure(self) -> float:
+        """What the valves draw from [Pa absolute]."""
+        return float(self._y[lay.Y_RESERVOIR])
+
+    def change(self, changes: Mapping[str, float]) -> None:
+        """Give parameters of the gas other values while it runs; the state goes on.
+
+        Parameters
+        ----------
+        changes : mapping of str to float
+            As `PlantParameters.replaced` takes them.
+        """
+        self.parameters = self.parameters.replaced(changes)
+        self._constants = for_kernel(derive_constants(self.parameters.values))
+        if not self.parameters["supply_droop.conductance"] > 0.0:
+            self._y[lay.Y_RESERVOIR] = self.parameters["supply_pressure"]
+
+    def step(self, commands: Sequence[float], duration: float) -> tuple[float, float, float]:
+        """Hold the commands for `duration` [s]; return what the sensors then show.
+
+        Parameters
+        ----------
+        commands : pair of float
+            Spool -1..1 of a flow valve, gauge pressure [Pa] of a regulator.
+        duration : float
+            [s].
+
+        Returns
+        -------
+        position : float
+            [rad].
+        pressures : two floats
+            Gauge [Pa].
+        """
+        first, second = float(commands[0]), float(commands[1])
+        if self._longest_delay > 0.0:
+            rows, at = self._delayed(first, second, duration)
+        else:
+            rows, at = [(first, second)], 0
+        run(
+            self._constants,
+            self._tables,
+            for_kernel(np.array(rows)),
+            at,
+            self._none,
+            self._none_pairs,
+            False,
+            duration,
+            self.step_length,
+            self._y,
+            self._work,
+            self._row,
+        )
+        self.time += duration
+        self._observe()
+        return self._sensors.update(
+            self.time, float(self._row[0][0]), float(self._row[0][5]), float(self._row[0][11])
+        )
+
+    def _observe(self) -> None:
+        record(self._constants, self._tables, self._y, self._row[0])
+
+    def _delayed(
+        self, first: float, second: float, duration: float
+    ) -> tuple[list[tuple[float, float]], int]:
+        """The commands on a grid of `duration` back to the longest delay, and now's row."""
+        if duration != self._period:
+            # On a new grid the commands under way are taken over at their new places.
+            old, period = self._history, self._period
+            keep = int(self._longest_delay / duration) + 2
+            self._history = [
+                old[max(len(old) - 1 - int((keep - 1 - i) * duration / period), 0)]
+                for i in range(keep)
+            ] if old else [(first, second)]  # fmt: skip
+            self._period = duration
+        self._history.append((first, second))
+        keep = int(self._longest_delay / duration) + 3
+        del self._history[:-keep]
+        return self._history, len(self._history) - 1
+
+
+def _checked(name: str, array: Array, shape: tuple[int | None, ...]) -> Array:
+    result = np.ascontiguousarray(array, dtype=float)
+    fits = result.ndim == len(shape) and all(
+        want is None or want == got for want, got in zip(shape, result.shape, strict=True)
+    )
+    if not fits:
+        wanted = tuple("n" if size is None else size for size in shape)
+        raise PamError(f"{name} has shape {result.shape}, expected {wanted}")
+    if not np.all(np.isfinite(result)):
+        raise PamError(f"{name} holds values that are not finite")
+    return result
+
+
+def _true_drive(
+    values: Array, positions: Array | None, pressures: Array | None, sample_time: float
+) -> tuple[Array, Array]:
+    """Measured position and pressures with the sensors' offset, delay, gain and bias undone."""
+    given_positions, given_pressures = np.zeros(0), np.zeros((0, 2))
+    if positions is not None:
+        given_positions = positions - values[INDEX["position_offset.offset"]]
+        delay = values[INDEX["position_delay.delay"]]
+        if delay > 0.0:
+            places = np.arange(len(positions)) + delay / sample_time
+            given_positions = np.interp(places, np.arange(len(positions)), given_positions)
+    if pressures is not None:
+        gain = values[[INDEX[f"{muscle}.pressure_gain.gain"] for muscle in lay.MUSCLES]]
+        bias = values[[INDEX[f"{muscle}.pressure_bias.bias"] for muscle in lay.MUSCLES]]
+        given_pressures = np.ascontiguousarray((pressures - bias) / gain)
+    return given_positions, given_pressures

@@ -1,0 +1,17 @@
+"""The rig file: one description of a robot, read, checked and written; rigs as data."""
+
+from pam_model.rig.file import load_rig, rig_from_parameters, save_rig
+from pam_model.rig.types import Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve
+
+__all__ = [
+    "Encoder",
+    "Gas",
+    "Joint",
+    "Muscle",
+    "Plausibility",
+    "Rig",
+    "Valve",
+    "load_rig",
+    "rig_from_parameters",
+    "save_rig",
+]

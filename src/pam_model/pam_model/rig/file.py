@@ -1,0 +1,136 @@
+"""The rig file: one description of a robot for every node and tool.
+
+A ROS 2 parameter file (`/**: ros__parameters:`); its keys are described in docs/rig_file.md.
+`load_rig` reads one, `save_rig` writes one, `rig_from_parameters` takes what a node got from
+`--params-file`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pam_model.errors import RigError
+from pam_model.rig.parser import parse_rig, unflatten
+from pam_model.rig.types import Rig
+
+MAX_FILE_SIZE = 1 << 20
+"""A rig file larger than this is no rig file [bytes]."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain YAML: no aliases (they can blow up), no key twice (the first would be lost)."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases (*name) have no place in a rig file")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            if key.value in seen:
+                line = key.start_mark.line + 1
+                raise yaml.YAMLError(f"line {line}: {key.value} stands there twice")
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+def _read(path: Path) -> Any:
+    try:
+        with path.open("rb") as stream:
+            text = stream.read(MAX_FILE_SIZE + 1)
+    except OSError as error:
+        raise RigError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if len(text) > MAX_FILE_SIZE:
+        raise RigError(f"{path}: larger than {MAX_FILE_SIZE} bytes, no rig file")
+    try:
+        return yaml.load(text, _Loader)  # a SafeLoader
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        reason = " ".join(str(error).split()) or "nested too deeply"
+        raise RigError(f"{path}: not YAML: {reason}") from None
+
+
+def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:
+    """Read a rig file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A ROS 2 parameter file; the rig is under `/**`, other nodes' sections are left alone.
+    other_keys : collection of str, optional
+        Keys under `/**` that are a node's own and no part of the rig.
+
+    Returns
+    -------
+    Rig
+        Checked: names, units, bounds, wiring, and that every muscle's model answers wherever its
+        joint can go.
+
+    Raises
+    ------
+    RigError
+        With one line for every problem: file, key, value, unit, what was expected.
+    """
+    path = Path(path)
+    tree = _read(path)
+    section = tree.get("/**") if isinstance(tree, Mapping) else None
+    parameters = section.get("ros__parameters") if isinstance(section, Mapping) else None
+    if not isinstance(parameters, Mapping):
+        raise RigError(f"{path}: not a rig file; it must begin with /**: and ros__parameters:")
+    return rig_from_parameters(parameters, other_keys=other_keys, source=str(path))
+
+
+def rig_from_parameters(
+    parameters: Mapping[str, Any],
+    *,
+    other_keys: Collection[str] = (),
+    source: str = "parameters",
+) -> Rig:
+    """Make a rig of parameters, with dotted keys, nested mappings or both.
+
+    Parameters
+    ----------
+    parameters : mapping
+        As under `ros__parameters`, or as a node's parameter overrides.
+    other_keys : collection of str, optional
+        Keys at the top that are a node's own and no part of the rig.
+    source : str, optional
+        What the messages call it.
+
+    Raises
+    ------
+    RigError
+        With one line for every problem.
+    """
+    try:
+        tree = unflatten(parameters)
+    except RigError as error:
+        raise RigError(f"{source}: {error}") from None
+    return parse_rig(tree, source, other_keys)
+
+
+def save_rig(rig: Rig, path: str | Path) -> None:
+    """Write a rig file that `load_rig` reads back to an equal rig.
+
+    Raises
+    ------
+    RigError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    text = yaml.safe_dump(
+        {"/**": {"ros__parameters": rig.to_parameters()}}, sort_keys=False, allow_unicode=True
+    )
+    heading = "# Units: SI; pressures gauge unless named absolute. Keys: docs/rig_file.md\n"
+    draft = path.with_name(path.name + ".part")
+    try:
+        draft.write_text(heading + text, encoding="utf-8")
+        draft.replace(path)
+    except OSError as error:
+        raise RigError(f"{path}: cannot be written: {error.strerror or error}") from None

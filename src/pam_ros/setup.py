@@ -1,0 +1,24 @@
+"""Installs pam_ros the way ament_python expects it."""
+
+from setuptools import find_packages, setup
+
+NAME = "pam_ros"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    package_data={"": ["py.typed", "data/*", "*.j2"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="PAM suite maintainers",
+    maintainer_email="pam-suite@example.org",
+    description="What is ROS and belongs to no node.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": []},
+)

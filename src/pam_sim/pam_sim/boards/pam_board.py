@@ -1,0 +1,304 @@
+"""A valve board as a pure object: frames in, frames out, its own clock and its own latched faults.
+
+It keeps the rules of docs/can_protocol.md. Time is whatever monotonic seconds the caller hands
+in. The watchdog's default is the DBC's 100 ms: fifty cycles at 500 Hz, so that neither one lost
+frame nor a host that is busy for a moment vents the arm, while a muscle whose valve stays at a
+hold command drifts by little in that time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pam_driver.boards.pam_board.codec import (
+    CHANNELS,
+    PROTOCOL_VERSION,
+    BoardCode,
+    BoardCodec,
+    BoardCommand,
+    BoardFault,
+    BoardMessage,
+    BoardState,
+    FrameCrcError,
+    FrameError,
+    Heartbeat,
+    Measurement,
+    Status,
+    ValveCommand,
+)
+from pam_model.errors import PamError
+
+FIRMWARE_VERSION = 1
+CRC_LIMIT = 10  # frames with a wrong CRC within CRC_WINDOW, while active
+CRC_WINDOW = 1.0  # s
+# What the board's converters can show; readings are cut here, as a real one saturates.
+PRESSURE_RANGE = (-1e5, 1.2e6)
+POSITION_RANGE = (-8.38, 8.38)
+SUPPLY_RANGE = (0.0, 1.3e6)
+
+Frame = tuple[int, bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class BoardSettings:
+    """How a board is set up.
+
+    Attributes
+    ----------
+    measurement_rate, status_rate, heartbeat_rate : float
+        Frames per second [Hz].
+    watchdog_period : float or None
+        Without a command that counts for so long while active: fault [s]. None: the DBC's.
+    max_pressures : pair of float
+        The board's own limit per channel [Pa gauge].
+    boot_time : float
+        Self test after power-up [s].
+    """
+
+    measurement_rate: float = 500.0
+    status_rate: float = 50.0
+    heartbeat_rate: float = 10.0
+    watchdog_period: float | None = None
+    max_pressures: tuple[float, float] = (math.inf, math.inf)
+    boot_time: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("measurement_rate", "status_rate", "heartbeat_rate"):
+            rate = getattr(self, name)
+            if not 0.0 < rate <= 10_000.0:
+                raise PamError(f"{name} = {rate:g} Hz must be above 0 and at most 10000 Hz")
+        if self.watchdog_period is not None and not self.watchdog_period > 0.0:
+            raise PamError(f"watchdog_period = {self.watchdog_period:g} s must be above 0")
+
+
+@dataclass(frozen=True, slots=True)
+class BoardValve:
+    """What one valve does with a fraction of full scale.
+
+    Attributes
+    ----------
+    is_regulator : bool
+        A pressure regulator; otherwise a flow valve.
+    full_scale : float
+        Of a regulator [Pa gauge].
+    """
+
+    is_regulator: bool = False
+    full_scale: float = 1.0
+
+    @property
+    def vented(self) -> float:
+        """The command that vents: pressure 0, or the exhaust fully open."""
+        return 0.0 if self.is_regulator else -1.0
+
+    def command(self, fraction: float) -> float:
+        """Plant command: gauge pressure [Pa], or spool -1..1."""
+        return max(fraction, 0.0) * self.full_scale if self.is_regulator else fraction
+
+
+class SimulatedBoard:
+    """One valve board.
+
+    Parameters
+    ----------
+    number : int
+        Its number on the bus.
+    codec : BoardCodec
+        Meaning of the bytes.
+    settings : BoardSettings, optional
+        Rates, watchdog, limits.
+    valves : pair of BoardValve, optional
+        What is on its channels.
+    now : float, optional
+        Time of power-up [s].
+
+    Attributes
+    ----------
+    counter_step : int
+        Of the measurements' counter; another than 1 is a fault of the firmware.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        codec: BoardCodec,
+        settings: BoardSettings | None = None,
+        valves: Sequence[BoardValve] = (BoardValve(), BoardValve()),
+        now: float = 0.0,
+    ) -> None:
+        self.number = number
+        self.settings = settings or BoardSettings()
+        self.state = BoardState.BOOT
+        self.faults = BoardFault(0)
+        self.rejected_frames = 0
+        self._codec = codec
+        self.valves = tuple(valves)
+        self._watchdog = self.settings.watchdog_period or codec.watchdog_timeout
+        self._valve_id = codec.frame_id(ValveCommand, number)
+        self._own_ids = {self._valve_id, codec.frame_id(BoardCommand, number)}
+        self._started = now
+        self._last_counted = now
+        self._counter: int | None = None
+        self._armed = False
+        self._fractions = (0.0, 0.0)
+        self._enabled = (False, False)
+        self._crc_errors: list[float] = []
+        self._over_pressure = False
+        self._sensor_lost = False
+        self._samples = 0
+        self.counter_step = 1
+        self._told: tuple[BoardState, BoardFault] | None = None
+        self._grid = now
+        self._turns: dict[type[BoardMessage], int] = {Measurement: 0, Status: 0, Heartbeat: 0}
+        self._periods = {
+            Measurement: 1.0 / self.settings.measurement_rate,
+            Status: 1.0 / self.settings.status_rate,
+            Heartbeat: 1.0 / self.settings.heartbeat_rate,
+        }
+
+    @property
+    def valve_commands(self) -> tuple[float, float]:
+        """What the valves are driven with: spool -1..1 or gauge pressure [Pa]; vented if unsure."""
+        active = self.state is BoardState.ACTIVE
+        first, second = (
+            valve.command(fraction) if active and enabled else valve.vented
+            for valve, fraction, enabled in zip(
+                self.valves, self._fractions, self._enabled, strict=True
+            )
+        )
+        return first, second
+
+    def jump_counter(self, by: int) -> None:
+        """Let the counter of the measurements go on elsewhere, as faulty firmware would."""
+        self._samples = (self._samples + by) & 0xFF
+
+    def on_frame(self, frame_id: int, data: bytes, now: float) -> None:
+        """Take a frame from the bus; one that is not for this board is not looked at."""
+        if frame_id not in self._own_ids:
+            return
+        try:
+            _, message = self._codec.decode(frame_id, data)
+        except FrameError as error:
+            self.rejected_frames = (self.rejected_frames + 1) & 0xFFFF
+            if isinstance(error, FrameCrcError):
+                self._count_crc_error(now)
+            return
+        if isinstance(message, ValveCommand):
+            self._take_valve_command(message, now)
+        elif isinstance(message, BoardCommand):
+            self._take_board_command(message)
+
+    def poll(
+        self,
+        now: float,
+        pressures: Sequence[float],
+        position: float,
+        supply_pressure: float,
+    ) -> list[Frame]:
+        """Look at the sensors and the clock; return the frames that are due.
+
+        Parameters
+        ----------
+        now : float
+            [s], not going back.
+        pressures : pair of float
+            What the sensors read [Pa gauge]; NaN for a broken one.
+        position : float
+            What the encoder reads [rad]; NaN for a broken one.
+        supply_pressure : float
+            [Pa absolute].
+        """
+        self._check(now, pressures, position)
+        messages: list[BoardMessage] = []
+        if self._is_due(Measurement, now):
+            self._samples = (self._samples + self.counter_step) & 0xFF
+            first, second = (_within(value, PRESSURE_RANGE) for value in pressures)
+            shown = _within(position, POSITION_RANGE)
+            messages.append(Measurement((first, second), shown, self._samples))
+        news = (self.state, self.faults)
+        if self._is_due(Status, now) or news != self._told:
+            self._told = news
+            supply = _within(supply_pressure, SUPPLY_RANGE)
+            counter = self._counter or 0
+            messages.append(Status(self.state, self.faults, counter, supply, self.rejected_frames))
+        if self._is_due(Heartbeat, now):
+            messages.append(Heartbeat(now - self._started, PROTOCOL_VERSION, FIRMWARE_VERSION))
+        return [self._codec.encode(self.number, message) for message in messages]
+
+    def _is_due(self, kind: type[BoardMessage], now: float) -> bool:
+        # Counted, not added up: after an hour of sums the grid would have moved by a rounding
+        # error that costs a turn.
+        period = self._periods[kind]
+        due = self._grid + self._turns[kind] * period
+        if now < due - 1e-9:
+            return False
+        # A late caller gets one frame, not a burst; the grid stays. A caller whose clock is a
+        # rounding error early must not get the same frame again in its next turn.
+        self._turns[kind] += math.floor(max(now - due, 0.0) / period + 1e-9) + 1
+        return True
+
+    def _take_valve_command(self, command: ValveCommand, now: float) -> None:
+        if command.counter == self._counter:
+            return
+        self._counter = command.counter
+        self._last_counted = now
+        self._fractions, self._enabled = command.valves, command.enable
+        if not any(command.enable):
+            self._armed = True
+            if self.state is BoardState.ACTIVE:
+                self.state = BoardState.VENTED
+        elif self.state is BoardState.VENTED and self._armed:
+            self.state = BoardState.ACTIVE
+            self._crc_errors.clear()
+
+    def _take_board_command(self, command: BoardCommand) -> None:
+        if command.code is BoardCode.VENT:
+            if self.state is BoardState.ACTIVE:
+                self._disarm(BoardState.VENTED)
+            self._armed = False
+        elif (
+            command.code is BoardCode.CLEAR_FAULTS
+            and self.state is BoardState.FAULT
+            and not self._over_pressure
+            and not self._sensor_lost
+        ):
+            self.faults = BoardFault(0)
+            self._disarm(BoardState.VENTED)
+
+    def _count_crc_error(self, now: float) -> None:
+        if self.state is not BoardState.ACTIVE:
+            return
+        self._crc_errors = [t for t in self._crc_errors if t > now - CRC_WINDOW] + [now]
+        if len(self._crc_errors) >= CRC_LIMIT:
+            self._fail(BoardFault.CRC)
+
+    def _check(self, now: float, pressures: Sequence[float], position: float) -> None:
+        if self.state is BoardState.BOOT:
+            if now - self._started < self.settings.boot_time:
+                return
+            self.state = BoardState.VENTED
+        if self.state is BoardState.ACTIVE and now - self._last_counted > self._watchdog:
+            self._fail(BoardFault.WATCHDOG)
+        limits = self.settings.max_pressures
+        self._over_pressure = any(pressures[i] > limits[i] for i in range(CHANNELS))
+        self._sensor_lost = any(math.isnan(value) for value in (*pressures, position))
+        if self._over_pressure:
+            self._fail(BoardFault.OVER_PRESSURE)
+        if self._sensor_lost:
+            self._fail(BoardFault.SENSOR)
+
+    def _fail(self, fault: BoardFault) -> None:
+        self.faults |= fault
+        self._disarm(BoardState.FAULT)
+
+    def _disarm(self, state: BoardState) -> None:
+        self.state = state
+        self._armed = False
+        self._enabled = (False, False)
+
+
+def _within(value: float, bounds: tuple[float, float]) -> float:
+    """The value cut to a converter's range; NaN stays, for "not available"."""
+    return value if math.isnan(value) else min(max(value, bounds[0]), bounds[1])

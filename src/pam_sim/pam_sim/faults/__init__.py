@@ -1,0 +1,1 @@
+"""Faults of rigs, boards and frames: their list, and how each is brought about."""

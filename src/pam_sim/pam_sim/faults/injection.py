@@ -1,0 +1,205 @@
+"""How each fault is brought about on the rig's side: frames, boards, sensors, valves, air.
+
+A stage is what holds the simulated rig and its bus: the rig's loop in real time, or the chain of
+the campaign. What concerns the host and the commands is in `host_faults`.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from pam_model.errors import PamError
+from pam_sim.faults import rig_faults
+from pam_sim.faults.frame_faults import Direction, FrameFault, FrameFaults
+from pam_sim.faults.kinds import KINDS
+from pam_sim.simulated_rig import SimulatedRig
+
+Values = Mapping[str, float]
+
+
+class Stage(Protocol):
+    """Where faults act."""
+
+    sim: SimulatedRig
+    frames: FrameFaults
+    now: float
+
+    def at(self, time: float, action: Callable[[], None]) -> None:
+        """Do something at a time [s]."""
+
+
+Injection = Callable[[Stage, Values, random.Random], None]
+
+
+def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
+    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+        until = stage.now + values.get("duration", math.inf)
+        stage.frames.faults.append(
+            FrameFault(kind, direction, values.get("share", share), values.get("delay", 0.0), until)
+        )
+
+    return inject
+
+
+def _board(stage: Stage, draw: random.Random) -> int:
+    return draw.choice(list(stage.sim.boards))
+
+
+def _restart(stage: Stage, values: Values, draw: random.Random) -> None:
+    stage.sim.restart_board(_board(stage, draw), stage.now)
+
+
+def _freeze(stage: Stage, values: Values, draw: random.Random) -> None:
+    stage.sim.faults.frozen[_board(stage, draw)] = stage.now
+
+
+def _jump_counter(stage: Stage, values: Values, draw: random.Random) -> None:
+    stage.sim.boards[_board(stage, draw)].jump_counter(round(values["by"]))
+
+
+def _stop_counter(stage: Stage, values: Values, draw: random.Random) -> None:
+    stage.sim.boards[_board(stage, draw)].counter_step = 0
+
+
+def _sensor(
+    make: Callable[[Values, float, random.Random], rig_faults.Reading], *, encoder: bool
+) -> Injection:
+    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+        board = _board(stage, draw)
+        place = rig_faults.POSITION if encoder else draw.choice((0, 1))
+        stage.sim.faults.sensors[board, place] = make(values, stage.now, draw)
+
+    return inject
+
+
+def _swap(stage: Stage, values: Values, draw: random.Random) -> None:
+    stage.sim.faults.swapped.add(_board(stage, draw))
+
+
+def _valve(opening: float) -> Injection:
+    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+        stage.sim.faults.valves[_board(stage, draw), draw.choice((0, 1))] = opening
+
+    return inject
+
+
+def _leak(stage: Stage, values: Values, draw: random.Random) -> None:
+    stage.sim.open_leak(draw.randrange(len(stage.sim.rig.muscles)), values["conductance"])
+
+
+def _supply(stage: Stage, values: Values, draw: random.Random) -> None:
+    rig = stage.sim.rig
+    ambient = rig.gas.ambient_pressure
+    stage.sim.set_supply_pressure(ambient + values["share"] * rig.supply_gauge_pressure)
+
+
+def _signed(draw: random.Random, size: float) -> float:
+    return size * draw.choice((-1.0, 1.0))
+
+
+INJECTIONS: Mapping[str, Injection] = {
+    "frames_lost_down": _frames("lost", "down"),
+    "frames_lost_up": _frames("lost", "up"),
+    "all_frames_lost_down": _frames("lost", "down"),
+    "all_frames_lost_up": _frames("lost", "up"),
+    "frames_late_down": _frames("late", "down"),
+    "frames_late_up": _frames("late", "up"),
+    "frames_very_late_up": _frames("late", "up"),
+    "frames_repeated_down": _frames("repeated", "down"),
+    "frames_repeated_up": _frames("repeated", "up"),
+    "frames_reordered_down": _frames("reordered", "down"),
+    "frames_reordered_up": _frames("reordered", "up"),
+    "frames_corrupted_few": _frames("corrupted", "down"),
+    "frames_corrupted_many": _frames("corrupted", "down"),
+    "frames_corrupted_up": _frames("corrupted", "up"),
+    "frames_wrong_length_down": _frames("wrong_length", "down"),
+    "frames_wrong_length_up": _frames("wrong_length", "up"),
+    "frames_foreign": _frames("foreign", "up"),
+    "board_restart": _restart,
+    "board_frozen": _freeze,
+    "counter_jump": _jump_counter,
+    "counter_frozen": _stop_counter,
+    "pressure_stuck": _sensor(lambda v, t, d: rig_faults.stuck(), encoder=False),
+    "pressure_noisy": _sensor(
+        lambda v, t, d: rig_faults.noisy(v["amplitude"], d.randrange(1 << 30)), encoder=False
+    ),
+    "pressure_noisier": _sensor(
+        lambda v, t, d: rig_faults.noisy(v["amplitude"], d.randrange(1 << 30)), encoder=False
+    ),
+    "pressure_too_high": _sensor(lambda v, t, d: rig_faults.constant(v["shown"]), encoder=False),
+    "pressure_too_low": _sensor(lambda v, t, d: rig_faults.constant(v["shown"]), encoder=False),
+    "pressure_lost": _sensor(lambda v, t, d: rig_faults.constant(math.nan), encoder=False),
+    "pressure_drift": _sensor(
+        lambda v, t, d: rig_faults.drifting(_signed(d, v["rate"]), t), encoder=False
+    ),
+    "pressure_offset": _sensor(
+        lambda v, t, d: rig_faults.offset(_signed(d, v["by"])), encoder=False
+    ),
+    "pressures_swapped": _swap,
+    "encoder_stuck": _sensor(lambda v, t, d: rig_faults.stuck(), encoder=True),
+    "encoder_noisy": _sensor(
+        lambda v, t, d: rig_faults.noisy(v["amplitude"], d.randrange(1 << 30)), encoder=True
+    ),
+    "encoder_jump": _sensor(lambda v, t, d: rig_faults.offset(_signed(d, v["by"])), encoder=True),
+    "encoder_drift": _sensor(
+        lambda v, t, d: rig_faults.drifting(_signed(d, v["rate"]), t), encoder=True
+    ),
+    "encoder_out_of_range": _sensor(
+        lambda v, t, d: rig_faults.constant(_signed(d, v["shown"])), encoder=True
+    ),
+    "encoder_lost": _sensor(lambda v, t, d: rig_faults.constant(math.nan), encoder=True),
+    "valve_stuck_open": _valve(1.0),
+    "valve_stuck_shut": _valve(0.0),
+    "valve_stuck_exhausting": _valve(-1.0),
+    "muscle_burst": _leak,
+    "muscle_leak": _leak,
+    "muscle_leak_small": _leak,
+    "supply_lost": _supply,
+    "supply_sags": _supply,
+}
+
+
+def parse_injection(text: str) -> tuple[str, dict[str, float]]:
+    """Read `name value=0.3 duration=1`; values left out are in the middle of their range.
+
+    Raises
+    ------
+    PamError
+        For a name or value there is none of.
+    """
+    name, *pairs = text.split()[:16] or [""]
+    if name not in INJECTIONS:
+        raise PamError(f"fault {name[:64]!r}: expected one of {', '.join(INJECTIONS)}")
+    kind = next(kind for kind in KINDS if kind.name == name)
+    values = {key: 0.5 * (low + high) for key, (low, high) in kind.parameters.items()}
+    for pair in pairs:
+        key, _, number = pair.partition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if key not in values or not math.isfinite(value):
+            raise PamError(
+                f"fault {name}: {pair[:64]!r} must be one of {', '.join(values)} = a number"
+            )
+        values[key] = value
+    return name, values
+
+
+def inject(stage: Stage, name: str, values: Values, draw: random.Random) -> None:
+    """Bring a fault about now; KeyError for one that is not the rig's."""
+    INJECTIONS[name](stage, values, draw)
+
+
+def mend(stage: Stage) -> None:
+    """Take back every fault that can be mended."""
+    stage.frames.faults.clear()
+    stage.sim.faults.clear()
+    for index in range(len(stage.sim.rig.muscles)):
+        stage.sim.open_leak(index, 0.0)
+    stage.sim.set_supply_pressure(stage.sim.rig.supply_pressure)
+    for board in stage.sim.boards.values():
+        board.counter_step = 1

@@ -1,0 +1,120 @@
+"""What can be broken on a simulated rig: sensors, valves, boards. No bus, no clock of its own.
+
+A sensor fault changes what a converter shows, after noise and rounding; a valve fault changes what
+a valve does whatever its board says; a frozen board neither hears nor speaks, and its valves stay
+as they were until its hardware watchdog resets it.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from pam_sim.boards.pam_board import BoardValve
+
+# A processor that hangs is reset by a watchdog of its own, apart from the one on commands [s].
+HARDWARE_WATCHDOG = 0.05
+
+Reading = Callable[[float, float], float]
+"""(true reading, time) to what is shown."""
+POSITION = -1  # input of a board beside its two pressure channels
+
+
+def stuck() -> Reading:
+    """Shows the first reading for ever."""
+    kept: list[float] = []
+
+    def show(value: float, time: float) -> float:
+        if not kept:
+            kept.append(value)
+        return kept[0]
+
+    return show
+
+
+def noisy(amplitude: float, seed: int = 0) -> Reading:
+    """Adds Gaussian noise of a standard deviation in the sensor's unit."""
+    draw = random.Random(seed)
+    return lambda value, time: value + draw.gauss(0.0, amplitude)
+
+
+def constant(shown: float) -> Reading:
+    """Shows a number, NaN for "not available": shorted, torn off, out of range."""
+    return lambda value, time: shown
+
+
+def drifting(rate: float, start: float) -> Reading:
+    """Runs away by `rate` per second from `start` [s] on."""
+    return lambda value, time: value + rate * (time - start)
+
+
+def offset(by: float) -> Reading:
+    """Jumps once and stays there."""
+    return lambda value, time: value + by
+
+
+@dataclass(slots=True)
+class RigFaults:
+    """What is broken now.
+
+    Attributes
+    ----------
+    sensors : dict
+        By (board, input): 0 and 1 the pressures, `POSITION` the encoder.
+    swapped : set of int
+        Boards whose pressure sensors are plugged the wrong way round.
+    valves : dict
+        By (board, channel): the opening a valve is stuck at, -1 to 1, NaN to stay where it is.
+    frozen : dict of int to float
+        Boards whose processor hangs, since when [s].
+    """
+
+    sensors: dict[tuple[int, int], Reading] = field(default_factory=dict)
+    valves: dict[tuple[int, int], float] = field(default_factory=dict)
+    frozen: dict[int, float] = field(default_factory=dict)
+    swapped: set[int] = field(default_factory=set)
+
+    def clear(self) -> None:
+        """Everything works again."""
+        self.sensors.clear()
+        self.valves.clear()
+        self.frozen.clear()
+        self.swapped.clear()
+
+    def readings(
+        self, board: int, pressures: Sequence[float], position: float, now: float
+    ) -> tuple[list[float], float]:
+        """What the sensors of a board show of their readings."""
+        shown = list(pressures)
+        if board in self.swapped:
+            shown.reverse()
+        for channel, value in enumerate(shown):
+            fault = self.sensors.get((board, channel))
+            if fault is not None:
+                shown[channel] = fault(value, now)
+        fault = self.sensors.get((board, POSITION))
+        return shown, position if fault is None else fault(position, now)
+
+    def spools(
+        self, board: int, commands: tuple[float, float], kinds: Sequence[BoardValve]
+    ) -> tuple[float, float]:
+        """What the valves of a board do with its commands."""
+        done = list(commands)
+        for channel, kind in enumerate(kinds):
+            opening = self.valves.get((board, channel))
+            if opening is None:
+                continue
+            if math.isnan(opening):
+                opening = commands[channel] / kind.full_scale
+                self.valves[board, channel] = opening
+            done[channel] = max(opening, 0.0) * kind.full_scale if kind.is_regulator else opening
+        return done[0], done[1]
+
+    def reset_by_watchdog(self, now: float) -> list[int]:
+        """Boards whose hardware watchdog fires now; they are frozen no longer."""
+        due = [board for board, since in self.frozen.items() if now - since > HARDWARE_WATCHDOG]
+        for board in due:
+            del self.frozen[board]
+        return due

@@ -1,0 +1,52 @@
+"""The SROS 2 policy: as its table says, as its file says, as the nodes do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from pam_check.security import check_node as security_check_node
+from pam_check.security.policy import POLICY, policy_xml, rights_of
+from pam_model.rig import load_rig
+from support.rigs import ELBOW
+
+MUSCLES = load_rig(ELBOW).muscle_names
+FILE = Path(__file__).parents[2] / "config/security_policy.xml"
+
+
+def test_the_file_is_written_from_the_table():
+    assert FILE.read_text(encoding="utf-8") == policy_xml(MUSCLES)
+
+
+def test_every_node_has_one_profile_and_nothing_is_allowed_by_wildcard():
+    root = ElementTree.fromstring(policy_xml(MUSCLES))
+    assert [profile.get("node") for profile in root.iter("profile")] == list(POLICY)
+    names = [entry.text or "" for tag in ("topic", "service") for entry in root.iter(tag)]
+    assert names
+    assert not [name for name in names if "*" in name or not name.startswith("/")]
+
+
+def test_only_the_controller_commands_valves():
+    commanders = [n for n in POLICY if "/valve_commands" in rights_of(n, MUSCLES)["publish"]]
+    assert commanders == ["pam_controller"]
+
+
+def test_the_policy_is_what_the_nodes_use():
+    assert security_check_node.differences(ELBOW) == []
+
+
+def test_a_name_too_many_and_one_too_few_are_found(monkeypatch):
+    class Graph:
+        def get_node_names(self):
+            return list(POLICY)
+
+        def get_publisher_names_and_types_by_node(self, name, space):
+            return [("/secret", [])] if name == "pam_model" else []
+
+        get_subscriber_names_and_types_by_node = get_service_names_and_types_by_node = (
+            lambda self, name, space: []
+        )
+
+    lines = security_check_node._compare(Graph(), MUSCLES)
+    assert "pam_model publish /secret: used" in lines
+    assert "pam_driver reply /pam_driver/vent: unused" in lines

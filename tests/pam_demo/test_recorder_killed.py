@@ -1,0 +1,50 @@
+"""A recorder that is killed outright leaves a bag that the diagnosis reads."""
+
+from __future__ import annotations
+
+import math
+import signal
+from pathlib import Path
+
+import pytest
+from sensor_msgs.msg import JointState
+
+from pam_check.processes import NodeProcess
+from pam_gap.recordings.import_recording import import_recording
+
+SEVERAL_CHUNKS = 20_000  # bytes
+
+
+@pytest.mark.system
+def test_a_killed_recorder_leaves_a_readable_bag(probe, ros_environment, tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    sent: list[JointState] = []
+    arguments = ["--out", str(bag)]
+    publisher = probe.node.create_publisher(JointState, "joint_states", 10)
+    recorder = NodeProcess(
+        "pam_demo.recorder_node", environment=ros_environment, arguments=arguments
+    )
+    try:
+        probe.wait_for("the recorder", publisher.get_subscription_count, 30.0)
+
+        def publish() -> bool:
+            recorder.check()
+            message = JointState(name=["elbow"], position=[math.sin(0.01 * len(sent))])
+            message.header.stamp = probe.node.get_clock().now().to_msg()
+            publisher.publish(message)
+            sent.append(message)
+            files = list(bag.glob("*.mcap"))
+            return bool(files) and files[0].stat().st_size > SEVERAL_CHUNKS
+
+        probe.wait_for("what the system holds", publish, 60.0)
+        recorder.send(signal.SIGKILL)
+        assert recorder.wait(10.0) == -signal.SIGKILL
+    finally:
+        recorder.kill()
+    assert not (bag / "metadata.yaml").exists()
+    recording = import_recording(bag)
+    assert "never finished" in recording.repairs[0] or "ends in the middle" in recording.repairs[0]
+    shown = recording.values["joint_states.elbow.position"]
+    known = [message.position[0] for message in sent]
+    assert len(shown) > 100
+    assert abs(shown[0] - min(known, key=lambda value: abs(value - shown[0]))) < 1e-6

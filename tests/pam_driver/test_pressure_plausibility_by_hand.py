@@ -1,0 +1,302 @@
+"""The observer of each muscle's gas and the balance of each joint against hand calculation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pam_driver.safety.pressure_plausibility import OBSERVER_GAIN, Deviation, PressurePlausibility
+from pam_model.gas import valve_flow
+from pam_model.rig import Plausibility, Rig, load_rig
+
+ELBOW = Path(__file__).parents[2] / "config/elbow.yaml"
+PERIOD = 0.002
+SHARP = Plausibility(pressure_residual=1e3, torque_share=0.25, warning_share=1e-6)
+UNKNOWN = [math.nan, math.nan]
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return load_rig(ELBOW)
+
+
+def observed(
+    rig: Rig,
+    command: float,
+    pressure: float,
+    position: float,
+    velocity: float,
+    supply: float = math.nan,
+    steps: int = 6,
+) -> dict[str, float]:
+    """Residuals [Pa] after some steps with the same inputs, by muscle."""
+    plausibility = PressurePlausibility(replace(rig, plausibility=SHARP), PERIOD)
+    for _ in range(steps):
+        plausibility.update([command] * 2, [pressure] * 2, [position], [velocity], [supply, supply])
+    found = {one.subject: one for one in plausibility.deviations()}
+    sizes = {}
+    for name in rig.muscle_names:
+        if name not in found:
+            sizes[name] = 0.0
+            continue
+        residual = float(found[name].text.split(" Pa off")[0].removeprefix("pressure is "))
+        assert abs(residual) == pytest.approx(found[name].size * 1e3, abs=0.51)
+        sizes[name] = math.copysign(found[name].size * 1e3, residual)
+    return sizes
+
+
+def by_hand(
+    rig: Rig,
+    name: str,
+    command: float,
+    pressure: float,
+    position: float,
+    velocity: float,
+    supply: float,
+    steps: int = 6,
+) -> float:
+    """The same from the gas equations and the muscle's own volume."""
+    joint, muscle = rig.joints[0], rig.muscle(name)
+    lever = joint.pulley_radius * (-1.0 if name == joint.agonist else 1.0)
+    low, high = joint.position_limits
+    model = rig.force_model(name)
+    length = muscle.neutral_length + lever * min(max(position, low), high)
+    volume = float(model.volume(length)) + muscle.dead_volume
+    slope = float(model.volume(length + 1e-5) - model.volume(length - 1e-5)) / 2e-5
+    growth = slope * lever * velocity if low < position < high else 0.0
+    valve, ambient = muscle.valve, rig.gas.ambient_pressure
+    measured = inside = pressure + ambient
+    spool = -1.0 if valve.kind == "flow" else 0.0
+    residual = 0.0
+    for _ in range(steps):
+        spool = command + math.exp(-PERIOD / valve.time_constant) * (spool - command)
+        opening = min(max(spool, -1.0), 1.0)
+        if valve.kind != "flow":
+            opening = min(max((spool * valve.full_scale + ambient - inside) / 2e4, -1.0), 1.0)
+        flow = valve_flow(
+            opening,
+            inside,
+            supply_pressure=supply,
+            ambient_pressure=ambient,
+            conductance=valve.sonic_conductance,
+            critical_ratio=valve.critical_ratio,
+            temperature=rig.gas.temperature,
+        )
+        # n R T m'/V - n p V'/V, of air
+        exponent, gas_constant = rig.gas.polytropic_exponent, 287.0
+        rate = exponent * (gas_constant * rig.gas.temperature * flow - inside * growth) / volume
+        residual = measured - inside
+        inside += PERIOD * (rate + OBSERVER_GAIN * residual)
+    return residual
+
+
+@pytest.mark.parametrize("command", [1.0, 0.3, -0.4])
+@pytest.mark.parametrize(
+    ("position", "velocity"), [(0.0, 0.0), (0.5, 0.0), (-0.7, 1.5), (1.0, 3.0), (1.4, -2.0)]
+)
+@pytest.mark.parametrize("supply", [math.nan, 5e5])
+def test_the_observer_follows_the_gas_equations(
+    command: float, position: float, velocity: float, supply: float, rig: Rig
+) -> None:
+    found = observed(rig, command, 1.5e5, position, velocity, supply)
+    known = rig.supply_pressure if math.isnan(supply) else supply
+    for name in rig.muscle_names:
+        expected = by_hand(rig, name, command, 1.5e5, position, velocity, known)
+        assert found[name] == pytest.approx(expected, rel=2e-3, abs=0.5)
+
+
+def regulated(rig: Rig) -> Rig:
+    for muscle in rig.muscles:
+        valve = replace(muscle.valve, kind="pressure_regulator", full_scale=6e5, time_constant=0.02)
+        rig = rig.with_muscle(replace(muscle, valve=valve))
+    return rig
+
+
+@pytest.mark.parametrize("command", [0.9, 0.3, 0.26, 0.0])
+def test_the_observer_of_a_regulator(command: float, rig: Rig) -> None:
+    with_regulators = regulated(rig)
+    found = observed(with_regulators, command, 1.5e5, 0.2, 0.5, steps=8)
+    for name in rig.muscle_names:
+        expected = by_hand(
+            with_regulators, name, command, 1.5e5, 0.2, 0.5, rig.supply_pressure, steps=8
+        )
+        assert found[name] == pytest.approx(expected, rel=2e-3, abs=0.5)
+
+
+def test_an_adiabatic_gas_reacts_more(rig: Rig) -> None:
+    adiabatic = replace(rig, gas=replace(rig.gas, polytropic_exponent=1.4))
+    (slow, _), (fast, _) = (
+        observed(r, 1.0, 1e5, 0.0, 0.0, steps=2).values() for r in (rig, adiabatic)
+    )
+    assert fast == pytest.approx(1.4 * slow, rel=1e-6)
+
+
+def test_an_unknown_angle_counts_as_the_middle(rig: Rig) -> None:
+    for position, velocity in ((math.nan, 1.0), (0.5, math.nan)):
+        assert observed(rig, 1.0, 1e5, position, velocity) == observed(rig, 1.0, 1e5, 0.0, 0.0)
+
+
+def torque_off(
+    rig: Rig, samples: list[tuple[tuple[float, float], float, float]], share: float = 1e-9
+) -> Deviation | None:
+    """What is said of the joint after samples of pressures, angle, angular velocity."""
+    limits = Plausibility(pressure_residual=1e12, warning_share=share)
+    plausibility = PressurePlausibility(replace(rig, plausibility=limits), PERIOD)
+    for pressures, position, velocity in samples:
+        plausibility.update([0.0, 0.0], pressures, [position], [velocity], UNKNOWN)
+    return next((one for one in plausibility.deviations() if one.subject == "elbow"), None)
+
+
+def static_torque(rig: Rig, pressures: tuple[float, float], position: float) -> float:
+    """Of the two muscles less gravity [N m]."""
+    joint = rig.joints[0]
+    flexor, extensor = (rig.force_model(name) for name in joint.muscles)
+    first, second = (muscle.neutral_length for muscle in rig.muscles)
+    radius = joint.pulley_radius
+    pull = flexor.force(pressures[0], first - radius * position)
+    pull -= extensor.force(pressures[1], second + radius * position)
+    weight = joint.gravity_torque * math.sin(position - joint.gravity_angle)
+    return float(radius * pull - weight)
+
+
+def largest_torque(rig: Rig) -> float:
+    muscle, joint = rig.muscles[0], rig.joints[0]
+    force = rig.force_model(muscle.name).force(muscle.max_pressure, muscle.neutral_length)
+    return float(joint.pulley_radius * force)
+
+
+STEP = 5 * PERIOD  # torques are looked at in every fifth update
+MEMORY = 0.15
+
+
+@pytest.mark.parametrize("position", [0.3, -0.6])
+@pytest.mark.parametrize("count", [5, 50])
+def test_the_imbalance_of_a_joint_that_stands_still(position: float, count: int, rig: Rig) -> None:
+    tilted = replace(rig, joints=(replace(rig.joints[0], gravity_angle=0.4),))
+    pressures = (4e5, 1e5)
+    found = torque_off(tilted, [(pressures, position, 0.0)] * count)
+    settled = 1.0 - math.exp(-STEP / MEMORY * (count // 5))
+    expected = static_torque(tilted, pressures, position) * settled
+    limit = 0.25 * largest_torque(tilted)
+    assert found is not None
+    assert (found.kind, found.subject) == ("torque_implausible", "elbow")
+    assert found.size == pytest.approx(abs(expected) / limit, rel=1e-9)
+    assert found.text == (
+        f"pressures and motion disagree by {expected:+.2f} N m (limit {limit:.2f} N m): "
+        "sensor or load"
+    )
+
+
+def test_friction_and_inertia_take_their_share(rig: Rig) -> None:
+    joint, pressures = rig.joints[0], (2e5, 2e5)
+    limit = 0.25 * largest_torque(rig)
+    weight = 1.0 - math.exp(-STEP / MEMORY)
+    still = [(pressures, 0.2, 0.5)] * 5
+    torque = static_torque(rig, pressures, 0.2) - joint.viscous_friction * 0.5
+    found = torque_off(rig, still)
+    assert found is not None
+    assert found.size == pytest.approx(abs(torque * weight) / limit, rel=1e-9)
+    found = torque_off(rig, [*still, *[(pressures, 0.2, 0.8)] * 5])
+    faster = torque - joint.viscous_friction * 0.3
+    settled = torque * weight + weight * (faster - torque * weight)
+    expected = settled - joint.inertia * 0.3 / MEMORY
+    assert found is not None
+    assert found.size == pytest.approx(abs(expected) / limit, rel=1e-9)
+    # the same speed goes on: what is left of the step fades with the memory
+    found = torque_off(rig, [*still, *[(pressures, 0.2, 0.8)] * 10])
+    settled += weight * (faster - settled)
+    expected = settled - joint.inertia * 0.3 * (1.0 - weight) / MEMORY
+    assert found is not None
+    assert found.size == pytest.approx(abs(expected) / limit, rel=1e-9)
+
+
+@pytest.mark.parametrize(("position", "judged"), [(0.96, True), (0.98, False), (-0.98, False)])
+def test_nothing_is_said_near_the_end_stops(position: float, judged: bool, rig: Rig) -> None:
+    found = torque_off(rig, [((4e5, 1e5), position, 0.0)] * 50)
+    assert (found is not None) == judged
+
+
+@pytest.mark.parametrize(
+    "between", [((4e5, 1e5), 0.99, 0.0), ((math.nan, 1e5), 0.3, 0.0), ((4e5, math.nan), 0.3, 0.0)]
+)
+def test_the_balance_begins_anew_after_what_it_cannot_judge(
+    between: tuple[tuple[float, float], float, float], rig: Rig
+) -> None:
+    good = [((4e5, 1e5), 0.3, 0.5)]
+    assert torque_off(rig, good * 50 + [between] * 5) is None
+    # neither the torque nor the speed of before count
+    after = [((4e5, 1e5), 0.3, -0.5)] * 5
+    assert torque_off(rig, good * 50 + [between] * 5 + after) == torque_off(rig, after)
+
+
+def test_a_vacuum_pulls_no_muscle(rig: Rig) -> None:
+    assert torque_off(rig, [((-5e4, 1e5), 0.3, 0.0)] * 5) == torque_off(
+        rig, [((0.0, 1e5), 0.3, 0.0)] * 5
+    )
+
+
+def test_torques_are_looked_at_in_every_fifth_update(rig: Rig) -> None:
+    sample = [((4e5, 1e5), 0.3, 0.0)]
+    assert torque_off(rig, sample * 4) is None
+    assert torque_off(rig, sample * 9) == torque_off(rig, sample * 5)
+
+
+def test_deviations_up_to_their_warning_share_are_not_named(rig: Rig) -> None:
+    samples = [((4e5, 1e5), 0.3, 0.0)] * 50
+    found = torque_off(rig, samples)
+    assert found is not None
+    assert torque_off(rig, samples, share=found.size) is None
+    assert torque_off(rig, samples, share=math.nextafter(found.size, 0.0)) == found
+
+
+def test_a_residual_is_named_with_its_limit(rig: Rig) -> None:
+    plausibility = PressurePlausibility(rig, PERIOD)
+    assert plausibility.period == PERIOD
+    for pressure in (2e5, 3.5e5):
+        plausibility.update([0.0, 0.0], [pressure, 2e5], [0.0], [0.0], UNKNOWN)
+    (found,) = [one for one in plausibility.deviations() if one.kind == "pressure_implausible"]
+    assert found.subject == "elbow_flexor"
+    assert found.text == (
+        f"pressure is {found.size * 1e5:+.0f} Pa off what the valve should give "
+        "(limit 100000 Pa): leak, valve or sensor"
+    )
+    assert found.size == pytest.approx(1.5, rel=0.02)
+
+
+def test_a_muscle_without_a_joint_is_observed_at_its_neutral_length(rig: Rig) -> None:
+    alone = replace(rig, joints=(), muscles=rig.muscles[:1], plausibility=SHARP)
+    plausibility = PressurePlausibility(alone, PERIOD)
+    for _ in range(6):
+        plausibility.update([1.0], [1.5e5], [], [], [math.nan])
+    (found,) = plausibility.deviations()
+    expected = by_hand(rig, "elbow_flexor", 1.0, 1.5e5, 0.0, 0.0, rig.supply_pressure)
+    assert found.size * 1e3 == pytest.approx(abs(expected), rel=2e-3)
+
+
+def test_a_warm_gas_reacts_as_the_equations_say(rig: Rig) -> None:
+    warm = replace(rig, gas=replace(rig.gas, temperature=340.0))
+    found = observed(warm, 1.0, 1.5e5, 0.2, 0.5)
+    for name in rig.muscle_names:
+        expected = by_hand(warm, name, 1.0, 1.5e5, 0.2, 0.5, rig.supply_pressure)
+        assert abs(expected) > 100.0
+        assert found[name] == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_limit_of_torque_is_that_of_the_agonist_alone(rig: Rig) -> None:
+    extensor = replace(rig.muscles[1], turns=1.5, rest_length=0.26, neutral_length=0.23)
+    uneven = rig.with_muscle(extensor)
+    found = torque_off(uneven, [((4e5, 1e5), 0.3, 0.0)] * 5)
+    expected = static_torque(uneven, (4e5, 1e5), 0.3) * (1.0 - math.exp(-STEP / MEMORY))
+    assert found is not None
+    assert found.size == pytest.approx(abs(expected) / (0.25 * largest_torque(rig)), rel=1e-9)
+
+
+def test_nothing_is_off_before_anything_is_known(rig: Rig) -> None:
+    plausibility = PressurePlausibility(replace(rig, plausibility=SHARP), PERIOD)
+    assert list(plausibility.deviations()) == []
+    plausibility.update([1.0, 1.0], [1e5, 1e5], [0.0], [0.0], UNKNOWN)
+    plausibility.update([1.0, 1.0], UNKNOWN, [0.0], [0.0], UNKNOWN)
+    assert list(plausibility.deviations()) == []
