@@ -282,8 +282,48 @@ def test_a_packet_that_is_no_frame_is_counted() -> None:
 def test_multicast_never_leaves_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[str, Any] = {}
     monkeypatch.setattr(can, "Bus", lambda **options: given.update(options))
+    monkeypatch.setattr(bus_module, "hear_own_group_only", lambda bus: None)
     open_bus("udp_multicast", "239.74.163.9", hop_limit=8)
     assert given["hop_limit"] == 0
+
+
+@pytest.mark.system
+@pytest.mark.parametrize(
+    "groups", [("239.74.163.7", "239.74.163.8"), ("ff15::7a63:7", "ff15::7a63:8")]
+)
+def test_two_multicast_groups_on_one_port_do_not_hear_each_other(groups: tuple[str, str]) -> None:
+    number = random.randint(20_000, 60_000)
+    try:
+        ours, theirs = (open_bus("udp_multicast", group, port=number) for group in groups)
+    except BusError as error:
+        if ":" in groups[0]:
+            pytest.skip(f"no IPv6 multicast on this machine: {error}")
+        raise
+    listener = open_bus("udp_multicast", groups[0], port=number)
+    for index in range(20):
+        assert theirs.send(0x100, bytes([index]), 0.0) is SendOutcome.SENT
+        assert ours.send(0x101, bytes([index]), 0.0) is SendOutcome.SENT
+    heard = until(listener, 20)
+    heard += until(listener, 1, timeout=0.2)
+    assert [frame.frame_id for frame in heard] == [0x101] * 20
+    for port in (ours, theirs, listener):
+        port.close()
+
+
+@pytest.mark.system
+def test_what_another_group_sent_while_the_bus_was_opened_is_discarded() -> None:
+    number = random.randint(20_000, 60_000)
+    other = open_bus("udp_multicast", "239.74.163.8", port=number)
+    late = can.Bus(interface="udp_multicast", channel="239.74.163.7", port=number, hop_limit=0)
+    other.send(0x100, b"early", 0.0)
+    assert late.recv(1.0) is not None  # the fault that the next call mends
+    other.send(0x100, b"early", 0.0)
+    time.sleep(0.05)
+    bus_module.hear_own_group_only(late)
+    other.send(0x100, b"late", 0.0)
+    assert late.recv(0.2) is None
+    late.shutdown()
+    other.close()
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,15 @@ import can
 
 from pam_check.chain import BusChoice
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardMessage, FrameError
+from pam_driver.bus import hear_own_group_only
 
 
 def open_can(bus: BusChoice) -> can.BusABC:
     """The bus by python-can alone."""
     if bus.interface == "udp_multicast":
-        return can.Bus(interface=bus.interface, channel=bus.channel, port=bus.port, hop_limit=0)
+        opened = can.Bus(interface=bus.interface, channel=bus.channel, port=bus.port, hop_limit=0)
+        hear_own_group_only(opened)
+        return opened
     return can.Bus(interface=bus.interface, channel=bus.channel)
 
 

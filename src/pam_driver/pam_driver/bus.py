@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
+import socket
+import sys
 from collections import Counter, deque
 from collections.abc import Sequence
 from enum import IntEnum
@@ -33,6 +36,10 @@ _ERR_TX_TIMEOUT, _ERR_CONTROLLER, _ERR_NO_ACK = 0x001, 0x004, 0x020
 _ERR_BUS_OFF, _ERR_RESTARTED = 0x040, 0x100
 _CONTROLLER_OVERFLOW, _CONTROLLER_WARNING, _CONTROLLER_PASSIVE = 0x03, 0x0C, 0x30
 _CONTROLLER_ACTIVE = 0x40
+
+# linux/in.h and linux/in6.h; Python's socket module has no names for them
+_IP_MULTICAST_ALL: Final = 49
+_IPV6_MULTICAST_ALL: Final = 29
 
 
 class BusError(PamError):
@@ -291,12 +298,40 @@ def _open(arguments: dict[str, Any]) -> can.BusABC:
     if arguments["interface"] == "socketcan":
         _check_socketcan(str(arguments["channel"]))
     try:
-        return can.Bus(**arguments)
+        bus = can.Bus(**arguments)
     except Exception as error:  # each backend has its own kinds
         reason = " ".join(str(error).split()) or type(error).__name__
         raise BusError(
             f"CAN bus {name} cannot be opened: {reason}; check bus.interface and bus.channel"
         ) from error
+    if arguments["interface"] == "udp_multicast":
+        hear_own_group_only(bus)
+    return bus
+
+
+def hear_own_group_only(bus: can.BusABC) -> None:
+    """Keep the frames of other multicast groups on the same port away from this bus.
+
+    python-can binds its socket to the port alone. Linux then delivers every group that any socket
+    of the host has joined, so that two simulated robots would command each other's valves
+    (ip(7), IP_MULTICAST_ALL). Frames that arrived before the option was set are discarded.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        Of the interface "udp_multicast", just opened.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    with socket.socket(fileno=os.dup(bus.fileno())) as same_socket:
+        if same_socket.family == socket.AF_INET6:
+            same_socket.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
+        else:
+            same_socket.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+        same_socket.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(MAX_FRAMES_PER_CALL):
+                same_socket.recv(1)
 
 
 def _check_socketcan(channel: str) -> None:
