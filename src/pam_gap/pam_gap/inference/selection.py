@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
-from arch.bootstrap import MCS
 
 from pam_gap.inference.held_out import HeldOut
+from pam_gap.inference.model_confidence_set import circular_blocks, mcs_p_values
 from pam_gap.prediction.fit import Array
 
 CONFIDENCE_SIZE = 0.10
@@ -27,8 +26,7 @@ NESTED = {("coulomb_friction", "stribeck_friction")}
 def resampled_blocks(n_blocks: int, generator: np.random.Generator) -> np.ndarray:
     """Indices of one circular block bootstrap sample of the score blocks."""
     length = max(1, min(BLOCK_LENGTH, n_blocks // 4))
-    starts = generator.integers(n_blocks, size=-(-n_blocks // length))
-    return ((starts[:, None] + np.arange(length)) % n_blocks).ravel()[:n_blocks]
+    return circular_blocks(n_blocks, length, generator)
 
 
 def levels(sums: Array, counts: Array, floor: Array, present: np.ndarray) -> Array:
@@ -83,21 +81,10 @@ def confidence_set(scores: Sequence[HeldOut], floor: Array, present: np.ndarray)
     losses = losses[keep]
     if len(losses) < 8:
         return [bool(value <= overall.min() + 0.5) for value in overall]
-    spread = losses.std() or 1.0
-    # Identical losses make the test divide by zero.
-    jitter = 1e-6 * spread * np.random.default_rng(1).standard_normal(losses.shape)
-    test = MCS(
-        pd.DataFrame(losses + jitter),
-        size=CONFIDENCE_SIZE,
-        reps=BOOTSTRAPS,
-        block_size=max(2, min(BLOCK_LENGTH, len(losses) // 4)),
-        method="R",
-        bootstrap="circular",
-        seed=0,
+    p_values = mcs_p_values(
+        losses, block_length=max(2, min(BLOCK_LENGTH, len(losses) // 4)), draws=BOOTSTRAPS
     )
-    test.compute()
-    included = {int(i) for i in test.included}
-    return [i in included for i in range(len(scores))]
+    return [bool(p > CONFIDENCE_SIZE) for p in p_values]
 
 
 def contains(rich: Sequence[str], simple: Sequence[str]) -> bool:
