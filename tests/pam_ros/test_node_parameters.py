@@ -1,7 +1,7 @@
 """The table of a node's parameters: declared, checked, changed or refused; on a stand-in node."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +11,8 @@ import pytest
 pytest.importorskip("rcl_interfaces.msg")
 
 from pam_model.errors import PamError, RigError
-from pam_model.rig import load_rig
+from pam_model.rig import load_rig, rig_of_node
+from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Parameter, Value
 
 RIG = load_rig(Path(__file__).parents[2] / "config" / "elbow.yaml")
@@ -70,8 +71,8 @@ def overrides(**more: Any) -> dict[str, Any]:
 
 def test_declared_with_unit_and_range() -> None:
     node = FakeNode(overrides(rate=200, use_sim_time=False))
-    parameters = NodeParameters(node, TABLE)
-    assert parameters.rig == RIG
+    parameters = NodeParameters(node, TABLE, rig_of_node)
+    assert parameters.described == RIG
     assert parameters.number("rate") == 200.0
     assert type(node.values["rate"]) is float
     assert (parameters["count"], parameters["interface"], parameters["vent"]) == (
@@ -102,29 +103,33 @@ def test_declared_with_unit_and_range() -> None:
     ],
 )
 def test_bad_parameter_file_is_refused(given: dict[str, Any], reason: str) -> None:
-    with pytest.raises(PamError) as caught:
-        NodeParameters(FakeNode(overrides(**given)), TABLE)
+    with pytest.raises((ParameterError, RigError)) as caught:
+        NodeParameters(FakeNode(overrides(**given)), TABLE, rig_of_node)
     assert reason in str(caught.value)
 
 
 def test_no_rig_is_told_how_to_get_one() -> None:
     with pytest.raises(PamError, match="--params-file"):
-        NodeParameters(FakeNode({"rate": 100.0}), TABLE)
+        NodeParameters(FakeNode({"rate": 100.0}), TABLE, rig_of_node)
 
 
 def test_bad_rig_is_told() -> None:
     with pytest.raises(RigError, match="looks like bar"):
-        NodeParameters(FakeNode(overrides(supply_pressure=7.0)), TABLE)
+        NodeParameters(FakeNode(overrides(supply_pressure=7.0)), TABLE, rig_of_node)
 
 
-def test_node_without_a_rig() -> None:
-    node = FakeNode({"rate": 100.0, "qos_overrides./x.depth": 3})
-    parameters = NodeParameters(node, TABLE, needs_rig=False)
+def test_a_node_says_itself_what_its_other_keys_are() -> None:
+    seen: list[tuple[dict[str, Any], tuple[str, ...]]] = []
+
+    def read_others(others: Mapping[str, Any], own: Collection[str]) -> str:
+        seen.append((dict(others), tuple(own)))
+        return "a wind tunnel"
+
+    node = FakeNode({"rate": 100.0, "qos_overrides./x.depth": 3, "tunnel.length": 8.0})
+    parameters = NodeParameters(node, TABLE, read_others)
     assert parameters["rate"] == 100.0
-    with pytest.raises(PamError, match="has no rig"):
-        _ = parameters.rig
-    with pytest.raises(PamError, match="rat: unknown parameter; did you mean rate"):
-        NodeParameters(FakeNode({"rat": 100.0}), TABLE, needs_rig=False)
+    assert parameters.described == "a wind tunnel"
+    assert seen == [({"tunnel.length": 8.0}, ("rate", "count", "interface", "vent"))]
 
 
 def test_changes_while_running() -> None:
@@ -132,11 +137,11 @@ def test_changes_while_running() -> None:
 
     def on_change(values: Mapping[str, Value]) -> None:
         if values["rate"] == 13.0:
-            raise PamError("not on a Friday")
+            raise ParameterError("not on a Friday")
         seen.append(values)
 
     node = FakeNode(overrides())
-    parameters = NodeParameters(node, TABLE, on_change)
+    parameters = NodeParameters(node, TABLE, rig_of_node, on_change)
     assert node.change(rate=250.0) == (True, "")
     assert parameters["rate"] == 250.0
     assert seen == [{"rate": 250.0}]
@@ -145,7 +150,7 @@ def test_changes_while_running() -> None:
         ({"rate": math.inf}, "finite"),
         ({"rate": 13.0}, "not on a Friday"),
         ({"count": 4}, "only a restart changes it"),
-        ({"supply_pressure": 6e5}, "is of the rig file"),
+        ({"supply_pressure": 6e5}, "is read from the parameter file when the node starts"),
         ({"rate": 100.0, "count": 4}, "only a restart changes it"),
     ):
         accepted, told = node.change(**values)

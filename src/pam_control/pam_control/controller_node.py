@@ -32,7 +32,9 @@ from pam_control.controller_parameters import create_controller, parameter_table
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.rig_order import in_order
 from pam_model.errors import PamError
+from pam_model.rig import rig_of_node
 from pam_ros import diagnostics as health
+from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.spin import spin_node
@@ -56,7 +58,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     Raises
     ------
-    PamError
+    PamError, ParameterError
         For a rig or parameters that cannot be used, or a loop that would not be safe.
     """
 
@@ -65,8 +67,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._controller: Any = None
         names = self._joint_names_given()
         self._table = parameter_table(names)
-        self._declared = NodeParameters(self, self._table, self._on_change)
-        self.rig = self._declared.rig
+        self._declared = NodeParameters(self, self._table, rig_of_node, self._on_change)
+        self.rig = self._declared.described
         self._values: dict[str, Value] = {p.name: self._declared[p.name] for p in self._table}
         self._controller = create_controller(self.rig, self._values, self.rig.joint_names)
         self._log_design()
@@ -220,8 +222,10 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _on_change(self, changes: Mapping[str, Value]) -> None:
         values = {**self._values, **changes}
-        settings = settings_from(values, self.rig.joint_names)
-        self._controller.change(settings)
+        try:
+            self._controller.change(settings_from(values, self.rig.joint_names))
+        except PamError as error:
+            raise ParameterError(str(error)) from None
         self._values = values
         self._log_design()
 
@@ -388,7 +392,7 @@ def main() -> int:
         node.loop.share_priority()
         return node
 
-    return spin_node(make_node, check=lambda node: node.loop.check())
+    return spin_node(make_node, check=lambda node: node.loop.check(), mistake=PamError)
 
 
 if __name__ == "__main__":

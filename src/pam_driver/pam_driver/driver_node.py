@@ -36,7 +36,9 @@ from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
+from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import diagnostic_array
+from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
 
@@ -54,15 +56,15 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
     Raises
     ------
-    PamError
+    PamError, ParameterError
         For parameters or a rig that cannot be used.
     """
 
     def __init__(self) -> None:
         super().__init__("pam_driver", automatically_declare_parameters_from_overrides=True)
         self.failure = ""
-        self._values = NodeParameters(self, TABLE)
-        self._rig = self._values.rig
+        self._values = NodeParameters(self, TABLE, rig_of_node)
+        self._rig = self._values.described
         bus_options(str(self._values["bus.options"]))
         self._port: CanPort | None = None
         self._driver: Driver | None = None
@@ -393,7 +395,7 @@ def main(arguments: list[str] | None = None) -> int:
         while not stopping and rclpy.ok():
             executor.spin_once(timeout_sec=0.1)
             node.check()
-    except PamError as error:
+    except (PamError, ParameterError) as error:
         print(f"pam_driver: {error}", file=sys.stderr)
         return _USERS_MISTAKE
     finally:

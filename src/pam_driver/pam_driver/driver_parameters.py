@@ -62,7 +62,7 @@ TABLE: Final = (
 )  # fmt: skip
 
 
-def settings_of(values: NodeParameters) -> DriverSettings:
+def settings_of(values: NodeParameters[Any]) -> DriverSettings:
     """The part that the pure driver takes."""
     return DriverSettings(
         command_timeout=values.number("command_timeout"),

@@ -15,7 +15,9 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
+from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import JointEstimator
+from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
@@ -39,8 +41,8 @@ class ModelNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("pam_model", automatically_declare_parameters_from_overrides=True)
-        self._parameters = NodeParameters(self, PARAMETERS, self._change)
-        self._rig = self._parameters.rig
+        self._parameters = NodeParameters(self, PARAMETERS, rig_of_node, self._change)
+        self._rig = self._parameters.described
         self._estimator = JointEstimator(
             self._rig,
             self._parameters.number("max_age"),
@@ -122,7 +124,7 @@ class ModelNode(Node):  # type: ignore[misc]
 
 def main() -> int:
     """Run the node until it is told to stop."""
-    return spin_node(ModelNode)
+    return spin_node(ModelNode, mistake=PamError)
 
 
 if __name__ == "__main__":

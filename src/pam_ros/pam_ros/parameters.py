@@ -1,16 +1,17 @@
 """A node's parameters, written down once: declared with unit and range, checked when set.
 
 A node is made with `automatically_declare_parameters_from_overrides=True`, so that everything in
-its parameter files is seen: the rig, the node's own parameters, and keys that nobody knows, which
-ROS would drop in silence and which are refused here.
+its parameter files is seen: the node's own parameters, the keys of whatever else the file
+describes (the robot, for most nodes), and keys that nobody knows, which ROS would drop in silence
+and which are refused here. What those other keys mean is for the node to say: it hands in the
+function that reads them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -20,8 +21,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 
-from pam_model.errors import PamError
-from pam_model.rig import Rig, rig_from_parameters
+from pam_ros.errors import ParameterError
 
 Value = bool | int | float | str
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
@@ -60,7 +60,7 @@ class Parameter:
 
         Raises
         ------
-        PamError
+        ParameterError
             Naming parameter, value, unit and what was expected.
         """
         kind = type(self.default)
@@ -68,15 +68,15 @@ class Parameter:
             value = float(value)
         if type(value) is not kind:
             expected = {float: "a number", int: "a whole number", bool: "true or false"}
-            raise PamError(
+            raise ParameterError(
                 f"{self.name} = {value!r}: must be {expected.get(kind, 'text')}"
                 + (f" in {self.unit}" if self.unit != "-" else "")
             )
         if isinstance(value, int | float) and not isinstance(value, bool):
             if not math.isfinite(value):
-                raise PamError(f"{self.name} = {value} {self.unit}: must be a finite number")
+                raise ParameterError(f"{self.name} = {value} {self.unit}: must be a finite number")
             if not self.low <= value <= self.high:
-                raise PamError(
+                raise ParameterError(
                     f"{self.name} = {value:g} {self.unit}: must be from {self.low:g} to "
                     f"{self.high:g} {self.unit}"
                 )
@@ -101,55 +101,50 @@ class Parameter:
         return descriptor
 
 
-class NodeParameters:
-    """The parameters of a running node, and the rig it was started with.
+class NodeParameters[Described]:
+    """The parameters of a running node, and what else its parameter file describes.
 
     Parameters
     ----------
     node : rclpy.node.Node
         Made with `automatically_declare_parameters_from_overrides=True`.
     table : sequence of Parameter
-        All the node has, beside the rig.
+        All the node has of its own.
+    read_others : callable
+        Makes something of the keys that are not in the table, for example a robot description.
+        It takes these keys with their values and the names of the table (so that its message
+        about an unknown key can suggest one of them), and raises for a key that it does not know.
     on_change : callable, optional
-        Takes a mapping of the values that change, after they were checked; a PamError it raises
-        refuses the change.
-    needs_rig : bool, optional
-        Without a rig the node's keys are checked against the table alone.
+        Takes a mapping of the values that change, after they were checked; a ParameterError it
+        raises refuses the change.
 
     Raises
     ------
-    RigError
-        With one line for every problem of the rig, unknown keys included.
-    PamError
+    ParameterError
         For a parameter that is out of bounds or of another type.
+
+    Attributes
+    ----------
+    described : object
+        What `read_others` has made.
     """
 
     def __init__(
         self,
         node: Any,
         table: Sequence[Parameter],
+        read_others: Callable[[Mapping[str, Any], Collection[str]], Described],
         on_change: Callable[[Mapping[str, Value]], None] | None = None,
-        *,
-        needs_rig: bool = True,
     ) -> None:
         self._table = {parameter.name: parameter for parameter in table}
         self._on_change = on_change
-        self._rig: Rig | None = None
         given = {name: entry.value for name, entry in node.get_parameters_by_prefix("").items()}
         others = {
             name: value
             for name, value in given.items()
             if name not in self._table and name.split(".")[0] not in _OF_ROS
         }
-        if needs_rig:
-            if "joints" not in others and "supply_pressure" not in others:
-                raise PamError("no rig: start the node with --ros-args --params-file <rig file>")
-            self._rig = rig_from_parameters(others, other_keys=tuple(self._table))
-        elif others:
-            name = next(iter(others))
-            close = get_close_matches(name, self._table, 1)
-            hint = f"; did you mean {close[0]}?" if close else ""
-            raise PamError(f"{name}: unknown parameter{hint}")
+        self.described = read_others(others, tuple(self._table))
         self._values: dict[str, Value] = {
             name: parameter.check(given.get(name, parameter.default))
             for name, parameter in self._table.items()
@@ -162,19 +157,6 @@ class NodeParameters:
                 name, self._values[name], parameter.descriptor(), ignore_override=True
             )
         node.add_on_set_parameters_callback(self._set)
-
-    @property
-    def rig(self) -> Rig:
-        """The rig of the node's parameter file.
-
-        Raises
-        ------
-        PamError
-            For a node that was made without one.
-        """
-        if self._rig is None:
-            raise PamError("this node has no rig")
-        return self._rig
 
     def __getitem__(self, name: str) -> Value:
         return self._values[name]
@@ -191,14 +173,16 @@ class NodeParameters:
                 if parameter is None:
                     if entry.name.split(".")[0] in _OF_ROS:
                         continue
-                    raise PamError(f"{entry.name}: is of the rig file, which a restart reads")
+                    raise ParameterError(
+                        f"{entry.name}: is read from the parameter file when the node starts"
+                    )
                 value = parameter.check(entry.value)
                 if not parameter.changeable:
-                    raise PamError(f"{entry.name}: only a restart changes it")
+                    raise ParameterError(f"{entry.name}: only a restart changes it")
                 changes[entry.name] = value
             if changes and self._on_change is not None:
                 self._on_change(changes)
-        except PamError as error:
+        except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._values.update(changes)
         return SetParametersResult(successful=True)

@@ -16,8 +16,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pam_model.errors import PamError
-
 LOWEST_PRIORITY = 1  # of the real-time ones
 
 
@@ -89,7 +87,7 @@ class PeriodicLoop:
 
     Raises
     ------
-    PamError
+    ValueError
         For a period that is not above zero.
     """
 
@@ -101,7 +99,7 @@ class PeriodicLoop:
         priority: int = 0,
     ) -> None:
         if not 0.0 < period < float("inf"):
-            raise PamError(f"period = {period} s must be above 0")
+            raise ValueError(f"period = {period} s must be above 0")
         self.period = period
         self._step = step
         self._name = name
@@ -129,11 +127,11 @@ class PeriodicLoop:
 
         Raises
         ------
-        PamError
+        RuntimeError
             If it is running already.
         """
         if self.running:
-            raise PamError(f"{self._name} is running already")
+            raise RuntimeError(f"{self._name} is running already")
         self._stopping.clear()
         self._error, self._raised = None, False
         self._cycles = self._late = self._skipped = 0

@@ -15,7 +15,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from pam_model.errors import PamError
+from pam_ros.errors import ParameterError
 
 TURN = 0.1
 """How long a turn of the executor may wait before it looks at the shutdown flag [s]."""
@@ -27,17 +27,22 @@ def spin_node(
     make_node: Callable[[], Any],
     arguments: Sequence[str] | None = None,
     check: Callable[[Any], None] | None = None,
+    *,
+    mistake: type[Exception],
 ) -> int:
     """Make a node and serve it until SIGINT or SIGTERM.
 
     Parameters
     ----------
     make_node : callable
-        Makes the node; a PamError from it is the user's to see.
+        Makes the node.
     arguments : sequence of str, optional
         Command line, with --ros-args; the process's own by default.
     check : callable, optional
         Called with the node every turn; where a loop's exception is raised.
+    mistake : exception type
+        What `make_node` and `check` raise for a mistake of the user, beside ParameterError: its
+        text is printed, and the node ends. Anything else is a fault of the program and raised.
 
     Returns
     -------
@@ -72,7 +77,7 @@ def spin_node(
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.01)
-    except PamError as error:
+    except (ParameterError, mistake) as error:
         print(error, file=sys.stderr)
         return 2
     finally:

@@ -24,7 +24,7 @@ from pam_driver.bus import open_bus
 from pam_driver.driver_parameters import bus_options
 from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
-from pam_model.rig import Rig, load_rig
+from pam_model.rig import Rig, load_rig, rig_of_node
 from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
@@ -70,7 +70,7 @@ PARAMETERS = (
 _LATEST = QoSProfile(depth=1)
 
 
-def _simulated_rig(rig: Rig, values: NodeParameters) -> SimulatedRig:
+def _simulated_rig(rig: Rig, values: NodeParameters[Rig]) -> SimulatedRig:
     number = values.number
     true_rig, dbc = str(values["true_rig"]), str(values["bus.dbc"])
     return SimulatedRig(
@@ -100,8 +100,8 @@ class RigNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("pam_rig", automatically_declare_parameters_from_overrides=True)
-        values = NodeParameters(self, PARAMETERS)
-        self._rig = values.rig
+        values = NodeParameters(self, PARAMETERS, rig_of_node)
+        self._rig = values.described
         simulated = _simulated_rig(self._rig, values)
         options = bus_options(str(values["bus.options"]))
         interface = str(values["bus.interface"])
@@ -208,7 +208,7 @@ def _make_node() -> RigNode:
 
 def main() -> int:
     """Run the node until it is told to stop."""
-    return spin_node(_make_node, check=RigNode.check)
+    return spin_node(_make_node, check=RigNode.check, mistake=PamError)
 
 
 if __name__ == "__main__":

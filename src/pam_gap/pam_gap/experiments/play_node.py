@@ -22,6 +22,7 @@ from sensor_msgs.msg import JointState
 from pam_gap.experiments.files import read_experiment
 from pam_gap.experiments.loop import ExperimentLoop
 from pam_model.errors import PamError
+from pam_model.rig import rig_of_node
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.spin import spin_node
@@ -42,8 +43,8 @@ class PlayNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("pam_play", automatically_declare_parameters_from_overrides=True)
-        parameters = NodeParameters(self, PARAMETERS)
-        rig = parameters.rig
+        parameters = NodeParameters(self, PARAMETERS, rig_of_node)
+        rig = parameters.described
         name = str(parameters["joint"]) or rig.joint_names[0]
         if name not in rig.joint_names:
             raise PamError(f"joint = {name!r}: must be one of {', '.join(rig.joint_names)}")
@@ -131,7 +132,7 @@ class PlayNode(Node):  # type: ignore[misc]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Play until the experiment's end or a signal."""
-    return spin_node(PlayNode, arguments, lambda node: node.check())
+    return spin_node(PlayNode, arguments, lambda node: node.check(), mistake=PamError)
 
 
 if __name__ == "__main__":

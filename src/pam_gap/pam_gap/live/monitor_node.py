@@ -17,6 +17,8 @@ from sensor_msgs.msg import JointState
 
 from pam_gap.live.live_gap import LiveGap, LiveWindow
 from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
+from pam_model.errors import PamError
+from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
@@ -36,8 +38,8 @@ class MonitorNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("pam_gap", automatically_declare_parameters_from_overrides=True)
-        self._parameters = NodeParameters(self, PARAMETERS)
-        self._rig = self._parameters.rig
+        self._parameters = NodeParameters(self, PARAMETERS, rig_of_node)
+        self._rig = self._parameters.described
         self._window = LiveWindow(self._rig, self._parameters.number("window"))
         self._messages = 0
         self._regulated = all(m.valve.kind == "pressure_regulator" for m in self._rig.muscles)
@@ -97,7 +99,7 @@ class MonitorNode(Node):  # type: ignore[misc]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is told to stop."""
-    return spin_node(MonitorNode, arguments)
+    return spin_node(MonitorNode, arguments, mistake=PamError)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The rig file: one description of a robot, read, checked and written; rigs as data."""
 
-from pam_model.rig.file import load_rig, rig_from_parameters, save_rig
+from pam_model.rig.file import load_rig, rig_from_parameters, rig_of_node, save_rig
 from pam_model.rig.types import Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve
 
 __all__ = [
@@ -13,5 +13,6 @@ __all__ = [
     "Valve",
     "load_rig",
     "rig_from_parameters",
+    "rig_of_node",
     "save_rig",
 ]

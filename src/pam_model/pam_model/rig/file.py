@@ -1,8 +1,8 @@
 """The rig file: one description of a robot for every node and tool.
 
 A ROS 2 parameter file (`/**: ros__parameters:`); its keys are described in docs/rig_file.md.
-`load_rig` reads one, `save_rig` writes one, `rig_from_parameters` takes what a node got from
-`--params-file`.
+`load_rig` reads one, `save_rig` writes one, `rig_from_parameters` and `rig_of_node` take what a
+node got from `--params-file`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from pam_model.errors import RigError
+from pam_model.errors import PamError, RigError
 from pam_model.rig.parser import parse_rig, unflatten
 from pam_model.rig.types import Rig
 
@@ -113,6 +113,28 @@ def rig_from_parameters(
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
     return parse_rig(tree, source, other_keys)
+
+
+def rig_of_node(others: Mapping[str, Any], own_keys: Collection[str]) -> Rig:
+    """Make a rig of the parameters that a ROS node was started with.
+
+    Parameters
+    ----------
+    others : mapping
+        The node's parameter overrides but for its own parameters.
+    own_keys : collection of str
+        The node's own parameters, which the message about an unknown key may suggest.
+
+    Raises
+    ------
+    PamError
+        If there is no rig among them: the node was started without a rig file.
+    RigError
+        With one line for every problem of the rig, unknown keys included.
+    """
+    if "joints" not in others and "supply_pressure" not in others:
+        raise PamError("no rig: start the node with --ros-args --params-file <rig file>")
+    return rig_from_parameters(others, other_keys=own_keys)
 
 
 def save_rig(rig: Rig, path: str | Path) -> None:
