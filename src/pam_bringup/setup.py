@@ -13,16 +13,20 @@ setup(
     package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", ["../../config/elbow.yaml"]),
-        (f"share/{NAME}/launch", [str(p) for p in sorted(Path("launch").glob("*.launch.py"))]),
+        (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
+        (f"share/{NAME}/config", [str(path) for path in sorted(Path("config").iterdir())]),
+        (f"share/{NAME}/launch", [str(path) for path in sorted(Path("launch").glob("*.launch.py"))]),
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="PAM suite authors",
+    author_email="pam-suite@example.org",
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
-    description="Launch files that put the nodes of the PAM suite together.",
+    url="https://example.org/pam-suite",
+    description=(
+        "Launch files and example configuration of the PAM suite."
+    ),
     license="Apache-2.0",
-    entry_points={"console_scripts": []},
 )

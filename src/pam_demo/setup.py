@@ -11,14 +11,19 @@ setup(
     package_data={"": ["py.typed", "data/*", "*.j2"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="PAM suite authors",
+    author_email="pam-suite@example.org",
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
-    description="The demo of the suite, and closing the loop with a hidden effect.",
+    url="https://example.org/pam-suite",
+    description=(
+        "The demo of the PAM suite, and the closed loop from diagnosis to better tracking."
+    ),
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

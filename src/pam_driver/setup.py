@@ -11,14 +11,20 @@ setup(
     package_data={"": ["py.typed", "*.dbc"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
+        (f"share/{NAME}/config", ["pam_driver/boards/pam_board/pam_board.dbc"]),
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="PAM suite authors",
+    author_email="pam-suite@example.org",
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
-    description="CAN bus driver for the valve boards of pneumatic muscles.",
+    url="https://example.org/pam-suite",
+    description=(
+        "CAN bus driver for the valve boards of pneumatic artificial muscles."
+    ),
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -11,14 +11,19 @@ setup(
     package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
     ],
     install_requires=["setuptools"],
-    extras_require={"test": ["pytest"]},
+    extras_require={"test": ["pytest"], "compiled": ["numba"]},
     zip_safe=False,
+    author="PAM suite authors",
+    author_email="pam-suite@example.org",
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
-    description="Pneumatic muscle models, gas, joints, the rig file and a node.",
+    url="https://example.org/pam-suite",
+    description=(
+        "Pneumatic artificial muscles: force models, joints, the rig file, effects, simulated plant, identification, and a node."
+    ),
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -8,17 +8,21 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(),
-    package_data={"": ["py.typed", "data/*", "*.j2"]},
+    package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="PAM suite authors",
+    author_email="pam-suite@example.org",
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
-    description="What is ROS and belongs to no node.",
+    url="https://example.org/pam-suite",
+    description=(
+        "What every ROS node of the PAM suite shares: parameters from tables, periodic loop, spinning, diagnostics."
+    ),
     license="Apache-2.0",
-    entry_points={"console_scripts": []},
 )

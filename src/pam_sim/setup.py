@@ -11,14 +11,19 @@ setup(
     package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="PAM suite authors",
+    author_email="pam-suite@example.org",
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
-    description="Simulated rig with valve boards on a CAN bus.",
+    url="https://example.org/pam-suite",
+    description=(
+        "Simulated rig with valve boards on a CAN bus, and faults that can be injected into it."
+    ),
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

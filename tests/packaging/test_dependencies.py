@@ -1,0 +1,116 @@
+"""What each package imports is what its package.xml, requirements.in and docs/install.md name."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Set
+
+import pytest
+
+from support.source_tree import PACKAGES, ROOT, SOURCE, foreign_imports
+
+# rosdep's keys (ros/rosdistro, rosdep/python.yaml) by the name that Python imports; packages of
+# ROS and of this suite are their own keys. Keys that end in -pip are not in Ubuntu.
+ROSDEP_KEYS = {
+    "PIL": "python3-pil",
+    "can": "python3-can",
+    "cantools": "python3-cantools-pip",
+    "control": "python-control-pip",
+    "jinja2": "python3-jinja2",
+    "matplotlib": "python3-matplotlib",
+    "numpy": "python3-numpy",
+    "pandas": "python3-pandas",
+    "rich": "python3-rich",
+    "rosbags": "python3-rosbags-pip",
+    "scipy": "python3-scipy",
+    "tqdm": "python3-tqdm",
+    "yaml": "python3-yaml",
+}
+ROS = {
+    "builtin_interfaces", "diagnostic_msgs", "launch", "launch_ros", "lifecycle_msgs",
+    "rcl_interfaces", "rclpy", "sensor_msgs", "std_msgs", "std_srvs", "trajectory_msgs",
+}  # fmt: skip
+# Ubuntu 24.04 has no numba: every package works, slower, without it
+OPTIONAL = {"numba"}
+# declared although no file imports them
+USED_OTHERWISE = {
+    ("pam_driver", "python3-msgpack"): "python-can's interface udp_multicast needs it",
+    ("pam_bringup", "pam_control"): "a launch file starts its node",
+    ("pam_bringup", "pam_driver"): "a launch file starts its node",
+    ("pam_bringup", "pam_model"): "a launch file starts its node",
+    ("pam_bringup", "pam_sim"): "a launch file starts its node",
+}
+# names on the package index, where they differ from the names that Python imports
+INDEX_NAMES = {"PIL": "pillow", "can": "python-can", "yaml": "pyyaml"}
+
+
+def declared(package: str) -> set[str]:
+    """Keys that a package.xml names as needed to run."""
+    tree = ET.parse(SOURCE / package / "package.xml")
+    return {
+        str(entry.text)
+        for tag in ("depend", "exec_depend")
+        for entry in tree.getroot().findall(tag)
+    }
+
+
+def required(name: str) -> str | None:
+    """The key that an import asks for; None where it has none."""
+    if name in ROS or name in PACKAGES:
+        return name
+    return ROSDEP_KEYS.get(name)
+
+
+def undeclared(imports: Set[str], keys: Set[str]) -> list[str]:
+    """Imports that no key stands for."""
+    return sorted(name for name in imports - OPTIONAL if required(name) not in keys)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_import_is_declared_in_package_xml(package):
+    imports = foreign_imports(package)
+    missing = undeclared(imports.keys(), declared(package))
+    assert not missing, {
+        name: (required(name) or "no rosdep key", imports[name]) for name in missing
+    }
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_package_xml_declares_nothing_that_is_not_used(package):
+    used = {required(name) for name in foreign_imports(package)}
+    used |= {key for owner, key in USED_OTHERWISE if owner == package}
+    assert declared(package) <= used
+
+
+def test_a_forgotten_dependency_is_found():
+    keys = declared("pam_gap")
+    assert "python3-jinja2" in keys
+    assert undeclared({"jinja2", "numpy", "numba"}, keys - {"python3-jinja2"}) == ["jinja2"]
+    assert undeclared({"a_package_without_a_key"}, keys) == ["a_package_without_a_key"]
+
+
+def test_what_starts_another_packages_node_depends_on_that_package():
+    for launch_file in sorted((SOURCE / "pam_bringup/launch").glob("*.launch.py")):
+        started = set(re.findall(r'package="(\w+)"', launch_file.read_text()))
+        assert started <= declared("pam_bringup"), launch_file.name
+
+
+def test_requirements_name_every_import_that_is_not_of_ros():
+    text = (ROOT / "requirements.in").read_text().lower()
+    listed = set(re.findall(r"^([a-z0-9-]+)", text, re.MULTILINE))
+    wanted = {name for package in PACKAGES for name in foreign_imports(package)}
+    wanted -= ROS | set(PACKAGES)
+    assert {INDEX_NAMES.get(name, name) for name in wanted} <= listed
+
+
+def test_the_installation_page_names_what_ubuntu_does_not_have():
+    page = (ROOT / "docs/install.md").read_text()
+    by_pip = {
+        name
+        for package in PACKAGES
+        for name in foreign_imports(package)
+        if (required(name) or "").endswith("-pip")
+    }
+    for name in by_pip | OPTIONAL:
+        assert f"`{INDEX_NAMES.get(name, name)}`" in page, name

@@ -1,0 +1,59 @@
+"""The packages of src/ as text: their modules, what these import, and the words in them."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = ROOT / "src"
+PACKAGES = tuple(sorted(path.parent.name for path in SOURCE.glob("*/package.xml")))
+
+
+def python_files(package: str, *, launch_files: bool = True) -> Iterator[Path]:
+    """Every Python file that a package installs; without setup.py, which only installs."""
+    yield from sorted((SOURCE / package / package).rglob("*.py"))
+    if launch_files:
+        yield from sorted((SOURCE / package / "launch").glob("*.py"))
+
+
+def module_name(path: Path) -> str:
+    """The name a file is imported by, such as `pam_model.rig.file`."""
+    parts = list(path.relative_to(SOURCE).with_suffix("").parts[1:])
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def modules() -> dict[str, Path]:
+    """Every module of ours and its file."""
+    return {
+        module_name(path): path
+        for package in PACKAGES
+        for path in python_files(package, launch_files=False)
+    }
+
+
+def syntax(path: Path) -> ast.Module:
+    """The syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def imported_names(path: Path) -> set[str]:
+    """First parts of what a file imports anywhere in it, such as `numpy`."""
+    found = set()
+    for node in ast.walk(syntax(path)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+def foreign_imports(package: str) -> dict[str, list[str]]:
+    """What a package imports beside itself and Python's own library, and in which files."""
+    found: dict[str, list[str]] = {}
+    for path in python_files(package):
+        for name in imported_names(path) - set(sys.stdlib_module_names) - {package}:
+            found.setdefault(name, []).append(str(path.relative_to(ROOT)))
+    return found
