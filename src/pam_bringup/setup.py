@@ -14,8 +14,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
-        (f"share/{NAME}/config", [str(path) for path in sorted(Path("config").iterdir())]),
-        (f"share/{NAME}/launch", [str(path) for path in sorted(Path("launch").glob("*.launch.py"))]),
+        (f"share/{NAME}/config", [str(p) for p in sorted(Path("config").iterdir())]),
+        (f"share/{NAME}/launch", [str(p) for p in sorted(Path("launch").glob("*.launch.py"))]),
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
@@ -25,8 +25,6 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description=(
-        "Launch files and example configuration of the PAM suite."
-    ),
+    description="Launch files and example configuration of the PAM suite.",
     license="Apache-2.0",
 )

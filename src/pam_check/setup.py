@@ -21,8 +21,6 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description=(
-        "Checks of the whole suite: fault campaigns, fuzzing, endurance, security, diagnosis of withheld effects."
-    ),
+    description="Checks of the suite: faults, fuzzing, endurance, security, withheld effects.",
     license="Apache-2.0",
 )

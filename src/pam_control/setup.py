@@ -21,9 +21,7 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description=(
-        "Position and stiffness control of joints driven by antagonistic pneumatic muscles."
-    ),
+    description="Position and stiffness control of antagonistic pneumatic muscle joints.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

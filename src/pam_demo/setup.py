@@ -21,9 +21,7 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description=(
-        "The demo of the PAM suite, and the closed loop from diagnosis to better tracking."
-    ),
+    description="The demo of the PAM suite, and the closed loop from diagnosis to better tracking.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -22,9 +22,7 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description=(
-        "CAN bus driver for the valve boards of pneumatic artificial muscles."
-    ),
+    description="CAN bus driver for the valve boards of pneumatic artificial muscles.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

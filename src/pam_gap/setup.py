@@ -21,9 +21,7 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description=(
-        "Diagnosis of the gap between a recording of a real rig and its simulation."
-    ),
+    description="Diagnosis of the gap between a recording of a real rig and its simulation.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -21,9 +21,7 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description=(
-        "Pneumatic artificial muscles: force models, joints, the rig file, effects, simulated plant, identification, and a node."
-    ),
+    description="Pneumatic muscles: force models, joints, effects, plant, rig file, node.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -21,8 +21,6 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description=(
-        "What every ROS node of the PAM suite shares: parameters from tables, periodic loop, spinning, diagnostics."
-    ),
+    description="What the suite's ROS nodes share: parameters, periodic loop, diagnostics.",
     license="Apache-2.0",
 )
