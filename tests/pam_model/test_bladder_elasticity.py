@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pam_model.effects.bladder_pull import bladder_pull
+from pam_model.effects.bladder_elasticity import bladder_pull
 
 
 @given(stretch=st.floats(-0.1, 0.1), linear=st.floats(0.0, 1e4), cubic=st.floats(-1e7, 1e7))

@@ -14,12 +14,17 @@ import numpy as np
 from pam_gap.inference.held_out import HeldOut
 from pam_gap.inference.model_confidence_set import circular_blocks, mcs_p_values
 from pam_gap.prediction.fit import Array
+from pam_model.effects import EFFECTS
 
 CONFIDENCE_SIZE = 0.10
 BOOTSTRAPS = 500
 BLOCK_LENGTH = 4  # score blocks that are resampled together
 
-NESTED = {("coulomb_friction", "stribeck_friction")}
+NESTED = {
+    (effect.search.richer.than, effect.name)
+    for effect in EFFECTS.values()
+    if effect.search.richer is not None
+}
 """(simple, rich): the rich effect takes the simple one's form for some of its values."""
 
 

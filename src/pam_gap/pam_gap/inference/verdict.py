@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_gap.prediction.fit import Array
+from pam_model.effects import EFFECTS
 
 NO_GAP = 0.35
 """Level per channel up to which a recording is explained by the re-tuned nominal plant."""
@@ -42,21 +43,7 @@ GAP_OF_CHANNEL = 1.5
 """RMS error over floor from which a channel has a gap that can close."""
 SHARP_FALL = 0.60
 """Share of the level that effects with laws of one form must take away."""
-SHARP = frozenset(
-    {
-        "position_offset",
-        "position_delay",
-        "pressure_gain",
-        "pressure_bias",
-        "payload",
-        "pulley_radius",
-        "viscous_friction",
-        "dead_volume",
-        "command_delay",
-        "valve_null_offset",
-        "exhaust_restriction",
-    }
-)
+SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_sharp)
 """Effects whose law has one form: what they leave unexplained is something else."""
 SHARP_LEFT = 3.5
 """Level that a set of sharp effects may leave."""

@@ -1,21 +1,46 @@
-"""What the ideal rig leaves out: the effects by name, with parameters, laws and sources."""
+"""What the ideal rig leaves out: one file per effect, and the registry that finds them."""
 
-from pam_model.effects.registry import (
-    EFFECTS,
+from pam_model.effects.declaration import (
+    Correction,
+    Delay,
     Effect,
+    EffectError,
     EffectParameter,
     EffectValues,
+    Included,
+    Inverse,
+    Lead,
+    Nothing,
+    Portrait,
+    Range,
+    RigScales,
     Scope,
+    Search,
     Stage,
-    effect_value,
+    TorqueFeedforward,
 )
+from pam_model.effects.registry import EFFECTS, adjusted, effect_value, filled
 
 __all__ = [
     "EFFECTS",
+    "Correction",
+    "Delay",
     "Effect",
+    "EffectError",
     "EffectParameter",
     "EffectValues",
+    "Included",
+    "Inverse",
+    "Lead",
+    "Nothing",
+    "Portrait",
+    "Range",
+    "RigScales",
     "Scope",
+    "Search",
     "Stage",
+    "TorqueFeedforward",
+    "adjusted",
     "effect_value",
+    "filled",
 ]

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from pam_model.effects import effect_value
-from pam_model.effects.bladder_pull import bladder_pull
+from pam_model.effects.bladder_elasticity import bladder_pull
 from pam_model.muscles.braid import trapped_gas_slope
 from pam_model.muscles.force_model import AffineForceModel, ForceModel, ModelParameter
 from pam_model.rig.types import Muscle, Rig

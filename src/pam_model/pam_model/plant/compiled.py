@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.effects import bladder_pull as bladder_elasticity
+from pam_model.effects import bladder_elasticity
 
 try:
     if os.environ.get("PAM_NO_NUMBA", "0") not in ("", "0"):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pam_model.effects.bladder_pull import bladder_pull
+from pam_model.effects.bladder_elasticity import bladder_pull
 from pam_model.plant.compiled import compiled
 from pam_model.plant.layout import (
     M_B,

@@ -1,7 +1,8 @@
-"""Flow of air through restrictions, and the pressure of a chamber of changing volume.
+"""Flow of air through restrictions, by ISO 6358 and through an isentropic nozzle.
 
-Pressures here are absolute. Arguments are floats or arrays that broadcast against each other;
-floats take a fast path without numpy.
+Pressures here are absolute. `flow_share` and `reference_flow` are functions of floats: the plant
+compiles them, everyone else calls them as they are. `flow_function` and `mass_flow` apply them to
+arrays, element by element.
 
 Source: ISO 6358-1 (flow rate by sonic conductance and critical ratio, with the linear part near
 equal pressures that keeps the slope finite); isentropic nozzle and polytropic chamber from the
@@ -16,47 +17,77 @@ from typing import Any
 import numpy as np
 
 from pam_model.errors import DomainError
+from pam_model.gas.constants import (
+    GAS_CONSTANT,
+    HEAT_CAPACITY_RATIO,
+    LINEAR_RATIO,
+    REFERENCE_DENSITY,
+    REFERENCE_TEMPERATURE,
+)
 
-GAS_CONSTANT = 287.05
-"""Of air, R [J/(kg K)]."""
-HEAT_CAPACITY_RATIO = 1.4
-"""Of air [-]."""
-REFERENCE_DENSITY = 1.185
-"""ANR, 293.15 K and 100 kPa [kg/m^3]."""
-REFERENCE_TEMPERATURE = 293.15
-"""ANR [K]."""
-LINEAR_RATIO = 0.999
-"""Above this pressure ratio the flow is a straight line to zero [-]."""
 _SMALLEST_FLOW = 1e-30
 
 
-def _are_floats(*values: Any) -> bool:
-    return all(isinstance(value, float | int) for value in values)
-
-
-def flow_function(ratio: Any, critical_ratio: Any) -> Any:
+def flow_share(ratio: float, critical_ratio: float) -> float:
     """The part psi of the choked flow that passes at a pressure ratio.
 
     Parameters
     ----------
-    ratio : float or array
+    ratio : float
         Downstream over upstream absolute pressure, 0 to 1 [-].
-    critical_ratio : float or array
+    critical_ratio : float
         ISO 6358 b, 0 to below 1 [-].
     """
-    if _are_floats(ratio, critical_ratio):
-        if ratio <= critical_ratio:
-            return 1.0
-        linear = LINEAR_RATIO if critical_ratio < LINEAR_RATIO else critical_ratio
-        at = ratio if ratio < linear else linear
-        part = (at - critical_ratio) / (1.0 - critical_ratio)
-        psi = math.sqrt(1.0 - part * part)
-        return psi if ratio <= linear else psi * (1.0 - ratio) / (1.0 - linear)
-    ratios, critical = np.asarray(ratio, float), np.asarray(critical_ratio, float)
-    bend = np.maximum(LINEAR_RATIO, critical)
-    parts = (np.clip(ratios, critical, bend) - critical) / (1.0 - critical)
-    shape = np.sqrt(1.0 - parts * parts)
-    return np.where(ratios <= bend, shape, shape * (1.0 - ratios) / (1.0 - bend))
+    if ratio <= critical_ratio:
+        return 1.0
+    bend = max(LINEAR_RATIO, critical_ratio)
+    part = (min(ratio, bend) - critical_ratio) / (1.0 - critical_ratio)
+    psi = math.sqrt(1.0 - part * part)
+    if ratio > bend:
+        psi = psi * (1.0 - ratio) / (1.0 - bend)
+    return psi
+
+
+_flow_shares = np.vectorize(flow_share, otypes=[float])
+
+
+def flow_function(ratio: Any, critical_ratio: Any) -> Any:
+    """`flow_share` element by element, for floats or arrays."""
+    if isinstance(ratio, float) and isinstance(critical_ratio, float):
+        return flow_share(ratio, critical_ratio)
+    return _flow_shares(ratio, critical_ratio)
+
+
+def reference_flow(conductance: float, critical_ratio: float, first: float, second: float) -> float:
+    """Flow from `first` to `second` over the reference density, negative when it runs back.
+
+    Parameters
+    ----------
+    conductance : float
+        C [m^3/(s Pa)].
+    critical_ratio : float
+        b [-].
+    first, second : float
+        Absolute, at least one above 0 [Pa].
+
+    Returns
+    -------
+    float
+        C P_up psi(P_dn/P_up) [m^3/s ANR], for gas at the reference temperature.
+    """
+    if first >= second:
+        return conductance * first * flow_share(second / first, critical_ratio)
+    return -(conductance * second * flow_share(first / second, critical_ratio))
+
+
+def reference_density(temperature: float) -> float:
+    """Mass per ANR volume of gas that flows at a temperature [K]: rho0 sqrt(T0/T) [kg/m^3]."""
+    return REFERENCE_DENSITY * math.sqrt(REFERENCE_TEMPERATURE / temperature)
+
+
+def choking_slope(critical_ratio: float) -> float:
+    """-d psi/dr of the straight line near equal pressures [-]."""
+    return flow_share(LINEAR_RATIO, critical_ratio) / (1.0 - LINEAR_RATIO)
 
 
 def mass_flow(
@@ -81,21 +112,26 @@ def mass_flow(
     temperature : float or array, optional
         Of the gas at the higher pressure [K].
     """
-    if _are_floats(conductance, critical_ratio, upstream, downstream, temperature):
-        density = REFERENCE_DENSITY * math.sqrt(REFERENCE_TEMPERATURE / temperature)
-        if upstream >= downstream:
-            if upstream <= 0.0:
-                return 0.0
-            psi = flow_function(downstream / upstream, critical_ratio)
-            return conductance * density * upstream * psi
-        psi = flow_function(upstream / downstream, critical_ratio)
-        return -conductance * density * downstream * psi
-    upstream, downstream = np.asarray(upstream, float), np.asarray(downstream, float)
-    high, low = np.maximum(upstream, downstream), np.minimum(upstream, downstream)
-    ratio = np.divide(low, high, out=np.ones(np.broadcast(low, high).shape), where=high > 0.0)
-    densities = REFERENCE_DENSITY * np.sqrt(REFERENCE_TEMPERATURE / np.asarray(temperature, float))
-    sign = np.where(upstream >= downstream, 1.0, -1.0)
-    return sign * conductance * densities * high * flow_function(ratio, critical_ratio)
+    values = (conductance, critical_ratio, upstream, downstream, temperature)
+    if all(isinstance(value, float | int) for value in values):
+        return _mass_flow(*values)
+    return _mass_flows(*values)
+
+
+def _mass_flow(
+    conductance: float,
+    critical_ratio: float,
+    upstream: float,
+    downstream: float,
+    temperature: float,
+) -> float:
+    if upstream <= 0.0 and downstream <= 0.0:
+        return 0.0
+    density = reference_density(temperature)
+    return density * reference_flow(conductance, critical_ratio, upstream, downstream)
+
+
+_mass_flows = np.vectorize(_mass_flow, otypes=[float])
 
 
 def valve_flow(
@@ -217,45 +253,3 @@ def critical_pressure_ratio(heat_capacity_ratio: float = HEAT_CAPACITY_RATIO) ->
     """Below this ratio an ideal nozzle is choked: (2/(g+1))^(g/(g-1)) [-]."""
     g = heat_capacity_ratio
     return float((2.0 / (g + 1.0)) ** (g / (g - 1.0)))
-
-
-def pressure_rate(
-    flow: Any,
-    pressure: Any,
-    volume: Any,
-    volume_rate: Any = 0.0,
-    *,
-    temperature: Any = REFERENCE_TEMPERATURE,
-    exponent: Any = 1.0,
-) -> Any:
-    """dP/dt = k (R T mdot - P dV/dt)/V [Pa/s] of a polytropic chamber.
-
-    Parameters
-    ----------
-    flow : float or array
-        Into the chamber [kg/s].
-    pressure : float or array
-        [Pa absolute].
-    volume : float or array
-        Dead volume included [m^3].
-    volume_rate : float or array, optional
-        dV/dt = V'(L) dL/dt [m^3/s].
-    temperature : float or array, optional
-        [K].
-    exponent : float or array, optional
-        k, 1.0 isothermal to 1.4 adiabatic [-].
-    """
-    return exponent * (GAS_CONSTANT * temperature * flow - pressure * volume_rate) / volume
-
-
-def flow_for_pressure_rate(
-    rate: Any,
-    pressure: Any,
-    volume: Any,
-    volume_rate: Any = 0.0,
-    *,
-    temperature: Any = REFERENCE_TEMPERATURE,
-    exponent: Any = 1.0,
-) -> Any:
-    """Mass flow [kg/s] that gives dP/dt = `rate` [Pa/s]; the inverse of `pressure_rate`."""
-    return (rate * volume / exponent + pressure * volume_rate) / (GAS_CONSTANT * temperature)

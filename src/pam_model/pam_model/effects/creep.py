@@ -1,0 +1,114 @@
+"""Creep of a viscoelastic bladder: a Maxwell element beside its own spring.
+
+Pull = c K_3 (L - L_c), dL_c/dt = (L - L_c)/tau_c, K_3 the nominal braid's dF/dL at 3 bar and its
+rest length, which makes the ratio c a stiffness. The state is the stretch L - L_c that has not
+relaxed yet.
+
+Source: standard linear solid, e.g. J. D. Ferry, Viscoelastic Properties of Polymers, Wiley 1980.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from pam_model.effects.declaration import (
+    Effect,
+    EffectParameter,
+    Nothing,
+    Portrait,
+    Range,
+    Search,
+    TorqueFeedforward,
+)
+from pam_model.effects.slots import PullState
+
+REFERENCE_PRESSURE: Final = 3e5  # Pa gauge, at which the ratio is told
+
+
+def creep_stiffness(braid_slope: float, ratio: float) -> float:
+    """C K_3 [N/m]; `braid_slope` is 6 rest_length/(4 pi n^2) [m]."""
+    return ratio * REFERENCE_PRESSURE * braid_slope
+
+
+def maxwell_rate(
+    stretch: float, speed: float, step: float, ratio: float, time_constant: float
+) -> float:
+    """Rate of the stretch that has not relaxed [m/s] at dL/dt = `speed` [m/s]."""
+    return speed - stretch / time_constant
+
+
+def maxwell_step(stretch: float, stroke: float, step: float, time_constant: float) -> float:
+    """The stretch [m] after lengthening by `stroke` [m] evenly within `step` [s]; exact."""
+    if step <= 0.0:
+        return stretch + stroke
+    decay = math.exp(-step / time_constant)
+    return stretch * decay + stroke * time_constant / step * (1.0 - decay)
+
+
+def creep_pull(
+    stretch: float,
+    pressure: float,
+    braid_area: float,
+    braid_slope: float,
+    ratio: float,
+    time_constant: float,
+) -> tuple[float, float]:
+    """Pull [N] that the stretch adds, and its dF/dp [m^2]: none."""
+    return creep_stiffness(braid_slope, ratio) * stretch, 0.0
+
+
+def creep_response(
+    stretch: float,
+    direction: float,
+    pressure: float,
+    braid_area: float,
+    braid_slope: float,
+    ratio: float,
+    time_constant: float,
+) -> tuple[float, float]:
+    """dF/dL [N/m], and dF/dt [N/s] of the relaxation at constant length."""
+    stiffness = creep_stiffness(braid_slope, ratio)
+    return stiffness, -stiffness * stretch / time_constant
+
+
+def unsettled(length: float, rest_length: float) -> float:
+    """All of the stretch from the rest length is still to relax [m]."""
+    return length - rest_length
+
+
+EFFECT = Effect(
+    name="creep",
+    order=120,
+    stage="muscle",
+    scope="muscle",
+    description="viscoelastic bladder: it resists a change of length and gives way in seconds to "
+    "minutes",
+    law="F = F_static + c K_3 (L - L_c), dL_c/dt = (L - L_c)/tau_c, K_3 = dF/dL of the braid at "
+    "3 bar and its rest length",
+    source="Maxwell element beside the bladder's own spring (standard linear solid)",
+    parameters={
+        "ratio": EffectParameter("c", "-", 0.0, 0.0, 0.5, "stiffness that relaxes away, over K_3"),
+        "time_constant": EffectParameter("tau_c", "s", 10.0, 0.1, 1e3, "of the relaxation", True),
+    },
+    slots=(PullState("creep", creep_pull, maxwell_rate, creep_response, unsettled),),
+    control=TorqueFeedforward("Maxwell element along the reference lengths; starts relaxed"),
+    plausibility=Nothing(
+        "it is a few per cent of the pull, which `plausibility.torque_share` leaves room for"
+    ),
+    search=Search(
+        ranges=lambda rig: {
+            "ratio": Range(0.0, 0.45, 0.05, (0.08,)),
+            "time_constant": Range(0.15, 300.0, 0.7, (1.5, 10.0), True),
+        },
+        shown_by=("position", "pulls"),
+    ),
+    portrait=Portrait(
+        sizes={"ratio": 0.08, "time_constant": 5.0},
+        signature="After each step the joint drifts on for seconds to minutes at constant "
+        "pressure.",
+        easily_taken_for="leakage without a pressure sensor; bladder_elasticity in short "
+        "recordings.",
+        told_apart_by="Long holds.",
+    ),
+)

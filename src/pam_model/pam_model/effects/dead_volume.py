@@ -1,0 +1,44 @@
+"""More gas volume beside the braid's own than written."""
+
+from __future__ import annotations
+
+from pam_model.effects.declaration import Effect, EffectParameter, Included, Portrait, Range, Search
+from pam_model.effects.slots import Adjusts
+
+
+def larger_dead_volume(dead_volume: float, extra_volume: float) -> float:
+    """Gas volume beside the braid's own [m^3]."""
+    return dead_volume + extra_volume
+
+
+EFFECT = Effect(
+    name="dead_volume",
+    order=90,
+    stage="valve",
+    scope="muscle",
+    description="more gas volume than written",
+    law="V = V_braid + dead_volume + V_x",
+    source="geometry",
+    parameters={
+        "extra_volume": EffectParameter("V_x", "m^3", 0.0, -1e-4, 1e-2, "added to dead_volume")
+    },
+    slots=(Adjusts("dead_volume", larger_dead_volume),),
+    control=Included("gas volume in flow and gain design"),
+    plausibility=Included("the pressure observer has the true gas volume"),
+    search=Search(
+        ranges=lambda rig: {
+            "extra_volume": Range(
+                -0.2 * rig.volume, 5 * rig.volume, 0.2 * rig.volume, (0.2 * rig.volume,)
+            )
+        },
+        shown_by=("commands",),
+        shows_when_shut=True,
+        is_sharp=True,
+    ),
+    portrait=Portrait(
+        sizes={"extra_volume": 4e-5},
+        signature="The same air gives less pressure change; with shut valves the joint is softer.",
+        easily_taken_for="a smaller sonic_conductance, thermal.",
+        told_apart_by="Move the joint with shut valves.",
+    ),
+)

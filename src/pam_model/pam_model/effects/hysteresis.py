@@ -1,0 +1,117 @@
+"""Friction of the braid's threads: rate-independent, growing with pressure.
+
+Pull = h p b^2/(4 pi n^2) z with dz = (1 - sign(dL) z) dL/s_p. Since it does not depend on time, the
+controller runs it along the reference ahead of time.
+
+Source: P. R. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14(12), 1976.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pam_model.effects.declaration import (
+    Effect,
+    EffectParameter,
+    Nothing,
+    Portrait,
+    Range,
+    Search,
+    TorqueFeedforward,
+)
+from pam_model.effects.slots import PullState
+
+
+def friction_area(braid_area: float, amplitude: float) -> float:
+    """Saturated friction per gauge pressure [m^2]; `braid_area` is b^2/(4 pi n^2) [m^2]."""
+    return amplitude * braid_area
+
+
+def dahl_rate(
+    state: float, speed: float, step: float, amplitude: float, presliding_length: float
+) -> float:
+    """dz/dt [1/s] at dL/dt = `speed` [m/s], no faster than a step [s] can follow."""
+    turn = speed / presliding_length
+    turn = min(max(turn, -1.0 / step), 1.0 / step)
+    return turn - abs(turn) * state
+
+
+def dahl_step(state: float, stroke: float, presliding_length: float) -> float:
+    """State z after a monotonic stroke [m] of any size; exact."""
+    if stroke == 0.0:
+        return state
+    end = math.copysign(1.0, stroke)
+    return end + (state - end) * math.exp(-abs(stroke) / presliding_length)
+
+
+def friction_pull(
+    state: float,
+    pressure: float,
+    braid_area: float,
+    braid_slope: float,
+    amplitude: float,
+    presliding_length: float,
+) -> tuple[float, float]:
+    """Pull [N] that the state adds at a gauge pressure [Pa], and its dF/dp [m^2]."""
+    area = friction_area(braid_area, amplitude) * state
+    return max(pressure, 0.0) * area, area
+
+
+def friction_response(
+    state: float,
+    direction: float,
+    pressure: float,
+    braid_area: float,
+    braid_slope: float,
+    amplitude: float,
+    presliding_length: float,
+) -> tuple[float, float]:
+    """dF/dL [N/m] while the muscle moves in `direction`; nothing changes at constant length."""
+    largest = friction_area(braid_area, amplitude) * max(pressure, 0.0)
+    return largest * (1.0 - direction * state) / presliding_length, 0.0
+
+
+def unsettled(length: float, rest_length: float) -> float:
+    """Nothing tells in which state a muscle was left: the middle."""
+    return 0.0
+
+
+EFFECT = Effect(
+    name="hysteresis",
+    order=110,
+    stage="muscle",
+    scope="muscle",
+    description="rate-independent thread friction that grows with pressure",
+    law="F = F_static + h p b^2/(4 pi n^2) z, |z| <= 1, z rising by dL/s_p until it slips",
+    source="Coulomb friction with presliding (Dahl's first-order form)",
+    parameters={
+        "amplitude": EffectParameter(
+            "h", "-", 0.0, 0.0, 0.5, "saturated friction over p b^2/(4 pi n^2)"
+        ),
+        "presliding_length": EffectParameter(
+            "s_p", "m", 5e-4, 1e-6, 2e-2, "stroke to build it up", True
+        ),
+    },
+    slots=(PullState("hysteresis", friction_pull, dahl_rate, friction_response, unsettled),),
+    control=TorqueFeedforward(
+        "Dahl's law along the reference lengths; its torque is taken off. Starts at zero"
+    ),
+    plausibility=Nothing(
+        "its state cannot be told from the pressures; it is a few per cent of the pull, which "
+        "`plausibility.torque_share` leaves room for"
+    ),
+    search=Search(
+        ranges=lambda rig: {
+            "amplitude": Range(0.0, 0.45, 0.03, (0.03,)),
+            "presliding_length": Range(2e-5, 1.5e-2, 0.7, (5e-4, 3e-3), True),
+        },
+        shown_by=("position", "pulls"),
+    ),
+    portrait=Portrait(
+        sizes={"amplitude": 0.05, "presliding_length": 1e-3},
+        signature="Force on the way out differs from force on the way back, whatever the speed, "
+        "and more at high pressure.",
+        easily_taken_for="coulomb_friction, which does not grow with pressure.",
+        told_apart_by="Slow cycles at two co-contraction levels; a load cell.",
+    ),
+)

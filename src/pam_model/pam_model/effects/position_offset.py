@@ -1,0 +1,47 @@
+"""The zero of a joint's encoder is not where it is written."""
+
+from __future__ import annotations
+
+from pam_model.effects.declaration import (
+    Correction,
+    Effect,
+    EffectParameter,
+    Portrait,
+    Range,
+    Search,
+)
+from pam_model.effects.slots import Adjusts
+
+
+def shifted_zero(offset_before: float, offset: float) -> float:
+    """What the encoder adds to the position [rad]."""
+    return offset_before + offset
+
+
+EFFECT = Effect(
+    name="position_offset",
+    order=220,
+    stage="sensing",
+    scope="joint",
+    description="encoder zero",
+    law="q_measured = q + q_0",
+    source="sensor",
+    parameters={"offset": EffectParameter("q_0", "rad", 0.0, -1.0, 1.0, "added to the reading")},
+    slots=(Adjusts("position_sensor.offset", shifted_zero),),
+    control=Correction(
+        "measurements are corrected; `joint_states` still shows the sensor's own zero"
+    ),
+    plausibility=Correction("positions are corrected before they are judged"),
+    search=Search(
+        ranges=lambda rig: {"offset": Range(-0.9, 0.9, 0.03, (0.03, -0.03))},
+        shown_by=("position",),
+        is_sharp=True,
+    ),
+    portrait=Portrait(
+        sizes={"offset": 0.05},
+        signature="Everything is in place but the angle's zero; gravity and muscle lengths "
+        "disagree.",
+        easily_taken_for="unequal neutral lengths, payload at an angle.",
+        told_apart_by="Hang the joint vented.",
+    ),
+)

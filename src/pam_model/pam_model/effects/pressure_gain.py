@@ -1,0 +1,47 @@
+"""The gain of one pressure sensor is not 1."""
+
+from __future__ import annotations
+
+from pam_model.effects.declaration import (
+    Correction,
+    Effect,
+    EffectParameter,
+    Portrait,
+    Range,
+    Search,
+)
+from pam_model.effects.slots import Adjusts
+
+
+def sensor_gain(gain_before: float, gain: float) -> float:
+    """Reading over pressure [-]."""
+    return gain_before * gain
+
+
+EFFECT = Effect(
+    name="pressure_gain",
+    order=240,
+    stage="sensing",
+    scope="muscle",
+    description="one pressure sensor's gain",
+    law="p_measured = g p",
+    source="sensor",
+    parameters={"gain": EffectParameter("g", "-", 1.0, 0.5, 2.0, "reading over pressure")},
+    slots=(Adjusts("pressure_sensor.gain", sensor_gain),),
+    control=Correction(
+        "measurements are corrected; `pressure_states` still shows the sensor's own reading"
+    ),
+    plausibility=Correction("pressures are corrected before they are judged"),
+    search=Search(
+        ranges=lambda rig: {"gain": Range(0.6, 1.6, 0.05, (1.04, 0.96))},
+        shown_by=(),
+        is_one_sided=True,
+        is_sharp=True,
+    ),
+    portrait=Portrait(
+        sizes={"gain": 1.08},
+        signature="One sensor is wrong in proportion: torque and flow disagree on that side.",
+        easily_taken_for="pressure_bias, when the pressure hardly changes; a valve asymmetry.",
+        told_apart_by="Holds at several pressures; vent to zero.",
+    ),
+)

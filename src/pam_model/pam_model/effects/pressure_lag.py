@@ -1,0 +1,47 @@
+"""The pressure sensors filter."""
+
+from __future__ import annotations
+
+from pam_model.effects.declaration import (
+    Effect,
+    EffectParameter,
+    Included,
+    Nothing,
+    Portrait,
+    Range,
+    Search,
+)
+from pam_model.effects.slots import Adjusts
+
+
+def longer_lag(lag_before: float, time_constant: float) -> float:
+    """Time constant of the sensor's first-order lag [s]."""
+    return lag_before + time_constant
+
+
+EFFECT = Effect(
+    name="pressure_lag",
+    order=260,
+    stage="sensing",
+    scope="muscle",
+    description="the pressure sensor filters",
+    law="dp_measured/dt = (p - p_measured)/tau_p",
+    source="sensor",
+    parameters={"time_constant": EffectParameter("tau_p", "s", 0.0, 0.0, 0.5, "first order")},
+    slots=(Adjusts("pressure_sensor.lag", longer_lag),),
+    control=Included("gain design alone, as a delay"),
+    plausibility=Nothing(
+        "the observer is pulled to the measurement; `plausibility.pressure_residual` has to cover "
+        "the lag in fast changes"
+    ),
+    search=Search(
+        ranges=lambda rig: {"time_constant": Range(0.0, 0.3, 0.01, (0.01, 0.03))},
+        shown_by=("commands",),
+    ),
+    portrait=Portrait(
+        sizes={"time_constant": 0.03},
+        signature="Pressure is shown late and rounded; the joint moves before the sensor says why.",
+        easily_taken_for="valve_lag, where the joint waits too.",
+        told_apart_by="A chirp: angle against pressure.",
+    ),
+)

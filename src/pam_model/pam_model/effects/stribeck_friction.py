@@ -1,0 +1,86 @@
+"""Dry friction at the joint that falls with speed.
+
+Friction that rises with speed is no Stribeck curve: at rest it is never below that at speed.
+
+Source: Stribeck curve as in H. Olsson, K. J. Astrom, C. Canudas de Wit, M. Gafvert, P. Lischinsky,
+"Friction models and friction compensation", European Journal of Control 4(3), 1998; presliding:
+P. R. Dahl, A solid friction model, Aerospace Corporation 1968.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from pam_model.effects.declaration import (
+    Effect,
+    EffectParameter,
+    Included,
+    Portrait,
+    Range,
+    Richer,
+    Search,
+    TorqueFeedforward,
+)
+from pam_model.effects.slots import DryFriction
+
+RISING_SPEEDS: Final = (0.05, 0.3)
+"""Speeds [rad/s] over which the curve may fall: where searches begin."""
+
+
+def stribeck_curve(
+    velocity: float, static_torque: float, torque: float, speed: float, presliding_angle: float
+) -> float:
+    """Magnitude of the friction [N m] at a joint velocity [rad/s]."""
+    share = velocity / speed
+    return torque + max(static_torque - torque, 0.0) * math.exp(-share * share)
+
+
+def starts_from_coulomb(known: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:
+    """The same torque and presliding, a little more at rest, over a low or a high speed."""
+    return tuple(
+        {"static_torque": 1.4 * known["torque"], "torque": 0.9 * known["torque"], "speed": speed}
+        for speed in RISING_SPEEDS
+    )
+
+
+EFFECT = Effect(
+    name="stribeck_friction",
+    order=180,
+    stage="joint",
+    scope="joint",
+    description="dry friction that falls with speed",
+    law="torque = -(T_c + (T_s - T_c) exp(-(qd/w_s)^2)) z, z as in coulomb_friction",
+    source="Stribeck curve; presliding: Dahl, A solid friction model (1968)",
+    parameters={
+        "static_torque": EffectParameter("T_s", "N m", 0.0, 0.0, 100.0, "at rest; T_c where below"),
+        "torque": EffectParameter("T_c", "N m", 0.0, 0.0, 100.0, "at speed"),
+        "speed": EffectParameter("w_s", "rad/s", 0.1, 1e-3, 10.0, "over which it falls", True),
+        "presliding_angle": EffectParameter(
+            "q_p", "rad", 0.0, 0.0, 0.1, "elastic turn before it slides", True
+        ),
+    },
+    slots=(DryFriction(stribeck_curve, presliding="presliding_angle"),),
+    control=TorqueFeedforward(
+        "added by the reference's velocity, rounded below 0.03 rad/s; from rest the integrator "
+        "breaks it loose"
+    ),
+    plausibility=Included("the torque balance leaves room for the friction's magnitude"),
+    search=Search(
+        ranges=lambda rig: {
+            "static_torque": Range(0.0, 5.0 * rig.torque, 0.05 * rig.torque, (0.06 * rig.torque,)),
+            "torque": Range(0.0, 5.0 * rig.torque, 0.05 * rig.torque, (0.04 * rig.torque,)),
+            "speed": Range(5e-3, 3.0, 0.7, RISING_SPEEDS, True),
+            "presliding_angle": Range(1e-4, 3e-2, 0.7, (1e-3,), True),
+        },
+        shown_by=("position",),
+        richer=Richer(than="coulomb_friction", starts=starts_from_coulomb),
+    ),
+    portrait=Portrait(
+        sizes={"static_torque": 1.0, "torque": 0.4, "speed": 0.1},
+        signature="As dry friction, but it lets go with a jump: stick and slip at low speed.",
+        easily_taken_for="coulomb_friction, when the motion never is slow.",
+        told_apart_by="Very slow ramps.",
+    ),
+)

@@ -1,0 +1,61 @@
+"""A tube lies between the valve, where the sensor is, and the muscle."""
+
+from __future__ import annotations
+
+from pam_model.effects.declaration import Effect, EffectParameter, Nothing, Portrait, Range, Search
+from pam_model.effects.slots import Adjusts
+
+
+def tube_conductance(ideal: float, conductance: float, volume: float) -> float:
+    """Conductance of the tube [m^3/(s Pa)]; 0: there is none."""
+    return conductance
+
+
+def tube_volume(ideal: float, conductance: float, volume: float) -> float:
+    """Volume of the tube, on the valve's side of its restriction [m^3]."""
+    return volume
+
+
+EFFECT = Effect(
+    name="tube_restriction",
+    order=60,
+    stage="valve",
+    scope="muscle",
+    description="a tube lies between the valve, where the sensor is, and the muscle",
+    law="two chambers: valve -> V_t, then ISO 6358 with C_t -> muscle",
+    source="ISO 6358-1, flow-rate characteristics of pneumatic components",
+    parameters={
+        "conductance": EffectParameter(
+            "C_t", "m^3/(s Pa)", 0.0, 0.0, 1e-6, "of the tube; 0: no tube"
+        ),
+        "volume": EffectParameter("V_t", "m^3", 1e-5, 1e-8, 1e-2, "gas in the tube", True),
+    },
+    slots=(
+        Adjusts("tube.conductance", tube_conductance),
+        Adjusts("tube.volume", tube_volume),
+    ),
+    control=Nothing("the sensor is on the valve's side, the muscle's pressure is unknown to it"),
+    plausibility=Nothing(
+        "the muscle's own pressure is not measured; `plausibility.pressure_residual` has to cover "
+        "the jump at the valve"
+    ),
+    search=Search(
+        ranges=lambda rig: {
+            "conductance": Range(
+                0.03 * rig.flow, 3.0 * rig.flow, 0.7, (0.5 * rig.flow, 1.5 * rig.flow), True
+            ),
+            "volume": Range(
+                0.02 * rig.volume, rig.volume, 0.7, (0.05 * rig.volume, 0.15 * rig.volume), True
+            ),
+        },
+        shown_by=("commands",),
+    ),
+    portrait=Portrait(
+        sizes={"conductance": 2e-9, "volume": 1.5e-5},
+        signature="The sensor at the valve leads the muscle: pressure jumps, then creeps on while "
+        "the flow dies away; the force follows late.",
+        easily_taken_for="valve_lag and pressure_lag, which leave the force in step with the "
+        "pressure.",
+        told_apart_by="A load cell, or steps with the joint locked.",
+    ),
+)

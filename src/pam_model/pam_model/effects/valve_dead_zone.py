@@ -1,0 +1,75 @@
+"""Overlap of a flow valve's spool: no flow while the spool is inside it.
+
+Inverse: G. Tao, P. V. Kokotovic, Adaptive Control of Systems with Actuator and Sensor
+Nonlinearities, Wiley 1996. Within ROUNDED of the closed position the inverse's jump across the
+overlap is a straight line: a valve that crosses its overlap with every noise of a pressure sensor
+wears and hisses.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from pam_model.effects.declaration import (
+    Effect,
+    EffectParameter,
+    Included,
+    Inverse,
+    Portrait,
+    Range,
+    Search,
+)
+from pam_model.effects.slots import Opening
+
+ROUNDED: Final = 0.01  # of full opening
+
+
+def opening_behind_overlap(opening: float, overlap: float) -> float:
+    """Opening [-] of a valve with overlap, at a spool position [-] counted from its middle."""
+    if opening > overlap:
+        return (opening - overlap) / (1.0 - overlap)
+    if opening < -overlap:
+        return (opening + overlap) / (1.0 - overlap)
+    return 0.0
+
+
+def spool_for_opening(opening: float, overlap: float) -> float:
+    """The spool position [-] with this opening [-], the jump at 0 rounded."""
+    if not overlap > 0.0:
+        return opening
+    size = abs(opening)
+    jump = overlap * min(size / ROUNDED, 1.0)
+    return math.copysign(jump + (1.0 - overlap) * size, opening)
+
+
+EFFECT = Effect(
+    name="valve_dead_zone",
+    order=10,
+    stage="valve",
+    scope="muscle",
+    description="spool overlap: no flow while the spool is inside it, full opening still at 1",
+    law="x_open = sign(x) max(0, (|x| - x_o)/(1 - x_o))",
+    source="spool valve with overlap",
+    parameters={
+        "overlap": EffectParameter("x_o", "-", 0.0, 0.0, 0.5, "spool travel without flow, each way")
+    },
+    slots=(Opening(opening_behind_overlap, place=2),),
+    control=Inverse(
+        "inverse of the overlap behind the flow; the jump is rounded within 1 % of opening, which "
+        "leaves that much of the dead zone",
+        spool_for_opening,
+    ),
+    plausibility=Included("the pressure observer's valve has the same overlap"),
+    search=Search(
+        ranges=lambda rig: {"overlap": Range(0.0, 0.4, 0.05, (0.05, 0.02, 0.12))},
+        shown_by=("commands",),
+    ),
+    portrait=Portrait(
+        sizes={"overlap": 0.05},
+        signature="Small commands move no air: the pressure loop hunts around every hold, and the "
+        "command jumps across zero whenever the pressure has to turn round.",
+        easily_taken_for="leakage and null offset in holds; command_delay in fast motion.",
+        told_apart_by="Microsteps around the valve's null.",
+    ),
+)

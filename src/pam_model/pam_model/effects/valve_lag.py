@@ -1,0 +1,48 @@
+"""The spool of a valve follows its command more slowly than written."""
+
+from __future__ import annotations
+
+from pam_model.effects.declaration import (
+    Effect,
+    EffectParameter,
+    Included,
+    Lead,
+    Portrait,
+    Range,
+    Search,
+)
+from pam_model.effects.slots import Adjusts
+
+
+def slower_spool(time_constant: float, extra_time_constant: float) -> float:
+    """Time constant of the spool [s]."""
+    return time_constant + extra_time_constant
+
+
+EFFECT = Effect(
+    name="valve_lag",
+    order=30,
+    stage="valve",
+    scope="muscle",
+    description="the spool is slower than written",
+    law="dx/dt = (u - x)/(time_constant + tau_x)",
+    source="first-order spool",
+    parameters={
+        "extra_time_constant": EffectParameter(
+            "tau_x", "s", 0.0, 0.0, 0.2, "added to valve.time_constant"
+        )
+    },
+    slots=(Adjusts("valve.time_constant", slower_spool),),
+    control=Lead("lead with the true time constant, look-ahead, gain design"),
+    plausibility=Included("the pressure observer's spool has the true time constant"),
+    search=Search(
+        ranges=lambda rig: {"extra_time_constant": Range(0.0, 0.15, 0.01, (0.01, 0.03))},
+        shown_by=("commands",),
+    ),
+    portrait=Portrait(
+        sizes={"extra_time_constant": 0.02},
+        signature="Pressure follows commands late and rounded, the more the faster they change.",
+        easily_taken_for="command_delay (late but not rounded), tube_restriction, pressure_lag.",
+        told_apart_by="A chirp in the command.",
+    ),
+)

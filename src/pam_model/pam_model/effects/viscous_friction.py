@@ -1,0 +1,46 @@
+"""More damping at the joint than written."""
+
+from __future__ import annotations
+
+from pam_model.effects.declaration import Effect, EffectParameter, Included, Portrait, Range, Search
+from pam_model.effects.slots import Adjusts
+
+
+def larger_damping(viscous_friction: float, extra: float) -> float:
+    """Damping of the joint [N m s/rad]."""
+    return viscous_friction + extra
+
+
+EFFECT = Effect(
+    name="viscous_friction",
+    order=190,
+    stage="joint",
+    scope="joint",
+    description="more damping than written",
+    law="torque = -(viscous_friction + d_x) qd",
+    source="linear damping",
+    parameters={
+        "extra": EffectParameter("d_x", "N m s/rad", 0.0, -1.0, 100.0, "added to viscous_friction")
+    },
+    slots=(Adjusts("joint.viscous_friction", larger_damping),),
+    control=Included("in the inverse dynamics and the gain design"),
+    plausibility=Included("the torque balance has the true damping"),
+    search=Search(
+        ranges=lambda rig: {
+            "extra": Range(
+                -rig.viscous_friction,
+                10.0,
+                0.5 * rig.viscous_friction + 0.05,
+                (rig.viscous_friction * 0.5 + 0.05,),
+            )
+        },
+        shown_by=("position",),
+        is_sharp=True,
+    ),
+    portrait=Portrait(
+        sizes={"extra": 0.4},
+        signature="Swings die out faster; the joint lags in proportion to its speed.",
+        easily_taken_for="position_delay, cable_compliance.",
+        told_apart_by="A vented swing.",
+    ),
+)
