@@ -9,13 +9,13 @@ setup:
 	@tools/setup.sh
 
 demo: setup
-	@$(PYTHON) -m pam_demo
+	@$(PYTHON) -m pam_demo --check
 
 test: setup
 	@tools/test.sh
 
 faults: setup
-	@$(PYTHON) -m pam_check.faults.campaign
+	@$(PYTHON) -m pam_check faults --check
 
 bench: setup
 	@for file in benchmarks/*_bench.py; do $(PYTHON) $$file || exit 1; done

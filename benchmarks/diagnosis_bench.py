@@ -1,6 +1,6 @@
 """Diagnosis of 40 s at 500 Hz: time and memory, beside one simulation of the same recording.
 
-    python benchmarks/diagnosis_bench.py [--cases N] [--seed S] [--json FILE]
+    python benchmarks/diagnosis_bench.py [--cases N] [--seed S] [--json] [--check]
 
 The rigs hide two effects each, which take the longest to name. Times vary with the machine and its
 load; the ratio holds elsewhere. The goals are 60 s on two cores and 2 GiB.
@@ -8,8 +8,6 @@ load; the ratio holds elsewhere. The goals are 60 s on two cores and 2 GiB.
 
 from __future__ import annotations
 
-import argparse
-import json
 import subprocess
 import sys
 import tempfile
@@ -21,6 +19,9 @@ import numpy as np
 import pandas as pd
 
 from pam_check.blind.cases import make_case
+from pam_model.argument_types import count
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
+from pam_model.errors import PamError
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import simulate
 from pam_model.rig import load_rig
@@ -47,7 +48,7 @@ def diagnose(case: Path, out: Path) -> tuple[float, float]:
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode:
-        raise SystemExit(f"error: {done.stderr}")
+        raise PamError(f"the diagnosis failed: {done.stderr}")
     return time.monotonic() - started, float(done.stdout.split()[-1])
 
 
@@ -62,13 +63,13 @@ def simulation_time(case: Path) -> float:
     return min(timeit.repeat(lambda: simulate(parameters, commands, step), number=1, repeat=5))
 
 
-def main() -> None:
-    """Measure, print a table, optionally write it as JSON."""
-    parser = argparse.ArgumentParser(description="Time and memory of a diagnosis.")
-    parser.add_argument("--cases", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    chosen = parser.parse_args()
+def _declare(parser: Parser) -> None:
+    parser.add_argument("--cases", type=count(), default=2, help="rigs (default: %(default)s)")
+    parser.add_argument("--seed", type=count(0), default=0, help="(default: %(default)s)")
+
+
+def _run(chosen: Arguments) -> Outcome:
+    """Measure and print a table."""
     random = np.random.default_rng(chosen.seed)
     rows: list[dict[str, float | str]] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -92,9 +93,14 @@ def main() -> None:
     worst, most = max(float(r["seconds"]) for r in rows), max(float(r["gib"]) for r in rows)
     print(f"  goal {GOAL_S:g} s on two cores: {'met' if worst <= GOAL_S else 'missed'}")
     print(f"  goal {GOAL_GIB:g} GiB: {'met' if most <= GOAL_GIB else 'missed'}")
-    if chosen.json:
-        chosen.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    missed = [f"{worst:.1f} s, goal {GOAL_S:g} s"] if worst > GOAL_S else []
+    missed += [f"{most:.2f} GiB, goal {GOAL_GIB:g} GiB"] if most > GOAL_GIB else []
+    return Outcome(rows, missed)
 
+
+BENCH = Command(
+    "diagnosis", "time and memory of a diagnosis", _declare, _run, "if a goal is missed"
+)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_command(BENCH, "python benchmarks/diagnosis_bench.py"))

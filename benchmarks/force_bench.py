@@ -1,6 +1,6 @@
 """Force and stiffness of 16 muscles: time per tick, beside the bare arithmetic of the same run.
 
-    python benchmarks/force_bench.py [--json FILE]
+    python benchmarks/force_bench.py [--json] [--check]
 
 Times vary with the machine and its load; the least of many short runs is the one least
 disturbed, and its ratio to bare arithmetic holds elsewhere. The goals are 3 us in plain Python
@@ -9,14 +9,13 @@ and 0.5 us compiled.
 
 from __future__ import annotations
 
-import argparse
-import json
+import sys
 import timeit
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.muscles.force_model import MuscleGeometry, create_force_model
 from pam_model.muscles.muscle_bank import MuscleBank
 
@@ -34,12 +33,12 @@ def per_call_us(
     return 1e6 * runs[0] / number, 1e6 * runs[repeats // 2] / number
 
 
-def main() -> None:
-    """Measure, print a table, optionally write it as JSON."""
-    parser = argparse.ArgumentParser(description="Time of 16 muscles' force and stiffness.")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
-    chosen = parser.parse_args()
+def _declare(parser: Parser) -> None:
+    """There is nothing to choose."""
 
+
+def _run(given: Arguments) -> Outcome:
+    """Measure and print a table."""
     models = [
         create_force_model("gaylord", MuscleGeometry(0.25 + 0.001 * i, 2.0, 0.23))
         for i in range(MUSCLES)
@@ -85,14 +84,23 @@ def main() -> None:
                 f"   goal {GOALS_US[name]:g} us: {'met' if least <= GOALS_US[name] else 'missed'}"
             )
         print(f"  {name:30s} {least:10.3f}  {median:11.3f}  {least / bare:12.2f}{goal}")
-    if chosen.json:
-        report = {
+    return Outcome(
+        {
             "least_microseconds": {name: least for name, (least, _) in times.items()},
             "median_microseconds": {name: median for name, (_, median) in times.items()},
             "ratios": {name: least / bare for name, (least, _) in times.items()},
-        }
-        chosen.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        },
+        [
+            f"{name}: {times[name][0]:.3f} us, goal {goal:g} us"
+            for name, goal in GOALS_US.items()
+            if name in times and times[name][0] > goal
+        ],
+    )
 
+
+BENCH = Command(
+    "force", "time of 16 muscles' force and stiffness", _declare, _run, "if a goal is missed"
+)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_command(BENCH, "python benchmarks/force_bench.py"))

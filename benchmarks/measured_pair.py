@@ -6,12 +6,14 @@ contract's names and units and runs `python -m pam_gap diagnose --shut` on them.
 
 from __future__ import annotations
 
-import argparse
+import sys
 from pathlib import Path
 
 import pandas as pd
 
-from pam_gap.__main__ import main as pam_gap
+from pam_gap.diagnose import diagnose
+from pam_model.argument_types import make_parents, output_folder
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.rig import load_rig
 
 DATA = Path(__file__).parents[1] / "tests" / "data" / "closed_pair"
@@ -32,18 +34,24 @@ def contract_table(recording: Path, rig: Path) -> pd.DataFrame:
     )
 
 
-def main() -> int:
-    """Convert and diagnose; the exit code of the diagnosis."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/measured_pair"))
-    out: Path = parser.parse_args().out
-    out.mkdir(parents=True, exist_ok=True)
-    table, rig = out / "recording.csv.gz", DATA / "rig.yaml"
-    contract_table(DATA / "recording.csv.gz", rig).to_csv(table, index=False, float_format="%.7g")
-    return pam_gap(
-        ["diagnose", "--shut", str(table), "--rig", str(rig), "--out", str(out), "--no-progress"]
+def _declare(parser: Parser) -> None:
+    parser.add_argument(
+        "--out", type=output_folder, default="out/measured_pair", help="(default: %(default)s)"
     )
 
 
+def _run(given: Arguments) -> Outcome:
+    """Convert and diagnose."""
+    table, rig = given.out / "recording.csv.gz", DATA / "rig.yaml"
+    made = contract_table(DATA / "recording.csv.gz", rig)
+    made.to_csv(make_parents(table), index=False, float_format="%.7g")
+    answers = diagnose([], rig, given.out, shut=[table])
+    for answer in answers:
+        print(f"{answer.joint}: {answer.sentence}")
+    return Outcome([answer.to_json() for answer in answers])
+
+
+BENCH = Command("measured_pair", "diagnose the measured pair of shut muscles", _declare, _run)
+
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(run_command(BENCH, "python benchmarks/measured_pair.py"))

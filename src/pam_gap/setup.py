@@ -25,7 +25,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "diagnose = pam_gap.diagnose:main",
+            "diagnose = pam_gap.__main__:diagnose",
             "monitor = pam_gap.live.monitor_node:main",
             "play = pam_gap.experiments.play_node:main",
         ]

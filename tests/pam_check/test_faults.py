@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from pam_check.__main__ import main
 from pam_check.faults import host_faults
-from pam_check.faults.campaign import in_a_fork, main, make_chain
+from pam_check.faults.campaign import in_a_fork, make_chain
 from pam_check.faults.process_campaign import KEPT, REPEAT, Observation, judge, time_outs
 from pam_check.faults.report import write_report
 from pam_check.faults.trial import Trial, draw_values, run_trial
@@ -179,13 +180,14 @@ def test_a_trial_that_crashes_is_no_result(chain, capfd):
 
 
 def test_the_command_writes_a_report_and_its_exit_code_is_the_verdict(tmp_path):
-    arguments = ["--rig", str(ELBOW), "--out", str(tmp_path), "--trials", "2"]
+    arguments = ["faults", "--check", "--rig", str(ELBOW), "--out", str(tmp_path), "--trials", "2"]
     assert main([*arguments, "--kind", "vent_called", "--kind", "encoder_jump"]) == 0
     assert len(json.loads((tmp_path / "faults.json").read_text())) == 2
     assert "encoder_jump" in (tmp_path / "faults.md").read_text()
     page = tmp_path / "page.md"
     assert main([*arguments, "--kind", "vent_called", "--page", str(page)]) == 0
-    assert "--kind vent_called --page" in page.read_text()
+    assert "pam_check faults --rig" in (text := page.read_text())
+    assert "--trials 2 --kind vent_called --seed 1 --page" in text
     assert (tmp_path / "faults.png").stat().st_size > 1000
     assert main([*arguments, "--kind", "no_such"]) == 2
     assert main([*arguments, "--rig", str(tmp_path / "none.yaml")]) == 2

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pam_check.__main__ import main
 from pam_check.fuzz import byte_targets as fuzz_bytes
-from pam_check.fuzz import callbacks_node as fuzz_callbacks_node
 from pam_check.fuzz import inputs as fuzz
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
@@ -64,11 +64,21 @@ def test_a_failure_is_found_kept_and_tried_again(monkeypatch, tmp_path, capsys):
         return target
 
     monkeypatch.setattr(fuzz, "TARGETS", {"broken": broken})
-    arguments = ["all", "--rig", str(ELBOW), "--count", "5000", "--corpus", str(tmp_path)]
-    assert fuzz.main(arguments) == 1
+    arguments = [
+        "fuzz",
+        "all",
+        "--check",
+        "--rig",
+        str(ELBOW),
+        "--count",
+        "5000",
+        "--corpus",
+        str(tmp_path),
+    ]
+    assert main(arguments) == 1
     assert json.loads((tmp_path / "broken.json").read_text())
     assert "on purpose" in capsys.readouterr().err
-    assert fuzz.main([*arguments, "--seed", "900000"]) == 1
+    assert main([*arguments, "--seed", "900000"]) == 1
 
 
 # --- bytes, and what a coverage-guided fuzzer has kept of them (tools/fuzz.sh) -------------------
@@ -138,7 +148,10 @@ def test_a_refused_activation_is_watched(monkeypatch):
 
 
 def test_nothing_escapes_the_callbacks_of_the_nodes(capfd):
-    assert fuzz_callbacks_node.main(["--rig", str(ELBOW), "--count", "1000", "--seed", "7"]) == 0
+    assert (
+        main(["fuzz-callbacks", "--check", "--rig", str(ELBOW), "--count", "1000", "--seed", "7"])
+        == 0
+    )
     told = capfd.readouterr().out
     assert "pam_driver /valve_commands: 1000 messages, 0 blocks failed" in told
     for topic in ("joint_trajectory", "commands", "stiffness_commands"):

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from pam_check.__main__ import main
 from pam_check.endurance import soak
 from pam_check.endurance.process_use import Use, use_of
 from pam_model.errors import PamError
@@ -26,7 +27,7 @@ def test_a_minute_of_one_joint_is_within_bounds(minute):
 
 
 def test_sixteen_muscles_come_up_on_eight_boards(rig):
-    wide = soak.widened(rig, soak.JOINTS)
+    wide = soak.widened(rig, 8)
     assert (len(wide.muscles), len({muscle.board for muscle in wide.muscles})) == (16, 8)
     assert soak.soak(wide, 1.0).problems() == []
 
@@ -133,7 +134,7 @@ def test_more_joints_than_boards_are_refused(rig, joints):
     "arguments", [["--hours", "0"], ["--hours", "nan"], ["--joints", "99"], ["--rig", "nowhere"]]
 )
 def test_a_user_s_mistake_is_named(arguments, capsys):
-    assert soak.main(arguments) == 2
+    assert main(["soak", *arguments]) == 2
     assert "expected" in (text := capsys.readouterr().err) or "nowhere" in text
 
 

@@ -1,6 +1,5 @@
 """Identification finds constants back; comparison ranks and ties; tables are read or refused."""
 
-import json
 import math
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 
 from pam_model.errors import PamError
-from pam_model.identify.compare import compare, save_comparison
+from pam_model.identify.compare import compare
 from pam_model.identify.fit import fit
 from pam_model.identify.fit_problem import FitProblem
 from pam_model.identify.measurements import Measurements, load_measurements
@@ -133,7 +132,7 @@ def test_equilibrium_length_hangs_at_its_stops() -> None:
     assert length[3] < 1e-8
 
 
-def test_comparison_ranks_and_ties(tmp_path: Path) -> None:
+def test_comparison_ranks_and_ties() -> None:
     data = made_points("tondu_lopez", {"k": 1.4}, 5.0, 4)
     (ranked,) = compare(data, ["gaylord", "caldwell_cells", "tondu_lopez"], GEOMETRY)
     names = [row.fit.model for row in ranked.ranking]
@@ -142,10 +141,9 @@ def test_comparison_ranks_and_ties(tmp_path: Path) -> None:
     ideal = next(row for row in ranked.ranking if row.fit.model == "gaylord")
     assert ideal.ties == ("caldwell_cells",)  # two forms of one model
     assert "tondu_lopez" in ranked.table()
-    save_comparison([ranked], tmp_path / "ranking.json")
-    saved = json.loads((tmp_path / "ranking.json").read_text(encoding="utf-8"))
-    assert saved[0]["ranking"][0]["model"] == "tondu_lopez"
-    assert saved[0]["ranking"][0]["held_out_error"] < saved[0]["ranking"][1]["held_out_error"]
+    rows = ranked.as_dict()["ranking"]
+    assert rows[0]["model"] == "tondu_lopez"
+    assert rows[0]["held_out_error"] < rows[1]["held_out_error"]
 
 
 def test_comparison_needs_two_blocks() -> None:

@@ -262,9 +262,9 @@ def test_program_serves_a_bus_and_ends_on_a_signal(number):
     ],
 )
 def test_program_names_bad_input(extra, message, capsys):
-    from pam_sim.rig import main
+    from pam_sim.__main__ import main
 
-    assert main(extra) == 2
+    assert main(["rig", *extra]) == 2
     told = capsys.readouterr().err
     assert message in told
     assert "Traceback" not in told

@@ -1,4 +1,4 @@
-"""`python -m pam_gap close-loop`: a hidden effect, found over ROS, and tracking before and after.
+"""`python -m pam_demo close-loop`: a hidden effect, found over ROS, and tracking before and after.
 
 The demo runs on a simulated rig that does something its rig file does not say; its recording is
 diagnosed; the demo runs again with the improved rig file in every node, on the same rig. The page
@@ -10,7 +10,6 @@ truth, and the rig file of the first run.
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -27,6 +26,7 @@ from pam_demo.figures import asked_position
 from pam_demo.motions import Motion, all_motions
 from pam_demo.recording import read_recording
 from pam_gap.diagnose import IMPROVED_RIG, diagnose
+from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_sim.rig import parse_effects
@@ -34,7 +34,7 @@ from pam_sim.simulated_rig import apply_effects
 
 Array = npt.NDArray[np.float64]
 
-DEFAULT_EFFECT = "coulomb_friction.torque=0.5"
+RESULTS = "close_loop.json"
 ATTEMPTS = 3
 DEMO_TIMEOUT = 600.0  # s
 MEASURED, TRUE = "/joint_states", "/ground_truth/joint_states"
@@ -193,7 +193,7 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
         For a rig file or an effect that cannot be used, or a demo that fails.
     """
     written = load_rig(rig)
-    apply_effects(written, written, parse_effects(effects))
+    apply_effects(written, written, parse_effects(effects, "--hide"))
     rig = rig.resolve()
     print(f"1/4 demo, hidden: {', '.join(effects)}")
     before = run_demo(out / "before", rig, effects, can=can)
@@ -215,7 +215,7 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
         ClosedLoopFigure(one.name, one.rms, two.rms, one.true_rms, two.true_rms)
         for one, two in zip(first, second, strict=False)
     ]
-    (out / "close_loop.json").write_text(
+    (out / RESULTS).write_text(
         json.dumps(
             {
                 "hidden": list(effects),
@@ -237,23 +237,16 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
     return page
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument(
-        "--rig", type=Path, default=Path("config/elbow.yaml"), help="rig file its owner believes"
-    )
-    parser.add_argument(
-        "--hide",
-        nargs="+",
-        default=[DEFAULT_EFFECT],
-        metavar="EFFECT.PARAMETER=VALUE",
-        help=f"what the simulated rig does beside it (default {DEFAULT_EFFECT})",
-    )
-    parser.add_argument("--out", type=Path, default=Path("out/close_loop"), help="folder")
-    parser.add_argument("--can", default="", metavar="INTERFACE", help="CAN interface, e.g. vcan0")
-
-
-def main(arguments: argparse.Namespace) -> int:
-    """Run the command."""
-    close_loop(arguments.rig, arguments.hide, arguments.out, can=arguments.can)
-    return 0
+def run(given: Arguments) -> Outcome:
+    """Close the loop; the command of `pam_demo.__main__`."""
+    page = close_loop(chosen_rig(given), given.hide, given.out, can=given.can)
+    document = json.loads((given.out / RESULTS).read_text(encoding="utf-8"))
+    worse = [
+        f"{figure['motion']}: RMS error {1e3 * figure['before']:.2f} mrad before, "
+        f"{1e3 * figure['after']:.2f} mrad after"
+        for figure in document["tracking"]
+        if figure["after"] >= figure["before"]
+    ]
+    if not document["tracking"]:
+        worse = ["the diagnosis has written no improved rig file"]
+    return Outcome({**document, "page": page}, worse)

@@ -7,7 +7,6 @@ killed leaves all but the last second.
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import signal
 import sys
@@ -24,6 +23,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 
+from pam_model.argument_types import output_folder
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
 
 NOT_RECORDED = ("/parameter_events",)
@@ -118,17 +119,21 @@ def record(out: Path) -> None:
     rclpy.try_shutdown()
 
 
+def _declare(parser: Parser) -> None:
+    parser.add_argument("--out", type=output_folder, required=True, help="folder to make")
+
+
+def _run(given: Arguments) -> Outcome:
+    if given.out.exists():
+        raise PamError(f"--out {given.out}: exists already; a recording makes its own folder")
+    record(given.out)
+    return Outcome({"bag": given.out})
+
+
 def main() -> int:
-    """Command line; returns the exit code."""
-    parser = argparse.ArgumentParser(description="Record all topics to a rosbag2 MCAP.")
-    parser.add_argument("--out", type=Path, required=True, help="folder to make")
-    options = parser.parse_args()
-    try:
-        record(options.out)
-    except (PamError, OSError) as error:
-        print(f"recorder: {error}", file=sys.stderr)
-        return 1
-    return 0
+    """Record until a signal and return the exit code."""
+    command = Command("recorder", "record all topics to a rosbag2 MCAP", _declare, _run)
+    return run_command(command, "python -m pam_demo.recorder_node")
 
 
 if __name__ == "__main__":

@@ -1,55 +1,121 @@
-"""`python -m pam_gap COMMAND`: diagnose, blind, effects, close-loop, monitor."""
+"""`python -m pam_gap`: diagnose a recording, watch a running rig, write the page of effects."""
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
-from pam_model.errors import PamError
+from pam_model.argument_types import count, input_path, output_folder
+from pam_model.command_line import (
+    Arguments,
+    Command,
+    NodeCommand,
+    Outcome,
+    Parser,
+    add_rig,
+    run_command,
+    run_program,
+)
+
+MOVED = {
+    "blind": "python -m pam_check blind",
+    "close-loop": "python -m pam_demo close-loop",
+}
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; a user's mistake ends in one line on standard error."""
-    from pam_gap import diagnose  # noqa: PLC0415  (a command loads what it needs)
+def _diagnose(given: Arguments) -> Outcome:
+    from pam_gap.diagnose import run  # noqa: PLC0415  (scipy, numba)
 
-    parser = argparse.ArgumentParser(prog="python -m pam_gap", description=__doc__)
-    commands = parser.add_subparsers(dest="command", required=True)
-    diagnose.add_arguments(
-        commands.add_parser("diagnose", help="find what a rig does beside its rig file")
+    return run(given)
+
+
+def _declare_diagnose(parser: Parser) -> None:
+    parser.add_argument(
+        "recordings",
+        nargs="*",
+        type=input_path,
+        metavar="RECORDING",
+        help="rosbag2 folder or file, CSV(.gz) or Parquet; several of one rig may be given",
     )
-    given = list(sys.argv[1:] if argv is None else argv)
-    command = next((word for word in given if not word.startswith("-")), "")
-    blind_parser = commands.add_parser("blind", help="diagnose rigs whose effect is withheld")
-    loop_parser = commands.add_parser(
-        "close-loop", help="hide an effect, diagnose the demo's recording, run the demo again"
+    add_rig(parser, required=True)
+    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    parser.add_argument("--joint", help="only this joint")
+    for name, text in (
+        ("--turned-over", "with the joint mounted turned over (gravity the other way)"),
+        ("--locked", "with the joint held still at one angle"),
+        ("--shut", "with both valves shut and the joint moved from outside"),
+    ):
+        parser.add_argument(
+            name,
+            nargs="+",
+            type=input_path,
+            default=[],
+            metavar="RECORDING",
+            help=f"more recordings, {text}",
+        )
+    parser.add_argument(
+        "--threads",
+        type=count(0),
+        default=0,
+        metavar="N",
+        help="simulations at once (default: 0, one per processor)",
     )
-    effects_parser = commands.add_parser("effects", help="write the page of effects")
-    commands.add_parser("monitor", help="watch live topics (a ROS node)", add_help=False)
-    try:
-        if command == "blind":
-            from pam_check.blind import campaign  # noqa: PLC0415
+    parser.add_argument("--no-progress", action="store_true", help="no bar on a terminal either")
 
-            campaign.add_arguments(blind_parser)
-            return campaign.main(parser.parse_args(given))
-        if command == "effects":
-            from pam_gap.answer import effect_pages  # noqa: PLC0415
 
-            effect_pages.add_arguments(effects_parser)
-            return effect_pages.main(parser.parse_args(given))
-        if command == "close-loop":
-            from pam_demo import close_loop  # noqa: PLC0415
+def _effects(given: Arguments) -> Outcome:
+    from pam_gap.answer.effect_pages import run  # noqa: PLC0415  (matplotlib, numba)
 
-            close_loop.add_arguments(loop_parser)
-            return close_loop.main(parser.parse_args(given))
-        if command == "monitor":
-            from pam_gap.live import monitor_node  # noqa: PLC0415
+    return run(given)
 
-            return int(monitor_node.main(given[given.index("monitor") + 1 :]) or 0)
-        return diagnose.run(parser.parse_args(given))
-    except PamError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+
+def _declare_effects(parser: Parser) -> None:
+    add_rig(parser)
+    parser.add_argument(
+        "--out", type=output_folder, default="docs", help="folder (default: %(default)s)"
+    )
+
+
+def _monitor(arguments: Sequence[str]) -> int:
+    from pam_gap.live.monitor_node import main as monitor  # noqa: PLC0415  (rclpy)
+
+    return monitor(arguments)
+
+
+def _play(arguments: Sequence[str]) -> int:
+    from pam_gap.experiments.play_node import main as play  # noqa: PLC0415  (rclpy)
+
+    return play(arguments)
+
+
+DIAGNOSE = Command(
+    "diagnose",
+    "find what a rig does beside its rig file",
+    _declare_diagnose,
+    _diagnose,
+    bad_news="if a joint's verdict is another than none",
+    examples=(
+        "python -m pam_gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report",
+        "python -m pam_gap diagnose A B --locked C --rig RIG.yaml --out OUT",
+    ),
+)
+COMMANDS = (
+    DIAGNOSE,
+    Command("effects", "write the page of effects", _declare_effects, _effects),
+    NodeCommand("monitor", "watch the gap on live topics (a ROS node)", _monitor),
+    NodeCommand("play", "play a proposed experiment on the rig (a ROS node)", _play),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code."""
+    description = "What a rig does beside its rig file, found in recordings of it."
+    return run_program("python -m pam_gap", description, COMMANDS, arguments, moved=MOVED)
+
+
+def diagnose(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of `ros2 run pam_gap diagnose`."""
+    return run_command(DIAGNOSE, "ros2 run pam_gap diagnose", arguments)
 
 
 if __name__ == "__main__":

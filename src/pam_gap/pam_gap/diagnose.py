@@ -6,16 +6,12 @@ simulation, model node and controller read in place of the rig file.
 
 from __future__ import annotations
 
-import argparse
 import os
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from tqdm import tqdm  # type: ignore[import-untyped]
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, Trace, write_report
@@ -36,6 +32,7 @@ from pam_gap.recordings.recording import (
     Recording,
     RecordingError,
 )
+from pam_model.command_line import Arguments, Outcome, Progress, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
 
@@ -210,7 +207,7 @@ def diagnose(
     threads : int
         Simulations run at once; 0 for as many as there are processors.
     show_progress : bool
-        Show a progress bar.
+        Show a progress bar where standard error is a terminal.
     turned_over, locked, shut : sequence of str or Path
         More recordings, made with the joint mounted turned over, held still, or with both valves
         shut all the time (moved from outside; the torque is `joint_states.<joint>.effort`).
@@ -237,14 +234,11 @@ def diagnose(
     for number in numbers:
         folder = place if len(numbers) == 1 else place / rig.joint_names[number]
         folder.mkdir(parents=True, exist_ok=True)
-        with tqdm(
-            total=100, disable=not show_progress, bar_format="{l_bar}{bar}| {elapsed}"
-        ) as bar:
-            name = rig.joint_names[number]
+        name = rig.joint_names[number]
+        with progress(1.0, name, wanted=show_progress) as bar:
 
-            def tell(task: str, share: float, bar: Any = bar, name: str = name) -> None:
-                bar.set_description(f"{name}: {task}"[:48].ljust(48))
-                bar.update(max(0, round(100 * share) - bar.n))
+            def tell(task: str, share: float, bar: Progress = bar, name: str = name) -> None:
+                bar.show(share, f"{name}: {task}"[:48].ljust(48))
 
             engine = JointDiagnosis(rig, number, read, threads=workers, progress=tell)
             diagnosis = engine.run()
@@ -265,60 +259,23 @@ def diagnose(
     return answers
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument(
-        "recordings", nargs="*", type=Path, metavar="RECORDING",
-        help="rosbag2 folder or file, CSV(.gz) or Parquet; several of one rig may be given",
-    )  # fmt: skip
-    parser.add_argument("--rig", type=Path, required=True, help="rig file its owner believes")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the results")
-    parser.add_argument("--joint", default=None, help="only this joint")
-    parser.add_argument(
-        "--turned-over", nargs="*", type=Path, default=[], metavar="RECORDING",
-        help="more recordings, with the joint mounted turned over (gravity the other way)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--locked", nargs="*", type=Path, default=[], metavar="RECORDING",
-        help="more recordings, with the joint held still at one angle",
-    )  # fmt: skip
-    parser.add_argument(
-        "--shut", nargs="*", type=Path, default=[], metavar="RECORDING",
-        help="more recordings, with both valves shut and the joint moved from outside",
-    )  # fmt: skip
-    parser.add_argument("--threads", type=int, default=0, help="0: one per processor")
-    parser.add_argument("--no-progress", action="store_true")
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Diagnose and print each joint's verdict."""
+def run(given: Arguments) -> Outcome:
+    """Diagnose and print each joint's verdict; the command of `pam_gap.__main__`."""
     answers = diagnose(
-        arguments.recordings,
-        arguments.rig,
-        arguments.out,
-        joint=arguments.joint,
-        threads=arguments.threads,
-        show_progress=not arguments.no_progress,
-        turned_over=arguments.turned_over,
-        locked=arguments.locked,
-        shut=arguments.shut,
+        given.recordings,
+        given.rig,
+        given.out,
+        joint=given.joint,
+        threads=given.threads,
+        show_progress=not given.no_progress,
+        turned_over=given.turned_over,
+        locked=given.locked,
+        shut=given.shut,
     )
     for answer in answers:
         print(f"{answer.joint}: {answer.sentence}")
-    print(f"written: {arguments.out}")
-    return 0
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run pam_gap diagnose`."""
-    parser = argparse.ArgumentParser(prog="diagnose", description=__doc__)
-    add_arguments(parser)
-    try:
-        return run(parser.parse_args(argv))
-    except PamError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    print(f"written: {given.out}")
+    return Outcome(
+        {"out": given.out, "joints": [answer.to_json() for answer in answers]},
+        [f"{a.joint}: verdict {a.verdict}" for a in answers if a.verdict != "none"],
+    )

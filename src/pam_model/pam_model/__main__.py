@@ -2,39 +2,33 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from pam_model.argument_types import (
+    count,
+    input_file,
+    make_parents,
+    named_number,
+    number,
+    output_file,
+    output_folder,
+)
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_program
 from pam_model.errors import PamError
-from pam_model.identify.catalogue import FAMILIES, catalogue, find_row
-from pam_model.identify.measurements import Measurements, load_measurements
-from pam_model.muscles.force_model import MuscleGeometry, create_force_model, registered_models
+
+if TYPE_CHECKING:
+    from pam_model.identify.measurements import Measurements
+    from pam_model.muscles.force_model import MuscleGeometry
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 2 after a user's mistake, which is told in one line."""
-    chosen = _parser().parse_args(arguments)
-    try:
-        chosen.run(chosen)
-    except PamError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:
-        # The reader has seen enough; keep the interpreter from flushing into the closed pipe.
-        sys.stderr.close()
-        return 1
-    return 0
+def _list(chosen: Arguments) -> Outcome:
+    from pam_model.identify.catalogue import FAMILIES, catalogue  # noqa: PLC0415  (numpy)
+    from pam_model.muscles.force_model import registered_models  # noqa: PLC0415
 
-
-def _list(chosen: argparse.Namespace) -> None:
     rows = catalogue()
-    if chosen.json:
-        print(json.dumps([{n: getattr(r, n) for n in r.__dataclass_fields__} for r in rows]))
-        return
     known = registered_models()
     for family in FAMILIES:
         print(family.upper())
@@ -42,15 +36,25 @@ def _list(chosen: argparse.Namespace) -> None:
             names = [name for name in row.models if name in known]
             print(f"  {row.key:28s} {row.equations or '-':34s} {row.status}")
             print(f"      {row.title}" + (f"; model {', '.join(names)}" if names else ""))
+    return Outcome([{n: getattr(r, n) for n in r.__dataclass_fields__} for r in rows])
 
 
-def _show(chosen: argparse.Namespace) -> None:
+def _show(chosen: Arguments) -> Outcome:
+    from pam_model.identify.catalogue import find_row  # noqa: PLC0415  (numpy)
     from pam_model.identify.gallery import default_model, draw_row  # noqa: PLC0415  (matplotlib)
-    from pam_model.identify.show import PRESSURES, draw_force_model, save_figure  # noqa: PLC0415
+    from pam_model.identify.show import (  # noqa: PLC0415
+        PRESSURES,
+        draw_force_model,
+        save_figure,
+    )
+    from pam_model.muscles.force_model import (  # noqa: PLC0415
+        create_force_model,
+        registered_models,
+    )
 
     row = find_row(chosen.name)
     pressures = chosen.pressures or PRESSURES
-    geometry, constants = _geometry(chosen), _constants(chosen.set)
+    geometry, constants = _geometry(chosen), dict(chosen.set)
     name = chosen.name if chosen.name in registered_models() else ""
     if not name and (geometry or constants or chosen.pressures):
         name = next((n for n in row.models if n in registered_models()), "")
@@ -65,11 +69,15 @@ def _show(chosen: argparse.Namespace) -> None:
         figure = draw_force_model(model, geometry.rest_length, pressures)
     print(f"{row.title}: equations {row.equations or '-'}, {row.status}")
     print(f"  domain: {row.domain}\n  use it: {row.use}\n  not for: {row.avoid}")
-    print(save_figure(figure, chosen.output or Path(f"{chosen.name}.png")))
+    picture = save_figure(figure, make_parents(chosen.output or Path(f"{chosen.name}.png")))
+    print(picture)
+    facts = {n: getattr(row, n) for n in row.__dataclass_fields__}
+    return Outcome({**facts, "picture": picture})
 
 
-def _fit(chosen: argparse.Namespace) -> None:
+def _fit(chosen: Arguments) -> Outcome:
     from pam_model.identify.fit import fit  # noqa: PLC0415  (scipy)
+    from pam_model.muscles.force_model import registered_models  # noqa: PLC0415
 
     if chosen.name not in registered_models():
         raise PamError(
@@ -77,13 +85,13 @@ def _fit(chosen: argparse.Namespace) -> None:
         )
     data = _data(chosen)
     geometry = _geometry(chosen)
-    results = []
+    results: list[dict[str, Any]] = []
     for branch, points in data.branches().items():
         result = fit(
             chosen.name,
             points,
             geometry,
-            _constants(chosen.set),
+            dict(chosen.set),
             fit_geometry=chosen.fit_geometry or geometry is None,
             residual=_residual(chosen, data),
             starts=chosen.starts,
@@ -97,14 +105,13 @@ def _fit(chosen: argparse.Namespace) -> None:
             path = chosen.plot
             if branch:
                 path = path.with_stem(f"{path.stem}_{branch.replace(' ', '_')}")
-            print(save_figure(draw_fit(result, points), path))
+            print(save_figure(draw_fit(result, points), make_parents(path)))
     _print_assumptions(data)
-    if chosen.json:
-        _write_json(chosen.json, results)
+    return Outcome(results)
 
 
-def _compare(chosen: argparse.Namespace) -> None:
-    from pam_model.identify.compare import compare, save_comparison  # noqa: PLC0415  (scipy)
+def _compare(chosen: Arguments) -> Outcome:
+    from pam_model.identify.compare import compare  # noqa: PLC0415  (scipy)
 
     data = _data(chosen)
     geometry = _geometry(chosen)
@@ -122,13 +129,11 @@ def _compare(chosen: argparse.Namespace) -> None:
         from pam_model.identify.fit_figures import draw_comparison  # noqa: PLC0415  (matplotlib)
         from pam_model.identify.show import save_figure  # noqa: PLC0415
 
-        print(save_figure(draw_comparison(comparisons), chosen.plot))
-    if chosen.json:
-        save_comparison(comparisons, chosen.json)
-        print(chosen.json)
+        print(save_figure(draw_comparison(comparisons), make_parents(chosen.plot)))
+    return Outcome([c.as_dict() for c in comparisons])
 
 
-def _design(chosen: argparse.Namespace) -> None:
+def _design(chosen: Arguments) -> Outcome:
     from pam_model.identify.design import design  # noqa: PLC0415  (scipy)
 
     made = design(
@@ -143,26 +148,28 @@ def _design(chosen: argparse.Namespace) -> None:
         strand_strength=chosen.strand_strength,
     )
     print(made.table())
-    if chosen.json:
-        _write_json(chosen.json, made.as_dict())
+    return Outcome(made.as_dict())
 
 
-def _gallery(chosen: argparse.Namespace) -> None:
+def _gallery(chosen: Arguments) -> Outcome:
     from pam_model.identify.gallery import write_gallery  # noqa: PLC0415  (matplotlib)
 
     written = write_gallery(chosen.folder)
     size = sum(path.stat().st_size for path in written)
     print(f"{len(written)} files, {size / 1e6:.2f} MB in {chosen.folder}")
+    return Outcome({"written": written})
 
 
-def _data(chosen: argparse.Namespace) -> Measurements:
+def _data(chosen: Arguments) -> Measurements:
+    from pam_model.identify.measurements import load_measurements  # noqa: PLC0415  (numpy)
+
     data = load_measurements(chosen.data, load_share=chosen.load_share)
     if chosen.pressure_bands:
         data = data.with_pressure_blocks(chosen.pressure_bands)
     return data
 
 
-def _residual(chosen: argparse.Namespace, data: Measurements) -> Literal["force", "length"]:
+def _residual(chosen: Arguments, data: Measurements) -> Literal["force", "length"]:
     # A displacement under a known load is what was measured; a force at a set length likewise.
     if chosen.residual == "force" or (chosen.residual is None and not data.is_shortening):
         return "force"
@@ -174,108 +181,148 @@ def _print_assumptions(data: Measurements) -> None:
         print(f"assumed: {assumption}")
 
 
-def _geometry(chosen: argparse.Namespace) -> MuscleGeometry | None:
+def _geometry(chosen: Arguments) -> MuscleGeometry | None:
     given = [chosen.thread_length, chosen.turns, chosen.rest_length]
     if all(value is None for value in given):
         return None
     if any(value is None for value in given):
         raise PamError("--thread-length [m], --turns and --rest-length [m] are given together")
+    from pam_model.muscles.force_model import MuscleGeometry  # noqa: PLC0415  (numpy)
+
     return MuscleGeometry(
         chosen.thread_length, chosen.turns, chosen.rest_length, chosen.wall_thickness
     )
 
 
-def _constants(pairs: Sequence[str]) -> dict[str, float]:
-    constants = {}
-    for pair in pairs:
-        name, _, value = pair.partition("=")
-        try:
-            constants[name] = float(value)
-        except ValueError:
-            raise PamError(f"--set {pair}: expected NAME=NUMBER") from None
-    return constants
+def _declare_nothing(parser: Parser) -> None:
+    """For a command without arguments of its own."""
 
 
-def _write_json(path: Path, content: object) -> None:
-    try:
-        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise PamError(f"{path}: cannot be written: {error}") from error
-    print(path)
+def _declare_show(parser: Parser) -> None:
+    parser.add_argument("name", help="as `list` gives it")
+    parser.add_argument(
+        "--pressures", type=number("Pa", above=0.0), nargs="+", metavar="PA", help="gauge [Pa]"
+    )
+    parser.add_argument(
+        "--output", type=output_file, metavar="FILE", help="PNG or SVG file (default: NAME.png)"
+    )
+    _add_muscle(parser)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m pam_model", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    command = commands.add_parser("list", help="every model, its equations and status")
-    command.add_argument("--json", action="store_true", help="print JSON")
-    command.set_defaults(run=_list)
-
-    command = commands.add_parser("show", help="draw a model")
-    command.add_argument("name", help="as `list` gives it")
-    command.add_argument("--pressures", type=float, nargs="+", help="gauge [Pa]")
-    command.add_argument("--output", type=Path, help="PNG or SVG file (NAME.png)")
-    _add_muscle(command)
-    command.set_defaults(run=_show)
-
-    command = commands.add_parser("fit", help="identify a model's constants from measured points")
-    command.add_argument("name", help="a length-force model")
-    _add_data(command)
-    command.set_defaults(run=_fit)
-
-    command = commands.add_parser("compare", help="rank models on measured points")
-    command.add_argument("--models", nargs="+", help="only these (all)")
-    _add_data(command)
-    command.set_defaults(run=_compare)
-
-    command = commands.add_parser("design", help="from force, stroke and pressure to a muscle")
-    for name, unit in (("--force", "N"), ("--stroke", "m"), ("--pressure", "Pa gauge")):
-        command.add_argument(name, type=float, required=True, help=f"[{unit}]")
-    command.add_argument("--contraction", type=float, help="stroke over rest length (0.2)")
-    command.add_argument("--strand-width", type=float, default=0.3e-3, help="[m] (%(default)g)")
-    command.add_argument("--strands", type=int, default=96, help="both families (%(default)s)")
-    command.add_argument("--largest-length", type=float, help="[m], at rest")
-    command.add_argument("--largest-diameter", type=float, help="[m], contracted")
-    command.add_argument("--strand-strength", type=float, help="[N] per strand")
-    command.add_argument("--json", type=Path, help="also write JSON here")
-    command.set_defaults(run=_design)
-
-    command = commands.add_parser("gallery", help="pictures and table of models for the docs")
-    command.add_argument("folder", type=Path, nargs="?", default=Path("docs"), help="(docs)")
-    command.set_defaults(run=_gallery)
-    return parser
+def _declare_fit(parser: Parser) -> None:
+    parser.add_argument("name", help="a length-force model")
+    _add_data(parser)
 
 
-def _add_muscle(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--thread-length", type=float, help="b [m]")
-    command.add_argument("--turns", type=float, help="n")
-    command.add_argument("--rest-length", type=float, help="[m]")
-    command.add_argument("--wall-thickness", type=float, default=0.0, help="[m] (%(default)g)")
-    command.add_argument(
-        "--set", nargs="+", default=[], metavar="NAME=NUMBER", help="a constant of the model"
+def _declare_compare(parser: Parser) -> None:
+    _add_data(parser)
+    parser.add_argument("--models", nargs="+", metavar="NAME", help="only these (default: all)")
+
+
+def _declare_design(parser: Parser) -> None:
+    def add(name: str, unit: str, text: str, **more: Any) -> None:
+        kind = number(unit, above=0.0)
+        parser.add_argument(name, type=kind, metavar="X", help=f"{text} [{unit or '-'}]", **more)
+
+    add("--force", "N", "force at the end of the stroke", required=True)
+    add("--stroke", "m", "stroke under that force", required=True)
+    add("--pressure", "Pa", "gauge pressure", required=True)
+    add("--contraction", "", "stroke over rest length (default: chosen)")
+    add("--strand-width", "m", "of the braid (default: %(default)g)", default=0.3e-3)
+    parser.add_argument(
+        "--strands", type=count(), default=96, help="both families (default: %(default)s)"
+    )
+    add("--largest-length", "m", "at rest")
+    add("--largest-diameter", "m", "contracted")
+    add("--strand-strength", "N", "per strand")
+
+
+def _declare_gallery(parser: Parser) -> None:
+    parser.add_argument(
+        "folder", type=output_folder, nargs="?", default="docs", help="(default: docs)"
     )
 
 
-def _add_data(command: argparse.ArgumentParser) -> None:
-    command.add_argument("data", type=Path, help="CSV: pressure, force, length or shortening, ...")
-    _add_muscle(command)
-    command.add_argument(
+def _add_muscle(parser: Parser) -> None:
+    parser.add_argument("--thread-length", type=number("m", above=0.0), metavar="M", help="b [m]")
+    parser.add_argument("--turns", type=number("", above=0.0), metavar="N", help="n [-]")
+    parser.add_argument("--rest-length", type=number("m", above=0.0), metavar="M", help="[m]")
+    parser.add_argument(
+        "--wall-thickness", type=number("m", least=0.0), default=0.0, metavar="M",
+        help="[m] (default: %(default)g)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--set", type=named_number, nargs="+", default=[], metavar="NAME=NUMBER",
+        help="a constant of the model",
+    )  # fmt: skip
+
+
+def _add_data(parser: Parser) -> None:
+    parser.add_argument(
+        "data", type=input_file, help="CSV: pressure, force, length or shortening, ..."
+    )
+    _add_muscle(parser)
+    parser.add_argument(
         "--fit-geometry", action="store_true", help="also fit rest length, braid angle, diameter"
     )
-    command.add_argument("--residual", choices=("force", "length"), help="what is minimised")
-    command.add_argument(
-        "--pressure-bands", type=int, help="hold out this many bands of pressure, not the blocks"
-    )
-    command.add_argument(
-        "--load-share", type=int, default=6, help="staircase: muscles that carry the weight (6)"
-    )
-    command.add_argument(
-        "--starts", type=int, default=4, help="starts of each fit: more find better optima (4)"
-    )
-    command.add_argument("--plot", type=Path, help="PNG or SVG file")
-    command.add_argument("--json", type=Path, help="also write JSON here")
+    parser.add_argument("--residual", choices=("force", "length"), help="what is minimised")
+    parser.add_argument(
+        "--pressure-bands", type=count(2), metavar="N",
+        help="hold out this many bands of pressure, not the blocks",
+    )  # fmt: skip
+    parser.add_argument(
+        "--load-share", type=count(), default=6, metavar="N",
+        help="staircase: muscles that carry the weight (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--starts", type=count(), default=4, metavar="N",
+        help="starts of each fit: more find better optima (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--plot", type=output_file, metavar="FILE", help="PNG or SVG file")
+
+
+COMMANDS = (
+    Command("list", "every model, its equations and status", _declare_nothing, _list),
+    Command(
+        "show",
+        "draw a model",
+        _declare_show,
+        _show,
+        examples=("python -m pam_model show tondu_lopez --set k=1.2 --output muscle.png",),
+    ),
+    Command(
+        "fit",
+        "identify a model's constants from measured points",
+        _declare_fit,
+        _fit,
+        examples=(
+            "python -m pam_model fit tondu_lopez points.csv --thread-length 0.25 --turns 2 "
+            "--rest-length 0.23",
+        ),
+    ),
+    Command(
+        "compare",
+        "rank models on measured points",
+        _declare_compare,
+        _compare,
+        examples=("python -m pam_model compare points.csv --plot ranking.png",),
+    ),
+    Command(
+        "design",
+        "from force, stroke and pressure to a muscle",
+        _declare_design,
+        _design,
+        examples=("python -m pam_model design --force 100 --stroke 0.05 --pressure 300000",),
+    ),
+    Command("gallery", "pictures and table of models for the docs", _declare_gallery, _gallery),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code."""
+    description = "Models of pneumatic muscles: what there is, what fits, what to build."
+    return run_program("python -m pam_model", description, COMMANDS, arguments)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

@@ -1,19 +1,20 @@
 """Runs a simulated rig on a CAN bus, without ROS.
 
-`python -m pam_sim.rig --rig config/elbow.yaml --interface udp_multicast --channel 239.74.163.2`
+`python -m pam_sim rig --rig config/elbow.yaml --interface udp_multicast --channel 239.74.163.2`
 """
 
 from __future__ import annotations
 
-import argparse
 import signal
 import sys
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.bus import open_bus
+from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
 from pam_model.rig import load_rig
@@ -25,39 +26,15 @@ from pam_sim.simulated_rig import SimulatedRig
 REPORT_PERIOD = 5.0
 
 
-def _parser() -> argparse.ArgumentParser:
-    quality, board = SensorQuality(), BoardSettings()
-    parser = argparse.ArgumentParser(prog="python -m pam_sim.rig", description=__doc__)
-    add = parser.add_argument
-    add("--rig", required=True, help="rig file that driver and controller read")
-    add("--true-rig", help="rig file of the plant as it really is; default --rig")
-    add(
-        "--effect",
-        action="append",
-        default=[],
-        metavar="[NAME.]EFFECT.PARAMETER=VALUE",
-        help="an effect on the plant, such as coulomb_friction.torque=0.5; may be repeated",
-    )
-    add("--interface", default="socketcan", help="python-can's interface (default %(default)s)")
-    add("--channel", default="can0", help="python-can's channel (default %(default)s)")
-    add("--port", type=int, help="of udp_multicast")
-    add("--dbc", help="CAN database; default the driver's own")
-    add("--rate", type=float, default=1000.0, help="turns per second [Hz] (default %(default)s)")
-    add("--step", type=float, default=DEFAULT_STEP, help="RK4 step [s] (default %(default)s)")
-    add("--measurement-rate", type=float, default=board.measurement_rate, help="[Hz]")
-    add("--watchdog", type=float, help="of the boards [s]; default the DBC's")
-    add("--pressure-noise", type=float, default=quality.pressure_noise, help="[Pa]")
-    add("--position-noise", type=float, default=quality.position_noise, help="[rad]")
-    add("--pressure-quantum", type=float, default=quality.pressure_quantum, help="[Pa]")
-    add("--position-quantum", type=float, default=quality.position_quantum, help="[rad]")
-    add("--faults", default="", help="to bring about: 'seconds name value=number; seconds name'")
-    add("--seed", type=int, default=0, help="of the noise (default %(default)s)")
-    add("--duration", type=float, help="end after so long [s]; default at a signal")
-    return parser
-
-
-def parse_effects(texts: Sequence[str]) -> dict[str, float]:
+def parse_effects(texts: Sequence[str], source: str) -> dict[str, float]:
     """Read `name=value` pairs.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        The pairs.
+    source : str
+        The option or parameter they were given by, for the message.
 
     Raises
     ------
@@ -70,35 +47,32 @@ def parse_effects(texts: Sequence[str]) -> dict[str, float]:
         try:
             effects[name.strip()] = float(value)
         except ValueError:
-            raise PamError(f"--effect {text}: expected EFFECT.PARAMETER=NUMBER") from None
+            raise PamError(f"{source} {text}: expected EFFECT.PARAMETER=NUMBER") from None
     return effects
 
 
-def _make_loop(arguments: argparse.Namespace) -> RigLoop:
-    rig = load_rig(arguments.rig)
+def _make_loop(given: Arguments) -> RigLoop:
+    rig = load_rig(given.rig)
+    board = BoardSettings(watchdog_period=given.watchdog)
+    if given.measurement_rate is not None:
+        board = replace(board, measurement_rate=given.measurement_rate)
+    named = {name: getattr(given, name) for name in SensorQuality.__dataclass_fields__}
     simulated = SimulatedRig(
         rig,
-        truth=load_rig(arguments.true_rig) if arguments.true_rig else None,
-        effects=parse_effects(arguments.effect),
-        codec=BoardCodec.from_dbc(arguments.dbc),
-        board=BoardSettings(
-            measurement_rate=arguments.measurement_rate, watchdog_period=arguments.watchdog
-        ),
-        quality=SensorQuality(
-            arguments.pressure_noise,
-            arguments.position_noise,
-            arguments.pressure_quantum,
-            arguments.position_quantum,
-        ),
-        rate=arguments.rate,
-        step=arguments.step,
-        seed=arguments.seed,
+        truth=load_rig(given.true_rig) if given.true_rig else None,
+        effects=dict(given.effect),
+        codec=BoardCodec.from_dbc(given.dbc),
+        board=board,
+        quality=SensorQuality(**{n: value for n, value in named.items() if value is not None}),
+        rate=given.rate,
+        step=DEFAULT_STEP if given.step is None else given.step,
+        seed=given.seed,
         now=time.monotonic(),
     )
-    options = {} if arguments.port is None else {"port": arguments.port}
-    port = open_bus(arguments.interface, arguments.channel, **options)
-    loop = RigLoop(simulated, port, arguments.rate)
-    loop.schedule(arguments.faults)
+    options = {} if given.port is None else {"port": given.port}
+    port = open_bus(given.interface, given.channel, **options)
+    loop = RigLoop(simulated, port, given.rate)
+    loop.schedule(given.faults)
     return loop
 
 
@@ -130,16 +104,14 @@ def _serve(loop: RigLoop, duration: float | None) -> None:
         loop.stop()
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run until a signal; 0 after one, 2 for a user's mistake."""
-    parsed = _parser().parse_args(arguments)
-    try:
-        _serve(_make_loop(parsed), parsed.duration)
-    except PamError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+def run(given: Arguments) -> Outcome:
+    """Simulate until a signal or the end of the duration; the command of `pam_sim.__main__`.
 
-
-if __name__ == "__main__":
-    sys.exit(main())
+    Raises
+    ------
+    PamError
+        For a rig, an effect, a fault or a bus that cannot be used.
+    """
+    loop = _make_loop(given)
+    _serve(loop, given.duration)
+    return Outcome(loop.report())

@@ -76,7 +76,9 @@ def _simulated_rig(rig: Rig, values: NodeParameters[Rig]) -> SimulatedRig:
     return SimulatedRig(
         rig,
         truth=load_rig(true_rig) if true_rig else None,
-        effects=parse_effects(str(values["hidden_effects"]).replace(",", " ").split()),
+        effects=parse_effects(
+            str(values["hidden_effects"]).replace(",", " ").split(), "hidden_effects"
+        ),
         codec=BoardCodec.from_dbc(dbc or None),
         board=BoardSettings(
             measurement_rate=number("measurement_rate"),

@@ -1,4 +1,4 @@
-"""`python -m pam_gap blind`: draw hidden effects, diagnose the recordings alone, open, score.
+"""`python -m pam_check blind`: draw hidden effects, diagnose the recordings alone, open, score.
 
 The cases are drawn in a process of their own (`pam_check.blind.cases`); each diagnosis runs in a
 process of its own that is given a recording and a rig file and nothing else. The labels' digest
@@ -7,7 +7,6 @@ is written down before the first diagnosis and compared when they are opened.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import os
@@ -21,7 +20,6 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib import pyplot as plt
-from tqdm import tqdm  # type: ignore[import-untyped]
 
 from pam_check.blind.cases import LABELS
 from pam_check.blind.draw import KNOWN, OUTSIDE
@@ -29,6 +27,7 @@ from pam_check.blind.experiments import run_experiments
 from pam_check.blind.score import score
 from pam_check.blind.untouched import untouched_closed
 from pam_gap.diagnose import IMPROVED_RIG
+from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
 
@@ -138,8 +137,10 @@ def run_campaign(
         runs = {
             pool.submit(diagnose_case, out / "cases" / n, out / "answers" / n): n for n in names
         }
-        for run in tqdm(as_completed(runs), total=len(runs), desc="diagnosing", unit="case"):
-            answers[runs[run]] = run.result()
+        with progress(len(runs), "diagnosing") as bar:
+            for number, done in enumerate(as_completed(runs), 1):
+                answers[runs[done]] = done.result()
+                bar.show(number)
     labels = open_labels(out / "sealed", digest)
     add_untouched(out, answers)
     result = score(labels, answers)
@@ -149,6 +150,7 @@ def run_campaign(
         "cases": cases,
         "seed": seed,
         "labels_sha256": digest,
+        "crashed": sum(answer["verdict"] == "crash" for answer in answers.values()),
         "wall_time_median": float(np.median([a["wall_time"] for a in answers.values()])),
         "wall_time_worst": float(max(a["wall_time"] for a in answers.values())),
     }
@@ -157,26 +159,17 @@ def run_campaign(
     return result
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("--cases", type=int, default=24, help="how many rigs to draw")
-    parser.add_argument("--seed", type=int, default=None, help="default: drawn from the clock")
-    parser.add_argument("--out", type=Path, default=Path("out/blind"))
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument(
-        "--experiments",
-        action="store_true",
-        help="carry out what ambiguous diagnoses propose, and diagnose again",
-    )
+def run(given: Arguments) -> Outcome:
+    """Run the campaign and print its figures; the command of `pam_check.__main__`.
 
-
-def main(arguments: argparse.Namespace) -> int:
-    """Run the campaign and print its figures."""
+    Raises
+    ------
+    PamError
+        When the folder holds a campaign already, or the generator fails.
+    """
     mpl.use("Agg")
-    seed = arguments.seed if arguments.seed is not None else time.time_ns() % 2**32
-    result = run_campaign(
-        arguments.cases, seed, arguments.out, arguments.workers, arguments.experiments
-    )
+    seed = given.seed if given.seed is not None else time.time_ns() % 2**32
+    result = run_campaign(given.cases, seed, given.out, given.workers, given.experiments)
     print(f"seed {seed}; labels sealed as {result['labels_sha256'][:16]}…")
     shares = dict(result["shares"])
     if "experiments" in result:
@@ -197,5 +190,6 @@ def main(arguments: argparse.Namespace) -> int:
         f"{'time per case':24s} {result['wall_time_median']:5.1f} s median, "
         f"{result['wall_time_worst']:.1f} s worst"
     )
-    print(f"written: {arguments.out / 'score.json'}, {arguments.out / 'confusion.png'}")
-    return 0
+    print(f"written: {given.out / 'score.json'}, {given.out / 'confusion.png'}")
+    crashed = result["crashed"]
+    return Outcome(result, [f"{crashed} diagnoses crashed"] if crashed else ())

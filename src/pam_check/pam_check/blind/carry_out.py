@@ -6,10 +6,8 @@ and prints nothing, so that whoever asks learns what a bench would show and no m
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +25,8 @@ from pam_check.blind.truth_plant import Excitation as TruthExcitation
 from pam_gap.experiments.excitations import Excitation
 from pam_gap.experiments.files import read_experiment
 from pam_gap.recordings.recording import LOCKED, TURNED_OVER
+from pam_model.argument_types import count, input_folder, make_parents, output_file
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
 
 LOCKED_INERTIA = 1e9  # kg m^2
@@ -80,29 +80,33 @@ def rig_of(label: dict[str, Any]) -> tuple[TruthJoint, tuple[TruthMuscle, TruthM
     return TruthJoint(**label["joint"]), (first, second), Sensors(**label["sensors"])
 
 
+def _declare(parser: Parser) -> None:
+    parser.add_argument("--sealed", type=input_folder, required=True, help="of the campaign")
+    parser.add_argument("--case", required=True, help="name of the case")
+    parser.add_argument("--experiment", type=input_folder, required=True, help="as proposed")
+    parser.add_argument(
+        "--out", type=output_file, required=True, help="recording to write (.csv.gz)"
+    )
+    parser.add_argument("--seed", type=count(0), default=1, metavar="N", help="of the noise")
+
+
+def _run(given: Arguments) -> Outcome:
+    labels = json.loads((given.sealed / LABELS).read_text())
+    label = next((entry for entry in labels if entry["case"] == given.case), None)
+    if label is None:
+        raise PamError(f"{given.sealed}: no case {given.case}")
+    joint, muscles, sensors = rig_of(label)
+    excitation = read_experiment(given.experiment)
+    made = carry_out(joint, muscles, sensors, excitation, given.seed)
+    table = to_table(made, bool(label["load_cells"]))
+    table.to_csv(make_parents(given.out), index=False, float_format="%.7g")
+    return Outcome({"recording": given.out})
+
+
 def main() -> int:
     """Write the recording of one case's experiment."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pam_check.blind.carry_out", description=__doc__
-    )
-    parser.add_argument("--sealed", type=Path, required=True)
-    parser.add_argument("--case", required=True)
-    parser.add_argument("--experiment", type=Path, required=True)
-    parser.add_argument("--out", type=Path, required=True, help="recording to write (.csv.gz)")
-    parser.add_argument("--seed", type=int, default=1)
-    arguments = parser.parse_args()
-    labels = json.loads((arguments.sealed / LABELS).read_text())
-    label = next((entry for entry in labels if entry["case"] == arguments.case), None)
-    if label is None:
-        raise PamError(f"{arguments.sealed}: no case {arguments.case}")
-    joint, muscles, sensors = rig_of(label)
-    excitation = read_experiment(arguments.experiment)
-    made = carry_out(joint, muscles, sensors, excitation, arguments.seed)
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    to_table(made, bool(label["load_cells"])).to_csv(
-        arguments.out, index=False, float_format="%.7g"
-    )
-    return 0
+    command = Command("carry_out", "carry out a proposed experiment", _declare, _run)
+    return run_command(command, "python -m pam_check.blind.carry_out")
 
 
 if __name__ == "__main__":

@@ -7,9 +7,9 @@ shown to be those drawn now.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
+import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -26,6 +26,8 @@ from pam_check.blind.draw import (
     perturbed,
 )
 from pam_check.blind.truth_plant import Array, TruthJoint, TruthMuscle, TruthRecording, run_truth
+from pam_model.argument_types import count, output_folder
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.rig import rig_from_parameters, save_rig
 
 MAX_TRIES = 20
@@ -204,18 +206,26 @@ def make_cases(count: int, seed: int, folder: Path, sealed: Path) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def main() -> None:
-    """Draw cases from the command line; prints the digest of the labels and nothing else."""
-    parser = argparse.ArgumentParser(prog="python -m pam_check.blind.cases", description=__doc__)
-    parser.add_argument("--cases", type=int, required=True)
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--folder", type=Path, required=True, help="where the cases go")
+def _declare(parser: Parser) -> None:
+    parser.add_argument("--cases", type=count(), required=True, metavar="N")
+    parser.add_argument("--seed", type=count(0), required=True, metavar="N")
+    parser.add_argument("--folder", type=output_folder, required=True, help="where the cases go")
     parser.add_argument(
-        "--sealed", type=Path, required=True, help="folder for labels and check recordings"
+        "--sealed", type=output_folder, required=True, help="for labels and check recordings"
     )
-    arguments = parser.parse_args()
-    print(make_cases(arguments.cases, arguments.seed, arguments.folder, arguments.sealed))
+
+
+def _run(given: Arguments) -> Outcome:
+    digest = make_cases(given.cases, given.seed, given.folder, given.sealed)
+    print(digest)
+    return Outcome({"labels_sha256": digest})
+
+
+def main() -> int:
+    """Draw cases from the command line; prints the digest of the labels and nothing else."""
+    command = Command("cases", "draw rigs with hidden effects, labels sealed", _declare, _run)
+    return run_command(command, "python -m pam_check.blind.cases")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

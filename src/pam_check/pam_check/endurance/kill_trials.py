@@ -1,23 +1,18 @@
 """Kills a host process outright, many times, and measures how soon the boards' watchdogs vent.
 
-`python -m pam_check.endurance.kill_trials --trials 200` forks a process that drives simulated
-boards over a loopback multicast bus by the suite's driver, at 500 Hz in real time, and ends it by
-SIGKILL while air moves. Exit code 1 if a board vents later than its watchdog's period and 10 ms.
+`python -m pam_check kill-trials --trials 200` forks a process that drives simulated boards over a
+loopback multicast bus by the suite's driver, at 500 Hz in real time, and ends it by SIGKILL while
+air moves. Each board has to vent within its watchdog's period and 10 ms.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import json
 import os
 import random
 import signal
 import statistics
-import sys
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
 from pam_check.chain import BusChoice, multicast_bus
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
@@ -26,6 +21,7 @@ from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.faults.kinds import WATCHDOG
@@ -117,37 +113,37 @@ def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run it; 0 if every trial vented in time."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pam_check.endurance.kill_trials", description=__doc__
-    )
-    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
-    parser.add_argument("--trials", type=int, default=200)
-    parser.add_argument("--out", type=Path, help="JSON of every trial's times")
-    parsed = parser.parse_args(arguments)
+def run(given: Arguments) -> Outcome:
+    """Kill, measure and print; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        If a trial could not be run.
+    """
     bound = WATCHDOG + ALLOWED
     draw = random.Random(1)
+    rig = load_rig(chosen_rig(given))
     done: list[tuple[float, float]] = []
-    try:
-        rig = load_rig(parsed.rig)
-        for _ in range(parsed.trials):
+    with progress(given.trials, "kill trials") as bar:
+        for _ in range(given.trials):
             done.append(kill_once(rig, draw.uniform(0.05, 0.25)))
-    except PamError as error:
-        print(error, file=sys.stderr)
-        return 2
+            bar.show(len(done))
     times = [vented for vented, _ in done]
     late = sum(time > bound for time in times)
+    own_delay = max(gap for _, gap in done)
     print(
         f"{len(times)} kills: vented after {1e3 * statistics.median(times):.1f} ms (median), "
         f"{1e3 * max(times):.1f} ms (worst), bound {1e3 * bound:.0f} ms; {late} late; the board's "
-        f"own turn was {1e3 * max(gap for _, gap in done):.1f} ms late at worst"
+        f"own turn was {1e3 * own_delay:.1f} ms late at worst"
     )
-    if parsed.out:
-        parsed.out.parent.mkdir(parents=True, exist_ok=True)
-        parsed.out.write_text(json.dumps(times), encoding="utf-8")
-    return 1 if late else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return Outcome(
+        {
+            "vented_after": times,
+            "bound": bound,
+            "late": late,
+            "board_turn_late": own_delay,
+            "unit": "s",
+        },
+        [f"{late} of {len(times)} vented later than {1e3 * bound:.0f} ms"] if late else (),
+    )

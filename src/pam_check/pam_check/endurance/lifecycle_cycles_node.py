@@ -1,17 +1,15 @@
 """Configures, activates, deactivates and cleans up a driver process again and again.
 
-`python -m pam_check.endurance.lifecycle_cycles_node --cycles 1000 --unplugged 200` runs a simulated
-rig and a driver on a loopback multicast bus and watches the driver's threads, file handles, sockets
-and memory. In some of the cycles, drawn at random, the bus is lost while the driver may move air,
-each time in one of four ways: python-can raises ENETDOWN, it raises ENODEV, the boards fall silent,
-the process that holds the boards is stopped. In half of those the bus is back before the driver is
-cleaned up, and it must activate again; in the other half it is cleaned up without a bus. Exit code
-1 if anything grows.
+`python -m pam_check lifecycle --cycles 1000 --unplugged 200` runs a simulated rig and a driver on a
+loopback multicast bus and watches the driver's threads, file handles, sockets and memory. In some
+of the cycles, drawn at random, the bus is lost while the driver may move air, each time in one of
+four ways: python-can raises ENETDOWN, it raises ENODEV, the boards fall silent, the process that
+holds the boards is stopped. In half of those the bus is back before the driver is cleaned up, and
+it must activate again; in the other half it is cleaned up without a bus.
 """
 
 from __future__ import annotations
 
-import argparse
 import errno
 import os
 import random
@@ -19,7 +17,7 @@ import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,6 +33,7 @@ from pam_check.chain import Chain, multicast_bus, private_domain, set_environmen
 from pam_check.endurance.process_use import Use, use_of
 from pam_check.endurance.unpluggable_driver_node import PLUG
 from pam_check.processes import NodeProcess
+from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 
 PATIENCE = 30.0  # s
@@ -250,25 +249,26 @@ def run_cycles(rig: Path, cycles: int, unplugged: int = 0, seed: int = 0) -> Cyc
                 plug.replug("")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run it; 0 if nothing grows, 1 if something does, 2 if it cannot run."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pam_check.endurance.lifecycle_cycles_node", description=__doc__
-    )
-    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
-    parser.add_argument("--cycles", type=int, default=1000)
-    parser.add_argument("--unplugged", type=int, default=200, help="cycles that lose the bus")
-    parser.add_argument("--seed", type=int, default=0)
-    parsed = parser.parse_args(arguments)
-    try:
-        done = run_cycles(parsed.rig, max(parsed.cycles, 1), max(parsed.unplugged, 0), parsed.seed)
-    except PamError as error:
-        print(error, file=sys.stderr)
-        return 2
+def run(given: Arguments) -> Outcome:
+    """Cycle and print; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        If a transition fails, or the bus is to be lost in more cycles than there are.
+    """
+    most = max(given.cycles - WARM, 0)
+    unplugged = min(given.cycles // 5, most) if given.unplugged is None else given.unplugged
+    if unplugged > most:
+        raise PamError(
+            f"--unplugged {unplugged}: expected at most {most}: the bus is not lost in the first "
+            f"{WARM} of --cycles {given.cycles}"
+        )
+    done = run_cycles(chosen_rig(given), given.cycles, unplugged, given.seed)
     before, after = done.before, done.after
     growth = 100.0 * (after.memory / before.memory - 1.0)
     print(
-        f"{parsed.cycles} cycles: threads {before.threads} to {after.threads}, file handles "
+        f"{given.cycles} cycles: threads {before.threads} to {after.threads}, file handles "
         f"{before.handles} to {after.handles}, sockets among them {before.sockets} to "
         f"{after.sockets}, memory {before.memory / 2**20:.1f} to {after.memory / 2**20:.1f} MiB "
         f"({growth:+.1f} %)"
@@ -276,8 +276,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print("bus lost: " + "; ".join(f"{way} {count}" for way, count in sorted(done.lost.items())))
     for leak in done.leaks:
         print(f"GROWS: {leak}", file=sys.stderr)
-    return 1 if done.leaks else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return Outcome(
+        {"cycles": given.cycles, "before": before, "after": after, "bus_lost": done.lost},
+        [f"{leak}: grows" for leak in done.leaks],
+    )

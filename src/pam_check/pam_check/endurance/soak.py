@@ -1,23 +1,20 @@
 """Hours of driving sixteen muscles on simulated boards; looks for what grows or runs away.
 
-`python -m pam_check.endurance.soak --hours 2` runs boards, plant, the driver's bus port, driver and
+`python -m pam_check soak --hours 2` runs boards, plant, the driver's bus port, driver and
 controller at 500 Hz and the model at 100 Hz in one process on a virtual clock. The wall clock runs
 50 ppm fast against the monotonic one, as an undisciplined crystal does. Memory, handles, threads,
 stamps, heartbeats and commands are what the run shows; sockets, ROS messages and the operating
-system's timing are not in it. Ended by SIGINT, it tells what it has seen until then. Exit code 1 if
-anything is out of bounds.
+system's timing are not in it. Ended by SIGINT, it tells what it has seen until then.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from typing import Final
 
 from pam_check.endurance.process_use import Use, use_of
@@ -26,12 +23,12 @@ from pam_control.controller import Controller
 from pam_control.controller_parameters import create_controller, parameter_table
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardState, Heartbeat
 from pam_driver.safety.states import SafetyState
+from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig, load_rig
 from pam_sim.boards.pam_board import BoardSettings
 
 PERIOD: Final = 0.002  # s
-JOINTS: Final = 8
 MODEL_CYCLES: Final = 5  # between two estimates
 WALL_START: Final = 1.8e9  # s; so that stamps are rounded as real ones are
 WALL_RATE: Final = 1.0 + 50e-6  # of the wall clock, against the monotonic one
@@ -39,7 +36,6 @@ HEARTBEAT_PERIOD: Final = 1.0 / BoardSettings().heartbeat_rate
 MEMORY_ALLOWED: Final = 1.05
 DRIFT_ALLOWED: Final = 1e-5  # s
 SETTLED: Final = 0.1  # of the run, until caches are filled
-LONGEST: Final = 24.0 * 14  # h
 
 
 @dataclass(slots=True)
@@ -86,6 +82,8 @@ class SoakResult:
         Angle against its reference, after the first second [rad].
     stopped : str
         Why it ended early; empty if it did not.
+    interrupted : bool
+        Whether the user ended it.
     """
 
     seconds: float
@@ -100,6 +98,7 @@ class SoakResult:
     frames_lost: int
     worst_error: float
     stopped: str
+    interrupted: bool = False
 
     def problems(self) -> list[str]:
         """What is out of bounds, one line each."""
@@ -225,7 +224,7 @@ class _Heartbeats:
 
 
 def soak(
-    rig: Rig, seconds: float, progress: Callable[[float], None] = lambda share: None
+    rig: Rig, seconds: float, tell: Callable[[float], None] = lambda share: None
 ) -> SoakResult:
     """Drive all joints of a rig to and fro.
 
@@ -235,7 +234,7 @@ def soak(
         See `widened`.
     seconds : float
         Virtual time [s].
-    progress : callable, optional
+    tell : callable, optional
         Told the share that is done, a hundred times.
 
     Raises
@@ -271,7 +270,7 @@ def soak(
         if done == round(SETTLED * cycles):
             before = use_of()
         if done % max(cycles // 100, 1) == 0:
-            progress(done / cycles)
+            tell(done / cycles)
     interrupted.end()
     beats.look(chain.now, end=True)
     boards = chain.sim.boards.values()
@@ -290,38 +289,25 @@ def soak(
         frames_lost=sum(board.frames_lost for board in driver.boards.values()),
         worst_error=worst,
         stopped=stopped,
+        interrupted=interrupted.yes,
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run it; 0 if all is within bounds, 1 if not, 2 if it cannot run."""
-    parser = argparse.ArgumentParser(prog="python -m pam_check.endurance.soak", description=__doc__)
-    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
-    parser.add_argument("--hours", type=float, default=2.0, help="of virtual time")
-    parser.add_argument("--joints", type=int, default=JOINTS, help="with two muscles each")
-    parsed = parser.parse_args(arguments)
-    on_a_terminal = sys.stderr.isatty()
+def run(given: Arguments) -> Outcome:
+    """Soak and print; the command of `pam_check.__main__`.
 
-    def progress(share: float) -> None:
-        if on_a_terminal:
-            print(f"\r{100.0 * share:.0f} %", end="", file=sys.stderr, flush=True)
-
-    try:
-        if not 0.0 < parsed.hours <= LONGEST:
-            raise PamError(f"hours = {parsed.hours:g}: expected above 0 and at most {LONGEST:g}")
-        rig = widened(load_rig(parsed.rig), parsed.joints)
-        result = soak(rig, 3600.0 * parsed.hours, progress)
-    except PamError as error:
-        print(error, file=sys.stderr)
-        return 2
+    Raises
+    ------
+    PamError
+        For a rig or a number of joints that cannot be used.
+    """
+    rig = widened(load_rig(chosen_rig(given)), given.joints)
+    with progress(1.0, "soak") as bar:
+        result = soak(rig, 3600.0 * given.hours, bar.show)
     print(
         f"{len(rig.muscles)} muscles on {len(rig.joints)} boards at {1.0 / PERIOD:.0f} Hz: {result}"
     )
     problems = result.problems()
     for problem in problems:
         print(f"OUT OF BOUNDS: {problem}", file=sys.stderr)
-    return 1 if problems else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return Outcome({**asdict(result), "problems": problems}, problems, result.interrupted)

@@ -1,13 +1,12 @@
 """Injects every fault many times and holds what follows against what docs/safety.md promises.
 
-`python -m pam_check.faults.campaign --trials 600 --out out/faults` runs boards, plant, bus, driver,
-model and controller in one process on a virtual clock; each trial is a fork of one chain in
-motion, so that each meets it in another phase. Exit code 1 if anything is out of bounds.
+`python -m pam_check faults --trials 600 --out out/faults` runs boards, plant, bus, driver, model
+and controller in one process on a virtual clock; each trial is a fork of one chain in motion, so
+that each meets it in another phase.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import pickle
 import random
@@ -15,17 +14,19 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.report import as_markdown, write_report
 from pam_check.faults.trial import Trial, draw_values, run_trial
 from pam_control.controller_parameters import create_controller, parameter_table
 from pam_driver.boards.pam_board.codec import BoardCodec
+from pam_model.argument_types import make_parents
+from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
-from pam_sim.faults.kinds import KINDS, FaultKind
+from pam_sim.faults.kinds import KINDS, FaultKind, kinds_called
 
+TRIALS_OF_EACH = 8  # kinds, where nothing else is asked for
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s
 
 
@@ -101,40 +102,39 @@ def run_campaign(rig: Rig, kinds: Sequence[FaultKind], trials: int, seed: int) -
         yield in_a_fork(partial(run_trial, chain, kind, values, trial_seed))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run it; 0 if all is inside the bounds, 1 if not, 2 for a user's mistake."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pam_check.faults.campaign", description=__doc__
-    )
-    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
-    parser.add_argument("--trials", type=int, default=8 * len(KINDS), help="in all")
-    parser.add_argument("--kind", action="append", help="only this kind; may be repeated")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=Path("out/faults"))
-    parser.add_argument("--page", type=Path, help="write the table here too, for the documentation")
-    parsed = parser.parse_args(arguments)
-    kinds = [kind for kind in KINDS if not parsed.kind or kind.name in parsed.kind]
-    if not kinds or parsed.trials < 1:
-        print(f"no such fault; there are {', '.join(k.name for k in KINDS)}", file=sys.stderr)
-        return 2
+def run(given: Arguments) -> Outcome:
+    """Inject, print and write the report; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        For a rig or a fault that cannot be used.
+    """
+    kinds = kinds_called(given.kind, KINDS)
+    trials = given.trials or TRIALS_OF_EACH * len(kinds)
     done: list[Trial] = []
-    try:
-        for trial in run_campaign(load_rig(parsed.rig), kinds, parsed.trials, parsed.seed):
+    with progress(trials, "fault campaign") as bar:
+        for trial in run_campaign(load_rig(chosen_rig(given)), kinds, trials, given.seed):
             done.append(trial)
+            bar.show(len(done), trial.kind)
             if trial.problem:
                 print(f"{trial.kind} {trial.values}: {trial.problem}", file=sys.stderr)
-    except PamError as error:
-        print(error, file=sys.stderr)
-        return 2
-    bad = sum(bool(trial.problem) for trial in done)
-    page = write_report(kinds, done, parsed.out)
-    if parsed.page:
-        given = sys.argv[1:] if arguments is None else arguments
-        command = " ".join(["python -m pam_check.faults.campaign", *given])
-        parsed.page.write_text(as_markdown(kinds, done, command), encoding="utf-8")
-    print(f"{len(done)} injections of {len(kinds)} kinds, {bad} out of bounds: {page}")
-    return 1 if bad else 0
+    bad = [trial for trial in done if trial.problem]
+    page = write_report(kinds, done, given.out)
+    if given.page:
+        text = as_markdown(kinds, done, _command_line(given))
+        make_parents(given.page).write_text(text, encoding="utf-8")
+    print(f"{len(done)} injections of {len(kinds)} kinds, {len(bad)} out of bounds: {page}")
+    return Outcome(
+        {"kinds": len(kinds), "out_of_bounds": len(bad), "trials": done, "page": page},
+        [f"{trial.kind}: {trial.problem}" for trial in bad],
+    )
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _command_line(given: Arguments) -> str:
+    """What makes the same table again; for the page that shows it."""
+    words = ["python -m pam_check faults"]
+    words += [] if given.rig is None else [f"--rig {given.rig}"]
+    words += [] if given.trials is None else [f"--trials {given.trials}"]
+    words += [f"--kind {name}" for name in given.kind or ()]
+    return " ".join([*words, f"--seed {given.seed}", f"--page {given.page}"])

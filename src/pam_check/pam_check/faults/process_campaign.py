@@ -1,9 +1,9 @@
 """The rig's faults once each on real processes: rig, driver and controller over a bus and ROS.
 
-`python -m pam_check.faults.process_campaign --out out/faults/processes.md` complements
+`python -m pam_check processes --out out/faults/processes.md` complements
 `pam_check.faults.campaign`, which has the numbers: here sockets, ROS, threads and the host's
-scheduler take part. Exit code 1 if a fault that must vent does not do so within its bound and
-`HOST`, or one that must be ridden through stops the joint.
+scheduler take part. Out of bounds is a fault that must vent and does not do so within its bound
+and `HOST`, and one that must be ridden through and stops the joint.
 
 A host that is busy for a moment stops the joint by itself, by the same time-outs that some faults
 run into. What may be the host's doing - a stop by a time-out that the fault has nothing to do with,
@@ -12,10 +12,8 @@ one that comes too early, a vent that comes too late - is tried again, `TRIES` t
 
 from __future__ import annotations
 
-import argparse
 import re
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -27,10 +25,12 @@ import rclpy
 from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_check.faults.operator_node import FaultOperator
 from pam_driver.bus import open_bus
+from pam_model.argument_types import make_parents
+from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_sim.faults.injection import INJECTIONS
-from pam_sim.faults.kinds import KINDS, FaultKind, Reaction
+from pam_sim.faults.kinds import KINDS, FaultKind, Reaction, kinds_called
 
 HOST = 0.06  # s, for the way of the injection, a status of the board and a host that is busy
 PATIENCE = 120.0  # s, for nodes to start, or to start again, on a busy host
@@ -223,38 +223,39 @@ def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> Iterator[Row]:
         port.close()
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run it; 0 if all is inside the bounds, 1 if not, 2 if it cannot run."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pam_check.faults.process_campaign", description=__doc__
-    )
-    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
-    parser.add_argument("--kind", action="append", help="only this kind; may be repeated")
-    parser.add_argument("--out", type=Path, default=Path("out/faults/processes.md"))
-    parsed = parser.parse_args(arguments)
+def run(given: Arguments) -> Outcome:
+    """Inject, print and write the table; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        If a kind is unknown, or not all kinds could be run; what was done until then is written.
+    """
     possible = [kind for kind in KINDS if kind.name in {*INJECTIONS, *HOST_FAULTS}]
-    kinds = [kind for kind in possible if not parsed.kind or kind.name in parsed.kind]
+    kinds = kinds_called(given.kind, possible)
     done: list[Row] = []
-    broken = ""
     try:
-        for row in run_all(parsed.rig, kinds):
+        for row in run_all(chosen_rig(given), kinds):
             done.append(row)  # those before one that cannot be run count too
     except PamError as error:
-        broken = str(error)
-    lines = [
-        "| fault | must follow | vented after [ms] | diagnostics | tries | verdict |",
-        "|---" * 6 + "|",
-    ]
-    lines += ["| " + " | ".join(row) + " |" for row in done]
-    parsed.out.parent.mkdir(parents=True, exist_ok=True)
-    parsed.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        left = len(kinds) - len(done)
+        raise PamError(f"ended before {left} kinds more: {error}") from None
+    finally:
+        if done:
+            lines = [
+                "| fault | must follow | vented after [ms] | diagnostics | tries | verdict |",
+                "|---" * 6 + "|",
+                *("| " + " | ".join(row) + " |" for row in done),
+            ]
+            make_parents(given.out).write_text("\n".join(lines) + "\n", encoding="utf-8")
     bad = [row for row in done if row[-1] != KEPT]
-    print(f"{len(done)} kinds on processes, {len(bad)} out of bounds: {parsed.out}")
-    if broken:
-        print(f"ended before {len(kinds) - len(done)} kinds more: {broken}", file=sys.stderr)
-        return 2
-    return 1 if bad else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    print(f"{len(done)} kinds on processes, {len(bad)} out of bounds: {given.out}")
+    names = ("fault", "must_follow", "vented_after_ms", "diagnostics", "tries", "verdict")
+    return Outcome(
+        {
+            "kinds": [dict(zip(names, row, strict=True)) for row in done],
+            "out_of_bounds": len(bad),
+            "page": given.out,
+        },
+        [f"{row[0]}: {row[-1]}" for row in bad],
+    )

@@ -1,20 +1,18 @@
 """Random and mutated messages through the callbacks of the nodes themselves.
 
-`python -m pam_check.fuzz.callbacks_node --count 1000000` makes the nodes in this process, calls
-each subscription's callback with that many messages of its type, and each timer's callback in
-between. Nothing may escape, and a driver that was not activated may let no air move. Names, sizes,
-numbers and stamps are garbage; types are not, since ROS checks those. Exit code 1 if anything
-failed.
+`python -m pam_check fuzz-callbacks --count 1000000` makes the nodes in this process, calls each
+subscription's callback with that many messages of its type, and each timer's callback in between.
+Nothing may escape, and a driver that was not activated may let no air move. Names, sizes, numbers
+and stamps are garbage; types are not, since ROS checks those.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import random
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,6 +28,7 @@ from pam_check.chain import private_domain, set_environment
 from pam_check.fuzz.inputs import BLOCK, ViolationError, injection, names, numbers
 from pam_driver.boards.pam_board.codec import BoardCodec, FrameError, ValveCommand
 from pam_driver.bus import CanPort, open_bus
+from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 
@@ -212,26 +211,20 @@ def fuzz_callbacks(rig: Path, count: int, seed: int) -> dict[str, list[str]]:
     return failed
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run it; 0 if nothing escaped, 1 if something did, 2 for a user's mistake."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pam_check.fuzz.callbacks_node", description=__doc__
-    )
-    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
-    parser.add_argument("--count", type=int, default=100_000)
-    parser.add_argument("--seed", type=int, default=0)
-    parsed = parser.parse_args(arguments)
-    try:
-        failed = fuzz_callbacks(parsed.rig, parsed.count, parsed.seed)
-    except PamError as error:
-        print(error, file=sys.stderr)
-        return 2
+def run(given: Arguments) -> Outcome:
+    """Fuzz and print; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        For a rig that cannot be used, or a node that cannot be made.
+    """
+    failed = fuzz_callbacks(chosen_rig(given), given.count, given.seed)
     for name, escaped in failed.items():
-        print(f"{name}: {parsed.count} messages, {len(escaped)} blocks failed")
+        print(f"{name}: {given.count} messages, {len(escaped)} blocks failed")
         for text in escaped[:3]:
             print(f"  {text[:300]}", file=sys.stderr)
-    return 1 if any(failed.values()) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return Outcome(
+        {"messages": given.count, "failed": failed},
+        [f"{name}: {len(escaped)} blocks failed" for name, escaped in failed.items() if escaped],
+    )

@@ -1,14 +1,13 @@
 """Throws random and mutated input at every entrance of the suite; nothing but PamError may escape.
 
-`python -m pam_check.fuzz.inputs frames --count 10000000`, likewise `driver`, `board`, `commands`,
+`python -m pam_check fuzz frames --count 10000000`, likewise `driver`, `board`, `commands`,
 `references`, `measurements`, `injections`. Half of the input is noise, half are valid messages
 with a few bits or fields changed. What fails is kept as a seed in `--corpus` and tried first next
-time. Exit code 1 if anything failed.
+time.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import random
@@ -41,6 +40,8 @@ from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandIntake, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
+from pam_model.argument_types import make_parents
+from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.boards.pam_board import SimulatedBoard
@@ -363,36 +364,48 @@ def fuzz(rig: Rig, name: str, count: int, seed: int, corpus: Sequence[int] = ())
     return failed
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run it; 0 if nothing escaped, 1 if something did, 2 for a user's mistake."""
-    parser = argparse.ArgumentParser(prog="python -m pam_check.fuzz.inputs", description=__doc__)
-    parser.add_argument("target", choices=[*TARGETS, "all"])
-    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
-    parser.add_argument("--count", type=int, default=100_000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--corpus", type=Path, default=Path("out/fuzz"))
-    parsed = parser.parse_args(arguments)
-    try:
-        rig = load_rig(parsed.rig)
-    except PamError as error:
-        print(error, file=sys.stderr)
-        return 2
-    bad = 0
-    for name in TARGETS if parsed.target == "all" else [parsed.target]:
-        path = parsed.corpus / f"{name}.json"
-        known: Any = json.loads(path.read_text()) if path.exists() else {}
+def run(given: Arguments) -> Outcome:
+    """Fuzz, print and keep what failed; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        For a rig or a target that cannot be used, or a corpus that is none.
+    """
+    rig = load_rig(chosen_rig(given))
+    if given.target not in (*TARGETS, "all"):
+        raise PamError(f"no target {given.target!r}; there are {', '.join(TARGETS)} and all")
+    results = []
+    for name in TARGETS if given.target == "all" else [given.target]:
+        path = given.corpus / f"{name}.json"
+        known = _kept_seeds(path)
         start = time.monotonic()
-        failed = fuzz(rig, name, parsed.count, parsed.seed, [int(key) for key in known])
-        rate = parsed.count / (time.monotonic() - start)
-        print(f"{name}: {parsed.count} inputs, {len(failed)} blocks failed, {rate:.0f}/s")
+        failed = fuzz(rig, name, given.count, given.seed, [int(key) for key in known])
+        rate = given.count / (time.monotonic() - start)
+        print(f"{name}: {given.count} inputs, {len(failed)} blocks failed, {rate:.0f}/s")
         for block, text in list(failed.items())[:5]:
             print(f"  seed {block}: {text[:300]}", file=sys.stderr)
         if failed:
-            bad += len(failed)
-            parsed.corpus.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(known | failed, indent=1), encoding="utf-8")
-    return 1 if bad else 0
+            make_parents(path).write_text(json.dumps(known | failed, indent=1), encoding="utf-8")
+        results.append({"target": name, "inputs": given.count, "failed": failed})
+    return Outcome(
+        results,
+        [f"{r['target']}: {len(r['failed'])} blocks failed" for r in results if r["failed"]],
+    )
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _kept_seeds(path: Path) -> dict[str, str]:
+    """What failed before, by seed.
+
+    Raises
+    ------
+    PamError
+        For a file that holds something else.
+    """
+    if not path.exists():
+        return {}
+    try:
+        kept: Any = json.loads(path.read_text(encoding="utf-8"))
+        return {str(int(key)): str(text) for key, text in kept.items()}
+    except (ValueError, AttributeError):
+        raise PamError(f"{path}: no corpus of seeds; remove it or name another --corpus") from None

@@ -1,8 +1,7 @@
-"""Holds the policy of `security_policy` against what the nodes of a chain really use."""
+"""Holds the policy of `pam_check.security.policy` against what the nodes of a chain really use."""
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from rclpy.node import Node
 
 from pam_check.chain import MODULES, Chain, multicast_bus, private_domain, set_environment
 from pam_check.security.policy import POLICY, rights_of
+from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import load_rig
 
 PATIENCE = 40.0  # s
@@ -61,12 +61,14 @@ def _compare(node: Node, muscles: tuple[str, ...]) -> list[str]:
     return lines
 
 
-def main() -> int:
-    """Print the differences; 0 if there are none."""
-    lines = differences(Path(sys.argv[1] if len(sys.argv) > 1 else "config/elbow.yaml"))
+def run(given: Arguments) -> Outcome:
+    """Compare and print the differences; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        For a rig that cannot be used, or a node that ends.
+    """
+    lines = differences(chosen_rig(given))
     print("\n".join(lines) or "the policy is what the nodes use")
-    return 1 if lines else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return Outcome({"differences": lines}, lines)

@@ -1,18 +1,19 @@
 """What each node may publish, hear, serve and call, as data and as an SROS 2 policy file.
 
-`python -m pam_check.security.policy config/security_policy.xml` writes the policy (schema 0.2.0 of
-sros2); docs/security.md says how to switch it on, and `security_check_node` holds it against what
-running nodes really use.
+`python -m pam_check security config/security_policy.xml` writes the policy (schema 0.2.0 of sros2);
+docs/security.md says how to switch it on, and `python -m pam_check security-check` holds it against
+what running nodes really use.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from xml.etree import ElementTree
+
+from pam_model.argument_types import make_parents
+from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.rig import load_rig
 
 # What every node has of ROS itself; `~` is the node's own name.
 _COMMON_PUBLISHES = ("rosout", "parameter_events")
@@ -131,22 +132,15 @@ def policy_xml(muscles: tuple[str, ...]) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the policy of a rig's muscles."""
-    parser = argparse.ArgumentParser(
-        prog="python -m pam_check.security.policy", description=__doc__
-    )
-    parser.add_argument("file", type=Path, help="where to write it")
-    parser.add_argument("muscles", nargs="*", help="names (default: those of the elbow)")
-    given = parser.parse_args(arguments)
-    muscles = tuple(given.muscles) or ("elbow_flexor", "elbow_extensor")
-    try:
-        given.file.write_text(policy_xml(muscles), encoding="utf-8")
-    except OSError as error:
-        print(f"{given.file}: cannot be written: {error.strerror}", file=sys.stderr)
-        return 2
-    return 0
+def run(given: Arguments) -> Outcome:
+    """Write the policy of a rig's muscles; the command of `pam_check.__main__`.
 
-
-if __name__ == "__main__":
-    sys.exit(main())
+    Raises
+    ------
+    PamError
+        For a rig that cannot be used.
+    """
+    muscles = load_rig(chosen_rig(given)).muscle_names
+    make_parents(given.file).write_text(policy_xml(muscles), encoding="utf-8")
+    print(f"written: {given.file}")
+    return Outcome({"file": given.file, "muscles": muscles})

@@ -1,12 +1,10 @@
 """The driver's table of states drawn as a diagram, for the documentation.
 
-`python -m pam_driver.safety.states_page` prints it as Mermaid text, which code hosts and most
-Markdown viewers draw. docs/safety.md holds the same text; a test compares the two.
+Mermaid text, which code hosts and most Markdown viewers draw. docs/safety.md holds the same text,
+written by `python -m pam_sim fault-tables docs/safety.md`; a test compares the two.
 """
 
 from __future__ import annotations
-
-import sys
 
 from pam_driver.safety.states import OUTPUTS, TRANSITIONS, SafetyState
 
@@ -28,13 +26,3 @@ def diagram_as_mermaid() -> str:
     lines.append("    classDef air stroke-width:4px,font-weight:bold")
     lines.append(f"    class {','.join(moving)} air")
     return "\n".join(lines)
-
-
-def main() -> int:
-    """Print the diagram."""
-    print(diagram_as_mermaid())
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -6,7 +6,6 @@ once with the effect at the size the caption gives; what differs is what a diagn
 
 from __future__ import annotations
 
-import argparse
 import math
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib import pyplot as plt
 
+from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 from pam_model.plant.parameters import PlantParameters
@@ -147,21 +147,16 @@ def page_text() -> str:
     return "\n".join(lines)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("--rig", type=Path, default=Path("config/elbow.yaml"))
-    parser.add_argument("--out", type=Path, default=Path("docs"))
-
-
-def main(arguments: argparse.Namespace) -> int:
-    """Write docs/effects.md and its pictures."""
+def run(given: Arguments) -> Outcome:
+    """Write docs/effects.md and its pictures; the command of `pam_gap.__main__`."""
     mpl.use("Agg")
-    images = arguments.out / "images" / "effects"
+    images = given.out / "images" / "effects"
     images.mkdir(parents=True, exist_ok=True)
-    commands, ideal = commands_of_a_motion(load_rig(arguments.rig))
+    commands, ideal = commands_of_a_motion(load_rig(chosen_rig(given)))
     draw_motion(commands, ideal, images / "motion.png")
     for name in EFFECTS:
         draw_signature(name, commands, ideal, images / f"{name}.png")
-    (arguments.out / "effects.md").write_text(page_text())
-    print(f"written: {arguments.out / 'effects.md'} and {len(EFFECTS)} pictures in {images}")
-    return 0
+    page = given.out / "effects.md"
+    page.write_text(page_text())
+    print(f"written: {page} and {len(EFFECTS)} pictures in {images}")
+    return Outcome({"page": page, "effects": list(EFFECTS)})

@@ -8,11 +8,8 @@ error holds 0, the data do not separate them. Intervals are for one pair at a ti
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -220,17 +217,3 @@ def _rank(fits: list[FitResult], data: Measurements, seed: int) -> tuple[RankedM
         free = sum(p.fitted for p in result.parameters.values())
         ranked.append(RankedModel(result, free, float(low), float(high), tuple(ties)))
     return tuple(ranked)
-
-
-def save_comparison(comparisons: list[Comparison], path: str | Path) -> None:
-    """Write comparisons as JSON; a number that is not finite becomes null."""
-
-    def clean(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: clean(item) for key, item in value.items()}
-        if isinstance(value, list):
-            return [clean(item) for item in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    text = json.dumps([clean(c.as_dict()) for c in comparisons], indent=1)
-    Path(path).write_text(text + "\n", encoding="utf-8")

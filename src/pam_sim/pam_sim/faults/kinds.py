@@ -1,16 +1,15 @@
 """Every fault that is injected, as data: what it is, who notices, what must follow, how soon.
 
-The table in docs/safety.md is written from this file (`python -m pam_sim.faults.kinds
-docs/safety.md`), and the campaign holds what it measures against the same numbers.
+The table in docs/safety.md is written from this file (`python -m pam_sim
+fault-tables docs/safety.md`), and the campaign holds what it measures against the same numbers.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from enum import Enum
-from pathlib import Path
 from typing import Final
 
 from pam_driver.driver_settings import DriverSettings
@@ -274,6 +273,23 @@ def kind_called(name: str) -> FaultKind:
     return next(kind for kind in KINDS if kind.name == name)
 
 
+def kinds_called(names: Sequence[str] | None, kinds: Sequence[FaultKind]) -> list[FaultKind]:
+    """Those of the kinds that have these names; all without names.
+
+    Raises
+    ------
+    PamError
+        For a name that none of them has.
+    """
+    known = {kind.name: kind for kind in kinds}
+    for name in names or ():
+        if name not in known:
+            close = get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(known)}"
+            raise PamError(f"no fault {name!r} here; {hint}")
+    return [kind for kind in kinds if not names or kind.name in names]
+
+
 def bounds_as_markdown() -> str:
     """The table of faults and bounds as docs/safety.md shows it."""
     lines = ["| fault | what happens | must follow | within | by |", "|---|---|---|---|---|"]
@@ -309,18 +325,3 @@ def write_into(page: str) -> str:
             raise PamError(f"the page has no {begin} ... {end}")
         page = f"{head}{begin}\n{part}\n{end}{tail}"
     return page
-
-
-def main() -> int:
-    """Bring a page's tables and diagram up to date: `python -m pam_sim.faults.kinds PAGE`."""
-    try:
-        for path in map(Path, sys.argv[1:]):
-            path.write_text(write_into(path.read_text(encoding="utf-8")), encoding="utf-8")
-    except (PamError, OSError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

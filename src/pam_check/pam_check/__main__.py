@@ -1,0 +1,301 @@
+"""`python -m pam_check`: checks of the whole suite, from faults to withheld effects."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from pam_model.argument_types import count, number, output_file, output_folder
+from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, run_program
+
+LONGEST_SOAK = 24.0 * 14  # h
+
+
+def _faults(given: Arguments) -> Outcome:
+    from pam_check.faults.campaign import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _declare_faults(parser: Parser) -> None:
+    add_rig(parser)
+    parser.add_argument(
+        "--trials", type=count(), metavar="N", help="in all (default: eight of each kind)"
+    )
+    _add_kinds(parser)
+    _add_seed(parser, 1)
+    parser.add_argument(
+        "--out", type=output_folder, default="out/faults", help="folder (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--page", type=output_file, metavar="FILE", help="write the table here too, for the docs"
+    )
+
+
+def _processes(given: Arguments) -> Outcome:
+    from pam_check.faults.process_campaign import run  # noqa: PLC0415  (rclpy)
+
+    return run(given)
+
+
+def _declare_processes(parser: Parser) -> None:
+    add_rig(parser)
+    _add_kinds(parser)
+    parser.add_argument(
+        "--out",
+        type=output_file,
+        default="out/faults/processes.md",
+        metavar="FILE",
+        help="page with the table (default: %(default)s)",
+    )
+
+
+def _kill_trials(given: Arguments) -> Outcome:
+    from pam_check.endurance.kill_trials import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _declare_kill_trials(parser: Parser) -> None:
+    add_rig(parser)
+    parser.add_argument(
+        "--trials", type=count(), default=200, metavar="N", help="kills (default: %(default)s)"
+    )
+
+
+def _soak(given: Arguments) -> Outcome:
+    from pam_check.endurance.soak import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _declare_soak(parser: Parser) -> None:
+    add_rig(parser)
+    parser.add_argument(
+        "--hours",
+        type=number("h", above=0.0, most=LONGEST_SOAK),
+        default=2.0,
+        metavar="H",
+        help="of virtual time [h] (default: %(default)g)",
+    )
+    parser.add_argument(
+        "--joints",
+        type=count(),
+        default=8,
+        metavar="N",
+        help="copies of the rig's first joint, a board each (default: %(default)s)",
+    )
+
+
+def _lifecycle(given: Arguments) -> Outcome:
+    from pam_check.endurance.lifecycle_cycles_node import run  # noqa: PLC0415  (rclpy)
+
+    return run(given)
+
+
+def _declare_lifecycle(parser: Parser) -> None:
+    add_rig(parser)
+    parser.add_argument(
+        "--cycles", type=count(), default=1000, metavar="N", help="(default: %(default)s)"
+    )
+    parser.add_argument(
+        "--unplugged",
+        type=count(0),
+        metavar="N",
+        help="cycles that lose the bus, never the first ten (default: a fifth of --cycles)",
+    )
+    _add_seed(parser, 0)
+
+
+def _fuzz(given: Arguments) -> Outcome:
+    from pam_check.fuzz.inputs import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _declare_fuzz(parser: Parser) -> None:
+    parser.add_argument(
+        "target",
+        metavar="TARGET",
+        help="frames, driver, board, commands, references, measurements, injections or all",
+    )
+    add_rig(parser)
+    _add_inputs(parser)
+    parser.add_argument(
+        "--corpus",
+        type=output_folder,
+        default="out/fuzz",
+        metavar="FOLDER",
+        help="seeds of what failed (default: %(default)s)",
+    )
+
+
+def _fuzz_callbacks(given: Arguments) -> Outcome:
+    from pam_check.fuzz.callbacks_node import run  # noqa: PLC0415  (rclpy)
+
+    return run(given)
+
+
+def _declare_fuzz_callbacks(parser: Parser) -> None:
+    add_rig(parser)
+    _add_inputs(parser)
+
+
+def _security(given: Arguments) -> Outcome:
+    from pam_check.security.policy import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _declare_security(parser: Parser) -> None:
+    parser.add_argument("file", type=output_file, help="where to write the policy (XML)")
+    add_rig(parser)
+
+
+def _security_check(given: Arguments) -> Outcome:
+    from pam_check.security.check_node import run  # noqa: PLC0415  (rclpy)
+
+    return run(given)
+
+
+def _blind(given: Arguments) -> Outcome:
+    from pam_check.blind.campaign import run  # noqa: PLC0415  (scipy, matplotlib)
+
+    return run(given)
+
+
+def _declare_blind(parser: Parser) -> None:
+    parser.add_argument(
+        "--cases", type=count(), default=24, metavar="N", help="rigs to draw (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=count(0), metavar="N", help="of everything drawn (default: from the clock)"
+    )
+    parser.add_argument(
+        "--out", type=output_folder, default="out/blind", help="folder (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--workers",
+        type=count(),
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="diagnoses at once (default: one per processor)",
+    )
+    parser.add_argument(
+        "--experiments",
+        action="store_true",
+        help="carry out what ambiguous diagnoses propose, and diagnose again",
+    )
+
+
+def _add_kinds(parser: Parser) -> None:
+    parser.add_argument("--kind", action="append", help="only this fault; may be repeated")
+
+
+def _add_seed(parser: Parser, default: int) -> None:
+    parser.add_argument(
+        "--seed",
+        type=count(0),
+        default=default,
+        metavar="N",
+        help="of everything drawn (default: %(default)s)",
+    )
+
+
+def _add_inputs(parser: Parser) -> None:
+    parser.add_argument(
+        "--count",
+        type=count(),
+        default=100_000,
+        metavar="N",
+        help="inputs, tried in blocks of a thousand (default: %(default)s)",
+    )
+    _add_seed(parser, 0)
+
+
+COMMANDS = (
+    Command(
+        "faults",
+        "inject every fault many times on a virtual clock and compare with the promised bounds",
+        _declare_faults,
+        _faults,
+        bad_news="if a fault is out of bounds",
+        examples=("python -m pam_check faults --kind encoder_stuck --trials 50",),
+    ),
+    Command(
+        "processes",
+        "inject the rig's faults on real processes over a bus and ROS",
+        _declare_processes,
+        _processes,
+        bad_news="if a fault is out of bounds",
+    ),
+    Command(
+        "kill-trials",
+        "kill a driving process many times and measure how soon the boards vent",
+        _declare_kill_trials,
+        _kill_trials,
+        bad_news="if a board vents too late",
+    ),
+    Command(
+        "soak",
+        "drive many joints for hours of virtual time and look for what grows or runs away",
+        _declare_soak,
+        _soak,
+        bad_news="if anything is out of bounds",
+    ),
+    Command(
+        "lifecycle",
+        "configure, activate, deactivate and clean up a driver again and again",
+        _declare_lifecycle,
+        _lifecycle,
+        bad_news="if threads, handles, sockets or memory grow",
+    ),
+    Command(
+        "fuzz",
+        "throw random and mutated input at an entrance of the suite",
+        _declare_fuzz,
+        _fuzz,
+        bad_news="if anything failed",
+        examples=("python -m pam_check fuzz frames --count 10000000",),
+    ),
+    Command(
+        "fuzz-callbacks",
+        "throw random messages at the callbacks of the nodes",
+        _declare_fuzz_callbacks,
+        _fuzz_callbacks,
+        bad_news="if anything failed",
+    ),
+    Command(
+        "security",
+        "write the SROS 2 policy of a rig",
+        _declare_security,
+        _security,
+        examples=("python -m pam_check security my_policy.xml --rig my_robot.yaml",),
+    ),
+    Command(
+        "security-check",
+        "compare the SROS 2 policy with what running nodes use",
+        add_rig,
+        _security_check,
+        bad_news="if they differ",
+    ),
+    Command(
+        "blind",
+        "diagnose drawn rigs whose effects are withheld, and score the answers",
+        _declare_blind,
+        _blind,
+        bad_news="if a diagnosis crashed",
+        examples=("python -m pam_check blind --cases 120 --seed 1097762585 --experiments",),
+    ),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code."""
+    description = "Checks of the whole suite, on simulated rigs."
+    return run_program("python -m pam_check", description, COMMANDS, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

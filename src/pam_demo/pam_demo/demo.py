@@ -1,0 +1,185 @@
+"""The demo: `python -m pam_demo`, `ros2 run pam_demo demo` or `make demo`.
+
+Starts the simulated rig, driver, model, controller and a recorder as processes of their own,
+plays the motions with the full controller and then with two simpler ones, and ends with figures
+and a page.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rich.console import Console
+
+from pam_check.chain import BusChoice, Chain, best_bus, private_domain, set_environment
+from pam_check.processes import NodeProcess, Setting
+from pam_demo.figures import evaluate, show, target_text
+from pam_demo.motions import APPROACH, Motion, all_motions
+from pam_demo.page import write_page, write_picture
+from pam_demo.player_node import TAIL, Player, VentedError
+from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
+from pam_model.errors import PamError
+from pam_model.rig import Rig, load_rig
+from pam_sim.rig import parse_effects
+from pam_sim.simulated_rig import apply_effects
+
+MOST_REPEATS = 2  # of one motion, where the host is too busy to keep the driver's time-outs
+START_TIMEOUT = 60.0  # s, for a node to be ready; the rig may have to compile its plant
+LAWS: dict[str, dict[str, Setting]] = {
+    "full": {"stream.bandwidth": 15.0},
+    "no_feedforward": {"feedforward.enabled": False},
+    "pressure_ratio_pid": {"law": "pressure_ratio_pid"},
+}
+# as on a robot; the boards come first: they would not wait for their host
+REALTIME: dict[str, dict[str, Setting]] = {
+    "rig": {"realtime_priority": 21},
+    "driver": {"realtime_priority": 20},
+    "controller": {"loop.realtime_priority": 20},
+}
+COMPARED = ("arm", "chirp")  # what the simpler laws play as well
+
+
+def programme(motions: list[Motion], with_baselines: bool) -> list[tuple[str, Motion]]:
+    """Which law plays which motion, in order."""
+    laws = list(LAWS) if with_baselines else ["full"]
+    return [
+        (law, motion)
+        for law in laws
+        for motion in motions
+        if law == "full" or motion.name in COMPARED
+    ]
+
+
+def _advance(bar: Progress, before: float, gone: float) -> None:
+    bar.show(before + gone)
+
+
+def _play(
+    player: Player, motion: Motion, chain: Chain, advance: Callable[[float], None]
+) -> tuple[float, list[str]]:
+    """Play a motion, again if the driver vents; when it began, and why it was repeated."""
+    repeats: list[str] = []
+    while True:
+        try:
+            return player.play(motion, chain.check, advance), repeats
+        except VentedError as error:
+            repeats.append(str(error))
+            if len(repeats) > MOST_REPEATS:
+                raise PamError(f"{motion.title}: the driver vented again: {error}") from None
+            player.clear_faults(chain.check)
+            player.activate(chain.check)
+            player.wait_for_controller(START_TIMEOUT, chain.check)
+
+
+def perform(
+    chain: Chain, rig: Rig, bag: Path, plays: list[tuple[str, Motion]], plant: dict[str, Setting]
+) -> list[dict[str, Any]]:
+    """Run the programme and record it; which law played which motion from when [s].
+
+    `plant` is what the simulated rig alone is told.
+
+    Raises
+    ------
+    PamError
+        If a process ends or does not become ready.
+    """
+    runs: list[dict[str, Any]] = []
+    total = sum(APPROACH + motion.duration + TAIL for _, motion in plays)
+    with set_environment(chain.environment):
+        rclpy.init(args=[])
+    player = Player(rig.joint_names)
+    try:
+        with progress(total, "starting the nodes") as bar:
+            chain.processes["recorder"] = NodeProcess(
+                "pam_demo.recorder_node",
+                environment=chain.environment,
+                arguments=["--out", str(bag)],
+            )
+            chain.start("rig", plant | REALTIME["rig"])
+            chain.start("driver", {"startup_timeout": START_TIMEOUT} | REALTIME["driver"])
+            chain.start("model")
+            player.wait_for_driver(START_TIMEOUT, chain.check)
+            law_now = ""
+            done = 0.0
+            for law, motion in plays:
+                if law != law_now:
+                    if law_now:
+                        player.vent(chain.check)
+                        chain.stop("controller")
+                        player.activate(chain.check)
+                    bar.show(done, "starting the controller")
+                    chain.start("controller", LAWS[law] | REALTIME["controller"])
+                    player.wait_for_controller(START_TIMEOUT, chain.check)
+                    law_now = law
+                label = f"{motion.title}, {law.replace('_', ' ')}"
+                bar.show(done, label)
+                advance = partial(_advance, bar, done)
+                start, repeats = _play(player, motion, chain, advance)
+                runs.append({"law": law, "motion": motion.name, "start": start, "repeats": repeats})
+                done += APPROACH + motion.duration + TAIL
+            bar.show(total, "done")
+    finally:
+        player.destroy_node()
+        rclpy.try_shutdown()
+    return runs
+
+
+def run(given: Arguments) -> Outcome:
+    """All of the demo; the command of `pam_demo.__main__`.
+
+    Raises
+    ------
+    PamError
+        With what to do about it.
+    """
+    began = time.monotonic()
+    rig_path = chosen_rig(given)
+    rig = load_rig(rig_path)
+    bus = BusChoice("socketcan", given.can) if given.can else best_bus()
+    plant: dict[str, Setting] = {}
+    if given.true_rig:
+        load_rig(given.true_rig)
+        plant["true_rig"] = str(given.true_rig)
+    if given.true_effects:
+        apply_effects(rig, rig, parse_effects(given.true_effects, "--true-effects"))
+        plant["hidden_effects"] = " ".join(given.true_effects)
+    out: Path = given.out
+    bag = out / "bag"
+    shutil.rmtree(bag, ignore_errors=True)
+    out.mkdir(parents=True, exist_ok=True)
+    motions = [motion for motion in all_motions() if not given.short or motion.name in COMPARED]
+    print(f"rig {rig_path}, bus: {bus}")
+    environment = private_domain()
+    # who has set a domain wants to look on from it
+    environment["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
+    chain = Chain([rig_path], bus, environment)
+    try:
+        with chain:
+            plays = programme(motions, not (given.no_baselines or given.short))
+            runs = perform(chain, rig, bag, plays, plant)
+    finally:
+        for name, text in chain.outputs.items():
+            (out / f"{name}.log").write_text(text)
+    (out / "runs.json").write_text(json.dumps(runs, indent=1))
+    results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig)
+    (out / "figures.json").write_text(json.dumps(results.as_json(), indent=1))
+    page = write_page(out / "demo.html", results, str(bus), rig.joints[0].muscles)
+    write_picture(out / "demo.png", results, rig.joints[0].muscles)
+    show(results, Console())
+    print(f"recording: {bag}\npage:      {page}\ntook {time.monotonic() - began:.0f} s")
+    missed = [figure for figure in results.figures if figure.met is False]
+    return Outcome(
+        {**results.as_json(), "recording": bag, "page": page},
+        [
+            f"{figure.text}: {figure.value:.3g} {figure.unit}, expected {target_text(figure)}"
+            for figure in missed
+        ],
+    )

@@ -1,0 +1,138 @@
+"""Types of command line arguments: numbers within bounds, files and folders that can be used.
+
+Each is given to `add_argument(type=...)`. A value that cannot be used ends the command at once, in
+one line that names the option, the value and what was expected.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+
+def count(least: int = 1, most: int | None = None) -> Callable[[str], int]:
+    """A whole number from `least` to `most`."""
+    wanted = f"a whole number of {least} or more"
+    if most is not None:
+        wanted = f"a whole number from {least} to {most}"
+
+    def read(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if value < least or (most is not None and value > most):
+            raise argparse.ArgumentTypeError(f"{text}: expected {wanted}")
+        return value
+
+    return read
+
+
+def number(
+    unit: str, *, above: float | None = None, least: float | None = None, most: float | None = None
+) -> Callable[[str], float]:
+    """A finite number within bounds.
+
+    Parameters
+    ----------
+    unit : str
+        For the message; "" for none.
+    above, least, most : float, optional
+        Open lower bound, closed lower bound, closed upper bound.
+    """
+    wanted = "a number" + (f" in {unit}" if unit else "")
+    bounds = [f"above {above:g}"] if above is not None else []
+    bounds += [f"of {least:g} or more"] if least is not None else []
+    bounds += [f"at most {most:g}"] if most is not None else []
+    if bounds:
+        wanted += " " + " and ".join(bounds)
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if (
+            not math.isfinite(value)
+            or (above is not None and value <= above)
+            or (least is not None and value < least)
+            or (most is not None and value > most)
+        ):
+            raise argparse.ArgumentTypeError(f"{text}: expected {wanted}")
+        return value
+
+    return read
+
+
+def named_number(text: str) -> tuple[str, float]:
+    """A NAME=NUMBER pair."""
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text}: expected NAME=NUMBER") from None
+
+
+def input_path(text: str) -> Path:
+    """A file or folder that exists."""
+    path = Path(text)
+    if not path.exists():
+        raise argparse.ArgumentTypeError(f"{text}: there is no such file or folder")
+    return path
+
+
+def input_file(text: str) -> Path:
+    """A file that exists."""
+    path = Path(text)
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: is a folder; expected a file")
+    if not path.exists():
+        raise argparse.ArgumentTypeError(f"{text}: there is no such file")
+    return path
+
+
+def input_folder(text: str) -> Path:
+    """A folder that exists."""
+    path = Path(text)
+    if not path.is_dir():
+        what = "is a file; expected a folder" if path.exists() else "there is no such folder"
+        raise argparse.ArgumentTypeError(f"{text}: {what}")
+    return path
+
+
+def output_file(text: str) -> Path:
+    """A file that can be written; see `make_parents`."""
+    path = Path(text)
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: is a folder; expected a file")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise argparse.ArgumentTypeError(f"{text}: may not be written")
+    _check_parent(path)
+    return path
+
+
+def output_folder(text: str) -> Path:
+    """A folder that is there or can be made."""
+    path = Path(text)
+    if path.exists() and not path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: is a file; expected a folder")
+    _check_parent(path / "anything")
+    return path
+
+
+def _check_parent(path: Path) -> None:
+    """Refuse a path that cannot be made: the nearest folder that exists decides."""
+    parent = next(above for above in path.absolute().parents if above.exists())
+    if not parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{path}: {parent} is a file; expected a folder")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise argparse.ArgumentTypeError(f"{path}: nothing may be written to {parent}")
+
+
+def make_parents(path: Path) -> Path:
+    """The path of a file to write, after the folders above it were made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path

@@ -1,0 +1,109 @@
+"""`python -m pam_sim`: a simulated rig on a CAN bus without ROS, and the tables of faults."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from pam_model.argument_types import count, input_file, named_number, number
+from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, run_program
+
+
+def _rig(given: Arguments) -> Outcome:
+    from pam_sim.rig import run  # noqa: PLC0415  (numba)
+
+    return run(given)
+
+
+def _declare_rig(parser: Parser) -> None:
+    add_rig(parser, required=True)
+    add = parser.add_argument
+    add(
+        "--true-rig",
+        type=input_file,
+        metavar="FILE",
+        help="rig file of the plant as it really is (default: --rig)",
+    )
+    add(
+        "--effect",
+        type=named_number,
+        action="append",
+        default=[],
+        metavar="[NAME.]EFFECT.PARAMETER=VALUE",
+        help="an effect on the plant, such as coulomb_friction.torque=0.5; may be repeated",
+    )
+    add("--interface", default="socketcan", help="python-can's interface (default: %(default)s)")
+    add("--channel", default="can0", help="python-can's channel (default: %(default)s)")
+    add("--port", type=count(1, 65535), help="UDP port, for udp_multicast alone")
+    add("--dbc", type=input_file, metavar="FILE", help="CAN database (default: the driver's own)")
+    add(
+        "--rate",
+        type=number("Hz", above=0.0),
+        default=1000.0,
+        metavar="HZ",
+        help="turns of the simulation per second [Hz] (default: %(default)g)",
+    )
+    for name, unit, text in (
+        ("step", "s", "longest step of the plant"),
+        ("measurement-rate", "Hz", "of the boards"),
+        ("watchdog", "s", "of the boards (default: as the CAN database says)"),
+        ("duration", "s", "end after so long (default: at a signal)"),
+    ):
+        metavar = unit.upper()
+        add(f"--{name}", type=number(unit, above=0.0), metavar=metavar, help=f"{text} [{unit}]")
+    for name, unit, text in (
+        ("pressure-noise", "Pa", "standard deviation"),
+        ("position-noise", "rad", "standard deviation"),
+        ("pressure-quantum", "Pa", "step of the converter"),
+        ("position-quantum", "rad", "step of the encoder"),
+    ):
+        metavar = unit.upper()
+        add(f"--{name}", type=number(unit, least=0.0), metavar=metavar, help=f"{text} [{unit}]")
+    add("--faults", default="", help="to bring about: 'seconds name value=number; seconds name'")
+    add("--seed", type=count(0), default=0, help="of the noise (default: %(default)s)")
+
+
+def _fault_tables(given: Arguments) -> Outcome:
+    from pam_sim.faults.kinds import write_into  # noqa: PLC0415
+
+    for page in given.pages:
+        page.write_text(write_into(page.read_text(encoding="utf-8")), encoding="utf-8")
+        print(f"written: {page}")
+    return Outcome({"written": given.pages})
+
+
+def _declare_fault_tables(parser: Parser) -> None:
+    parser.add_argument(
+        "pages", type=input_file, nargs="+", metavar="PAGE", help="Markdown with the marks"
+    )
+
+
+COMMANDS = (
+    Command(
+        "rig",
+        "run a simulated rig on a CAN bus, without ROS",
+        _declare_rig,
+        _rig,
+        examples=(
+            "python -m pam_sim rig --rig config/elbow.yaml --interface udp_multicast "
+            "--channel 239.74.163.2",
+        ),
+    ),
+    Command(
+        "fault-tables",
+        "bring the tables of states and faults in a page of the docs up to date",
+        _declare_fault_tables,
+        _fault_tables,
+        examples=("python -m pam_sim fault-tables docs/safety.md",),
+    ),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code."""
+    description = "A simulated rig with valve boards. The ROS node is: ros2 run pam_sim rig"
+    return run_program("python -m pam_sim", description, COMMANDS, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
