@@ -9,15 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib import import_module
-from typing import Any
 
 from pam_model.errors import PamError
 from pam_model.identify.catalogue_rows import ROWS
 from pam_model.identify.catalogue_types import FAMILIES, CatalogueRow
 from pam_model.muscles.force_model import RegisteredModel, registered_models
 
-__all__ = ["FAMILIES", "CatalogueRow", "catalogue", "find_row", "resolve"]
+__all__ = ["FAMILIES", "CatalogueRow", "catalogue", "find_row"]
 
 
 def catalogue() -> list[CatalogueRow]:
@@ -70,9 +68,3 @@ def find_row(key: str) -> CatalogueRow:
 
 def _names(rows: list[CatalogueRow]) -> list[str]:
     return [name for row in rows for name in (row.key, *row.models)]
-
-
-def resolve(path: str) -> Any:
-    """The object at "package.module:name"."""
-    module, _, name = path.partition(":")
-    return getattr(import_module(module), name)

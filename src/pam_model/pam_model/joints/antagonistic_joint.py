@@ -19,8 +19,8 @@ from typing import cast
 
 from pam_model.effects import effect_value
 from pam_model.errors import DomainError
+from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.pressure_line import Point, PressureLine
-from pam_model.muscles.effective_force_model import effective_force_model
 from pam_model.muscles.force_model import AffineForceModel, ForceModel
 from pam_model.rig.types import Rig
 

@@ -153,8 +153,6 @@ def register(*, equations: str, status: str, summary: str) -> Callable[[type[Any
 
 def registered_models() -> Mapping[str, RegisteredModel]:
     """Every length-force model by the name a rig file uses, in alphabetical order."""
-    import pam_model.muscles.models  # noqa: F401, PLC0415  (importing the package fills the register)
-
     return dict(sorted(_REGISTER.items()))
 
 

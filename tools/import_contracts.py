@@ -1,0 +1,75 @@
+"""Rules about imports that import-linter has no contract for; `make lint` checks them.
+
+pyproject.toml names them under `tool.importlinter` beside the contracts of import-linter itself.
+"""
+
+from __future__ import annotations
+
+from grimp import ImportGraph
+from importlinter import Contract, ContractCheck, fields, output
+
+
+def _is_node(module: str) -> bool:
+    """Whether a module is a ROS node, as its file's name says."""
+    return module.endswith("_node")
+
+
+class _ImportRule(Contract):
+    """A rule about single imports; a subclass lists those that break it."""
+
+    advice = ""
+
+    def broken(self, graph: ImportGraph) -> list[tuple[str, str]]:
+        """Importer and imported module of every import that breaks the rule."""
+        raise NotImplementedError
+
+    def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:
+        """Look at the graph of all imports."""
+        lines = []
+        for importer, imported in sorted(set(self.broken(graph))):
+            details = graph.get_import_details(importer=importer, imported=imported)
+            where = ", ".join(f"line {detail['line_number']}" for detail in details)
+            lines.append(f"{importer} imports {imported} ({where})")
+        return ContractCheck(kept=not lines, metadata={"lines": lines})
+
+    def render_broken_contract(self, check: ContractCheck) -> None:
+        """Print what breaks the rule and what to do instead."""
+        for line in check.metadata["lines"]:
+            output.print_error(f"- {line}")
+        output.new_line()
+        output.print_error(self.advice)
+
+
+class NodesAreStartedNotImported(_ImportRule):
+    """Only a program's entry point, `__main__`, may import a module called `*_node`."""
+
+    advice = (
+        "Start the node as a process, or move what is needed into a module without ROS; "
+        "what needs an object of the node gets it from __main__."
+    )
+
+    def broken(self, graph: ImportGraph) -> list[tuple[str, str]]:
+        """Imports of nodes by anything but an entry point."""
+        return [
+            (importer, node)
+            for node in graph.modules
+            if _is_node(node)
+            for importer in graph.find_modules_that_directly_import(node)
+            if importer.rpartition(".")[2] != "__main__"
+        ]
+
+
+class RosStaysInNodes(_ImportRule):
+    """Only `*_node` modules and pam_ros may import ROS itself."""
+
+    ros_packages = fields.SetField(subfield=fields.StringField())
+    advice = "Put the algorithm into a module without ROS, and call it from a *_node.py."
+
+    def broken(self, graph: ImportGraph) -> list[tuple[str, str]]:
+        """Imports of ROS elsewhere."""
+        return [
+            (importer, package)
+            for package in self.ros_packages & graph.modules
+            for importer in graph.find_modules_that_directly_import(package)
+            if not _is_node(importer) and importer.split(".")[0] != "pam_ros"
+        ]
