@@ -38,6 +38,7 @@ from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.spin import spin_node
+from pam_ros.valve_command import ValveCommandFormat
 
 REJECTION_SHOWN = 5.0  # s
 SWITCH_INTERVAL = 5e-4  # s; lets the control thread in soon after a callback has begun
@@ -77,7 +78,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._lock = threading.Lock()
         self._positions: tuple[list[float], float] = ([], -math.inf)
         self._pressures: tuple[list[float], float] = ([], -math.inf)
-        self._flow_valve = [muscle.valve.kind == "flow" for muscle in self.rig.muscles]
+        self._command_format = ValveCommandFormat(self.rig.valve_kinds)
         self._reason = "no measurement yet"
         self._counts = [_JointCounts() for _ in self.rig.joints]
         self._rejected = 0
@@ -254,9 +255,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         stamp = clock.to_msg()
         message = JointState(name=list(self.rig.muscle_names))
         message.header.stamp = stamp
-        pairs = list(zip(self._flow_valve, commands, strict=True))
-        message.position = [value if flow else math.nan for flow, value in pairs]
-        message.effort = [math.nan if flow else value for flow, value in pairs]
+        message.position, message.effort = self._command_format.pack(commands)
         self._commands_out.publish(message)
         for counts, channel in zip(self._counts, self._controller.channels, strict=True):
             off = channel.telemetry.error

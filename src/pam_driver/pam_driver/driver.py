@@ -183,7 +183,7 @@ class Driver:
         self._implausible: tuple[Condition, ...] = ()
         self._judged_at = NEVER
         self._checks = None if plausibility is None else SensorChecks(rig)
-        self._vents = tuple(-1.0 if m.valve.kind == "flow" else 0.0 for m in rig.muscles)
+        self._vents = self.intake.vented
         self._limits = tuple(
             muscle.max_pressure + settings.over_pressure_margin for muscle in rig.muscles
         )

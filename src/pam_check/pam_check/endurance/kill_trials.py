@@ -24,6 +24,7 @@ from pam_driver.safety.states import SafetyState
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
+from pam_ros.valve_command import FLOW, ValveCommandFormat
 from pam_sim.faults.kinds import WATCHDOG
 from pam_sim.simulated_rig import SimulatedRig
 
@@ -37,10 +38,9 @@ def drive_for_ever(rig: Rig, bus: BusChoice) -> None:
     codec = BoardCodec.from_dbc()
     port = open_bus(bus.interface, bus.channel, port=bus.port)
     driver = Driver(rig, codec, port, DriverSettings())
-    flow = [muscle.valve.kind == "flow" for muscle in rig.muscles]
-    fractions = [0.1 if is_flow else float("nan") for is_flow in flow]
-    pressures = [float("nan") if is_flow else 1e4 for is_flow in flow]
-    command = NamedCommand(rig.muscle_names, fractions, (), pressures)
+    little = [0.1 if kind == FLOW else 1e4 for kind in rig.valve_kinds.values()]
+    position, effort = ValveCommandFormat(rig.valve_kinds).pack(little)
+    command = NamedCommand(rig.muscle_names, position, (), effort)
     while True:
         now = time.monotonic()
         driver.cycle(now, time.time())

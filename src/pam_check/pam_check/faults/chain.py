@@ -28,6 +28,7 @@ from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import Estimate, JointEstimator
 from pam_model.rig import Rig
+from pam_ros.valve_command import ValveCommandFormat
 from pam_sim.faults.frame_faults import FrameFaults
 from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
@@ -110,6 +111,8 @@ class FaultChain:
         Called with the time in each step before everything else, and before the controller.
     snapshot : Snapshot or None
         What model and controller hear next.
+    command_format : ValveCommandFormat
+        How the controller's commands are written into a message, and read from it.
     estimate, estimate_age : Estimate, float
         What the model has told last, and how old the newest measurement in it was then [s].
     noticed : Counter
@@ -147,6 +150,7 @@ class FaultChain:
         self.reference = 0.0
         self.snapshot: Snapshot | None = None
         self.model = JointEstimator(rig)
+        self.command_format = ValveCommandFormat(rig.valve_kinds)
         self.estimate = Estimate(None)
         self.estimate_age = math.inf
         self._tick = 0
@@ -266,15 +270,8 @@ class FaultChain:
         if output.commands is None:
             return
         self.reference = references.sample(self.rig.joint_names[0], self.wall).position
-        flow = [muscle.valve.kind == "flow" for muscle in self.rig.muscles]
-        pairs = list(zip(flow, output.commands, strict=True))
-        command = NamedCommand(
-            self.rig.muscle_names,
-            [value if is_flow else math.nan for is_flow, value in pairs],
-            (),
-            [math.nan if is_flow else value for is_flow, value in pairs],
-            0.0,
-        )
+        position, effort = self.command_format.pack(output.commands)
+        command = NamedCommand(self.rig.muscle_names, position, (), effort, 0.0)
         for one in [command] if self.edit is None else self.edit(command):
             self.command(one)
 

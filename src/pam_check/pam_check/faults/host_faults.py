@@ -16,6 +16,8 @@ from pam_control.controller_parameters import parameter_table, settings_from
 from pam_driver.bus import CanPort
 from pam_driver.safety.command_intake import NamedCommand
 from pam_model.errors import PamError
+from pam_ros.errors import ParameterError
+from pam_ros.valve_command import FLOW
 
 Values = Mapping[str, float]
 Injection = Callable[[FaultChain, Values, random.Random], None]
@@ -105,7 +107,7 @@ def _parameters(chain: FaultChain, values: Values, draw: random.Random) -> None:
         try:
             table[name].check(value)
             chain.controller.change(settings_from({**base, name: value}, names))
-        except PamError:
+        except (PamError, ParameterError):
             chain.noticed["refused parameters"] += 1
 
 
@@ -139,7 +141,7 @@ def _measurements(chain: FaultChain, values: Values, draw: random.Random) -> Non
     chain.before_control.append(spoil)
 
 
-Change = Callable[[NamedCommand, random.Random], NamedCommand]
+Change = Callable[[FaultChain, NamedCommand, random.Random], NamedCommand]
 
 
 def _edit(change: Change) -> Injection:
@@ -150,7 +152,7 @@ def _edit(change: Change) -> Injection:
 
         def edit(command: NamedCommand) -> list[NamedCommand]:
             if chain.now < end and draw.random() < share:
-                return [change(command, draw)]
+                return [change(chain, command, draw)]
             return [command]
 
         chain.edit = edit
@@ -158,23 +160,32 @@ def _edit(change: Change) -> Injection:
     return inject
 
 
+def _values_of(chain: FaultChain, command: NamedCommand) -> list[float]:
+    return chain.command_format.unpack(
+        command.names, command.position, command.velocity, command.effort
+    )
+
+
+def _with_values(chain: FaultChain, command: NamedCommand, values: list[float]) -> NamedCommand:
+    position, effort = chain.command_format.pack(values)
+    return command._replace(names=chain.rig.muscle_names, position=position, effort=effort)
+
+
 def _values_to(number: float) -> Change:
-    def change(command: NamedCommand, draw: random.Random) -> NamedCommand:
-        place = draw.randrange(len(command.names))
-        position, effort = list(command.position), list(command.effort)
-        used = effort if math.isnan(position[place]) else position
-        used[place] = number
-        return command._replace(position=position, effort=effort)
+    def change(chain: FaultChain, command: NamedCommand, draw: random.Random) -> NamedCommand:
+        values = _values_of(chain, command)
+        values[draw.randrange(len(values))] = number
+        return _with_values(chain, command, values)
 
     return change
 
 
-def _wrong_size(command: NamedCommand, draw: random.Random) -> NamedCommand:
+def _wrong_size(chain: FaultChain, command: NamedCommand, draw: random.Random) -> NamedCommand:
     size = draw.choice([n for n in range(1, 7) if n != len(command.names)])
     return command._replace(position=[0.0] * size)
 
 
-def _unknown(command: NamedCommand, draw: random.Random) -> NamedCommand:
+def _unknown(chain: FaultChain, command: NamedCommand, draw: random.Random) -> NamedCommand:
     name = draw.choice(("", "nobody", "\x00", "\N{BANANA}" * 1000))
     return command._replace(names=[name, *command.names[1:]])
 
@@ -202,10 +213,10 @@ def _second_publisher(chain: FaultChain, values: Values, draw: random.Random) ->
     drawn = [draw.uniform(-1.0, 1.0) for _ in chain.rig.muscles]
 
     def other(command: NamedCommand) -> NamedCommand:
-        # NaN stays where a field is not used
-        position = [d + 0.0 * p for d, p in zip(drawn, command.position, strict=True)]
-        effort = [abs(d) * e for d, e in zip(drawn, command.effort, strict=True)]
-        return command._replace(position=position, effort=effort)
+        values = _values_of(chain, command)
+        for place, kind in enumerate(chain.rig.valve_kinds.values()):
+            values[place] = drawn[place] if kind == FLOW else abs(drawn[place]) * values[place]
+        return _with_values(chain, command, values)
 
     chain.edit = lambda command: [command, other(command)] if chain.now < end else [command]
 
@@ -235,13 +246,15 @@ INJECTIONS: Mapping[str, Injection] = {
     "measurements_nonsense": _measurements,
     "command_nan": _edit(_values_to(math.nan)),
     "command_infinite": _edit(_values_to(math.inf)),
-    "command_out_of_range": _edit(lambda c, d: _values_to(d.choice((-9e9, 9e9)))(c, d)),
+    "command_out_of_range": _edit(
+        lambda chain, c, d: _values_to(d.choice((-9e9, 9e9)))(chain, c, d)
+    ),
     "command_wrong_size": _edit(_wrong_size),
     "command_unknown_name": _edit(_unknown),
-    "command_name_twice": _edit(lambda c, d: c._replace(names=[c.names[0]] * len(c.names))),
-    "command_wrong_field": _edit(lambda c, d: c._replace(velocity=[0.0] * len(c.names))),
-    "command_stale": _edit(lambda c, d: c._replace(age=d.uniform(0.11, 10.0))),
-    "command_future": _edit(lambda c, d: c._replace(age=-d.uniform(0.02, 10.0))),
+    "command_name_twice": _edit(lambda _, c, d: c._replace(names=[c.names[0]] * len(c.names))),
+    "command_wrong_field": _edit(lambda _, c, d: c._replace(velocity=[0.0] * len(c.names))),
+    "command_stale": _edit(lambda _, c, d: c._replace(age=d.uniform(0.11, 10.0))),
+    "command_future": _edit(lambda _, c, d: c._replace(age=-d.uniform(0.02, 10.0))),
     "command_some_bad": _edit(_values_to(math.nan)),
     "command_old_between": _old_between,
     "command_flood": _flood,

@@ -1,5 +1,7 @@
 """Checks valve commands by name, field, value and age; a bad one is refused whole.
 
+Which field a muscle's command stands in is `pam_ros.valve_command`'s to know.
+
 The command before a refused one stays valid until it is too old, so a stream of refused commands
 ends vented.
 """
@@ -13,6 +15,7 @@ from typing import Final, NamedTuple
 
 from pam_model.errors import PamError
 from pam_model.rig import Muscle, Rig
+from pam_ros.valve_command import ValveCommandError, ValveCommandFormat, ValveFields
 
 # Rounding of a controller's own limits; clipped, not refused.
 _ROUNDING: Final = 1e-6
@@ -36,8 +39,7 @@ class NamedCommand(NamedTuple):
     names : sequence of str
         Every muscle of the rig once, in any order.
     position, velocity, effort : sequence of float
-        Spool -1..1 of flow valves in `position`, Pa gauge of regulators in `effort`; a field that
-        no muscle uses is empty, and NaN where a muscle does not use it.
+        The fields of the message, see `pam_ros.valve_command`.
     age : float
         Since the command was computed [s].
     """
@@ -60,6 +62,8 @@ class CommandIntake:
         Why the last one was refused.
     accepted : int
         Commands taken.
+    vented : tuple of float
+        The fractions of full scale that empty each muscle.
     """
 
     def __init__(self, rig: Rig, timeout: float) -> None:
@@ -67,10 +71,10 @@ class CommandIntake:
         self.rejected: Counter[str] = Counter()
         self.last_rejection = ""
         self.accepted = 0
-        self._muscles = rig.muscles
-        self._index = {name: index for index, name in enumerate(rig.muscle_names)}
+        self._format = ValveCommandFormat(rig.valve_kinds)
         self._scale = tuple(_scale(muscle) for muscle in rig.muscles)
-        self._is_flow = tuple(muscle.valve.kind == "flow" for muscle in rig.muscles)
+        # -1 of a spool's travel, nothing of a regulator's full scale
+        self.vented = self._format.vented
         self._newest = -math.inf
 
     def take(self, command: NamedCommand, now: float) -> tuple[float, ...]:
@@ -98,51 +102,21 @@ class CommandIntake:
         self.accepted += 1
         return values
 
-    def in_units(self, fractions: Sequence[float]) -> tuple[list[float], list[float]]:
-        """Fractions of full scale, by muscle, as a JointState's position and effort.
-
-        Returns
-        -------
-        position, effort : list of float
-            Spool -1..1 of flow valves, Pa gauge of regulators; NaN where a muscle does not use the
-            field, empty where none does.
-        """
-        if all(self._is_flow):
-            return list(fractions), []
-        values = [part * scale[2] for part, scale in zip(fractions, self._scale, strict=True)]
-        if not any(self._is_flow):
-            return [], values
-        both = list(zip(values, self._is_flow, strict=True))
-        return (
-            [value if is_flow else math.nan for value, is_flow in both],
-            [math.nan if is_flow else value for value, is_flow in both],
+    def in_units(self, fractions: Sequence[float]) -> ValveFields:
+        """Fractions of full scale, by muscle, as the fields of a JointState."""
+        return self._format.pack(
+            part * scale[2] for part, scale in zip(fractions, self._scale, strict=True)
         )
 
     def _checked(self, command: NamedCommand, now: float) -> tuple[float, ...]:
         self._check_age(command.age, now)
-        names, position, velocity, effort, _ = command
-        count = len(self._index)
-        if len(names) != count:
-            raise CommandError("size", f"{len(names)} names, expected {count}: every muscle once")
-        for field, values in (("position", position), ("velocity", velocity), ("effort", effort)):
-            if len(values) not in {0, count}:
-                raise CommandError("size", f"{len(values)} values in {field}, expected {count}")
-        fractions = [math.nan] * count
-        for place, name in enumerate(names):
-            index = self._index.get(name)
-            if index is None:
-                raise CommandError("name", f"no muscle called {name[:64]!r}")
-            if fractions[index] == fractions[index]:
-                raise CommandError("name", f"{name} stands there twice")
-            muscle = self._muscles[index]
-            used, unused = (position, effort) if self._is_flow[index] else (effort, position)
-            for other in (unused, velocity):
-                if other and not math.isnan(other[place]):
-                    raise CommandError("field", _wrong_field(muscle))
-            if not used:
-                raise CommandError("field", _wrong_field(muscle))
-            fractions[index] = self._fraction(index, used[place])
-        return tuple(fractions)
+        try:
+            values = self._format.unpack(
+                command.names, command.position, command.velocity, command.effort
+            )
+        except ValveCommandError as error:
+            raise CommandError(error.kind, str(error)) from None
+        return tuple(self._fraction(index, value) for index, value in enumerate(values))
 
     def _check_age(self, age: float, now: float) -> None:
         if not age >= -_FUTURE:
@@ -153,7 +127,7 @@ class CommandIntake:
             raise CommandError("out_of_order", "older than the command before it")
 
     def _fraction(self, index: int, value: float) -> float:
-        name = self._muscles[index].name
+        name = self._format.names[index]
         if not math.isfinite(value):
             raise CommandError("not_finite", f"{name}: {value} is not a finite number")
         lowest, highest, scale, unit = self._scale[index]
@@ -174,9 +148,3 @@ def _scale(muscle: Muscle) -> tuple[float, float, float, str]:
     if valve.full_scale is None or not valve.full_scale > 0.0:
         raise PamError(f"{muscle.name}.valve.full_scale: a pressure regulator needs it [Pa gauge]")
     return 0.0, min(valve.full_scale, muscle.max_pressure), valve.full_scale, "Pa"
-
-
-def _wrong_field(muscle: Muscle) -> str:
-    if muscle.valve.kind == "flow":
-        return f"{muscle.name}: a flow valve takes position (-1 to 1), and no other field"
-    return f"{muscle.name}: a pressure regulator takes effort (Pa gauge), and no other field"

@@ -262,6 +262,11 @@ class Rig:
         return tuple(muscle.name for muscle in self.muscles)
 
     @property
+    def valve_kinds(self) -> dict[str, ValveKind]:
+        """Muscle -> kind of its valve, in order: what decides the field of a valve's command."""
+        return {muscle.name: muscle.valve.kind for muscle in self.muscles}
+
+    @property
     def supply_gauge_pressure(self) -> float:
         """Supply above ambient [Pa gauge]."""
         return self.supply_pressure - self.gas.ambient_pressure

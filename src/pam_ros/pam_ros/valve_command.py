@@ -1,0 +1,214 @@
+"""Where a valve's command stands in a sensor_msgs/JointState, as on `valve_commands`.
+
+The kind of the valve decides the field. The command of a flow valve is the opening of its spool,
+from -1 (exhaust fully open) over 0 (shut) to 1 (supply fully open), and stands in `position`. The
+command of a pressure regulator is its set point [Pa gauge], and stands in `effort`. `velocity` has
+no use. A field that no muscle of the rig uses is empty; on a rig with both kinds of valve, both
+fields have one value per muscle, and NaN for the muscles that use the other one.
+
+This module needs no ROS. It knows muscles as names with a kind of valve, and takes the fields of a
+message as sequences of numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final, NamedTuple
+
+FLOW: Final = "flow"
+PRESSURE_REGULATOR: Final = "pressure_regulator"
+
+_VENTED: Final = {FLOW: -1.0, PRESSURE_REGULATOR: 0.0}
+_EXPECTED: Final = {
+    FLOW: "a flow valve takes position (-1 to 1), and no other field",
+    PRESSURE_REGULATOR: "a pressure regulator takes effort (Pa gauge), and no other field",
+}
+
+
+class ValveCommandError(ValueError):
+    """A message that is no command for the rig's valves; the text names muscle and field.
+
+    Attributes
+    ----------
+    kind : str
+        "size", "name" or "field": what is wrong, for those who count.
+    """
+
+    def __init__(self, kind: str, text: str) -> None:
+        super().__init__(text)
+        self.kind = kind
+
+
+class ValveFields(NamedTuple):
+    """The two fields of a message that carry commands.
+
+    Attributes
+    ----------
+    position : list of float
+        Spool openings of flow valves [-1..1].
+    effort : list of float
+        Set points of pressure regulators [Pa gauge].
+    """
+
+    position: list[float]
+    effort: list[float]
+
+
+class ValveCommandFormat:
+    """Writes and reads the valve commands of one rig.
+
+    Parameters
+    ----------
+    kinds : mapping
+        Muscle -> "flow" or "pressure_regulator", in the order of every array on every topic.
+
+    Raises
+    ------
+    ValueError
+        For another kind of valve.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The muscles.
+    vented : tuple of float
+        The command that empties each muscle: -1 of a flow valve, 0 Pa of a pressure regulator.
+    """
+
+    def __init__(self, kinds: Mapping[str, str]) -> None:
+        for name, kind in kinds.items():
+            if kind not in _VENTED:
+                raise ValueError(f"{name}: {kind!r} is no kind of valve; {' or '.join(_VENTED)}")
+        self.names = tuple(kinds)
+        self.vented = tuple(_VENTED[kind] for kind in kinds.values())
+        self._kinds = tuple(kinds.values())
+        self._is_flow = tuple(kind == FLOW for kind in self._kinds)
+        self._index = {name: index for index, name in enumerate(kinds)}
+
+    def pack(self, commands: Iterable[float]) -> ValveFields:
+        """The fields of a message.
+
+        Parameters
+        ----------
+        commands : iterable of float
+            One for each muscle, in order: -1..1 of a flow valve, Pa gauge of a regulator.
+        """
+        pairs = list(zip(commands, self._is_flow, strict=True))
+        position = [value if is_flow else math.nan for value, is_flow in pairs]
+        effort = [math.nan if is_flow else value for value, is_flow in pairs]
+        return ValveFields(
+            position if any(self._is_flow) else [], [] if all(self._is_flow) else effort
+        )
+
+    def unpack(
+        self,
+        names: Sequence[str],
+        position: Sequence[float],
+        velocity: Sequence[float],
+        effort: Sequence[float],
+    ) -> list[float]:
+        """The commands of a message that must have every muscle once, each in its field.
+
+        Parameters
+        ----------
+        names, position, velocity, effort : sequence
+            Of the message; the names in any order.
+
+        Returns
+        -------
+        list of float
+            In the order of the rig, as for `pack`. They are not checked: one may be out of range,
+            infinite or NaN.
+
+        Raises
+        ------
+        ValveCommandError
+            For a muscle that is unknown, missing or there twice, a field of another length, and a
+            number in a field that the muscle's valve does not use.
+        """
+        count = len(self.names)
+        if len(names) != count:
+            raise ValveCommandError(
+                "size", f"{len(names)} names, expected {count}: every muscle once"
+            )
+        for field, values in (("position", position), ("velocity", velocity), ("effort", effort)):
+            if len(values) not in {0, count}:
+                raise ValveCommandError(
+                    "size", f"{len(values)} values in {field}, expected {count}"
+                )
+        commands: list[float | None] = [None] * count
+        for place, name in enumerate(names):
+            index = self._index.get(name)
+            if index is None:
+                raise ValveCommandError("name", f"no muscle called {name[:64]!r}")
+            if commands[index] is not None:
+                raise ValveCommandError("name", f"{name} stands there twice")
+            used, unused = (position, effort) if self._is_flow[index] else (effort, position)
+            stray = any(len(other) and not math.isnan(other[place]) for other in (unused, velocity))
+            if stray or not len(used):
+                raise ValveCommandError("field", f"{name}: {_EXPECTED[self._kinds[index]]}")
+            commands[index] = used[place]
+        return [value for value in commands if value is not None]
+
+    def known(
+        self, names: Sequence[str], position: Sequence[float], effort: Sequence[float]
+    ) -> dict[str, float]:
+        """What a message says of the rig's muscles, for those who only listen.
+
+        Parameters
+        ----------
+        names, position, effort : sequence
+            Of the message, which may have less or more than the rig.
+
+        Returns
+        -------
+        dict of str to float
+            Muscle -> finite command, as for `pack`.
+        """
+        found: dict[str, float] = {}
+        for place, name in enumerate(names):
+            index = self._index.get(name)
+            if index is None:
+                continue
+            used = position if self._is_flow[index] else effort
+            if len(used) == len(names) and math.isfinite(used[place]):
+                found[name] = float(used[place])
+        return found
+
+
+class CommandsOfAnyKind(NamedTuple):
+    """What a message says of muscles whose kind of valve is not known.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        Muscle -> the finite number of the one field that has one.
+    ambiguous : tuple of str
+        Muscles with a finite number in both fields, which no valve takes; left out of `values`.
+    """
+
+    values: dict[str, float]
+    ambiguous: tuple[str, ...]
+
+
+def commands_of_any_kind(
+    names: Sequence[str], position: Sequence[float], effort: Sequence[float]
+) -> CommandsOfAnyKind:
+    """Read the commands of a message without the rig that it is for, as from a recording.
+
+    Parameters
+    ----------
+    names, position, effort : sequence
+        Of the message; a field of another length than the names is left out.
+    """
+    found: dict[str, float] = {}
+    ambiguous = []
+    fields = [field for field in (position, effort) if len(field) == len(names)]
+    for place, name in enumerate(names):
+        numbers = [float(field[place]) for field in fields if math.isfinite(field[place])]
+        if len(numbers) == 1:
+            found[name] = numbers[0]
+        elif numbers:
+            ambiguous.append(name)
+    return CommandsOfAnyKind(found, tuple(ambiguous))
