@@ -321,7 +321,7 @@ def test_a_bad_start_is_one_message_and_no_movement(
     errors = driver.errors.strip()
     assert expected in errors
     assert "Traceback" not in errors
-    assert any(line.startswith("pam_driver: ") for line in errors.splitlines())
+    assert any(line.startswith("error: ") for line in errors.splitlines())
     assert bench.vented()
     assert not any(any(command.enable) for command in bench.board.commands)
 
@@ -333,7 +333,7 @@ def test_a_bad_dbc_ends_the_process(make_bench: Callable[[str], Bench], tmp_path
     dbc.write_text(default_dbc_path().read_text().replace(" Position ", " Angle "))
     driver = bench.start(parameters={"bus.dbc": dbc})
     assert driver.wait() == 2
-    assert driver.errors.strip() == f"pam_driver: {dbc}: Measurement.Position is missing"
+    assert driver.errors.strip() == f"error: {dbc}: Measurement.Position is missing"
     assert not bench.board.commands
 
 

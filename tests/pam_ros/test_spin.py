@@ -5,7 +5,27 @@ import pytest
 pytest.importorskip("rclpy")
 
 from pam_ros.errors import ParameterError
+from pam_ros.node_help import Endpoint, NodeHelp
+from pam_ros.parameters import Parameter
 from pam_ros.spin import spin_node
+
+HELP = NodeHelp(
+    program="ros2 run drawing reader",
+    purpose="Reads drawings.",
+    parameters=[
+        Parameter("length", 6.0, "mm", 5.0, 9.0, "of the part", changeable=True),
+        Parameter("sheets", 100_000, "-", 1, 1_000_000, "how many are read"),
+        Parameter("loud", False, "-", 0, 0, "says what it reads"),
+        Parameter("author", "", "-", 0, 0, "whose drawings"),
+    ],
+    other_keys="the keys of the drawing",
+    example="--ros-args --params-file drawing.yaml",
+    publishes=[Endpoint("~/parts", "std_msgs/String", "what was read")],
+)
+
+
+def never() -> None:
+    raise AssertionError("the node must not be made")
 
 
 class MisreadDrawingError(Exception):
@@ -19,8 +39,8 @@ def test_a_users_mistake_is_one_line_and_exit_code_2(
     def make_node() -> None:
         raise kind("length = 3 mm: must be from 5 to 9 mm")
 
-    assert spin_node(make_node, [], mistake=MisreadDrawingError) == 2
-    assert capsys.readouterr().err == "length = 3 mm: must be from 5 to 9 mm\n"
+    assert spin_node(make_node, HELP, [], mistake=MisreadDrawingError) == 2
+    assert capsys.readouterr().err == "error: length = 3 mm: must be from 5 to 9 mm\n"
 
 
 def test_a_fault_of_the_program_is_not_taken_for_a_users_mistake() -> None:
@@ -28,4 +48,45 @@ def test_a_fault_of_the_program_is_not_taken_for_a_users_mistake() -> None:
         raise LookupError("a bug")
 
     with pytest.raises(LookupError, match="a bug"):
-        spin_node(make_node, [], mistake=MisreadDrawingError)
+        spin_node(make_node, HELP, [], mistake=MisreadDrawingError)
+
+
+@pytest.mark.parametrize("word", ["--help", "-h"])
+def test_help_names_parameters_with_units_and_ranges_topics_and_an_example(
+    word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert spin_node(never, HELP, [word], mistake=MisreadDrawingError) == 0
+    told = capsys.readouterr()
+    assert told.err == ""
+    for text in (
+        "Reads drawings.",
+        "length  = 6 mm, from 5 to 9 mm",
+        "of the part. May change while the node runs.",
+        "sheets  = 100000, from 1 to 1000000\n",
+        "loud  = false",
+        'author  = ""',
+        "the keys of the drawing",
+        "~/parts  (std_msgs/String)",
+        "ros2 run drawing reader --ros-args --params-file drawing.yaml",
+    ):
+        assert text in told.out
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--lenght", "6"], "--lenght 6"),
+        (["--ros-args", "--lenght"], "--lenght"),
+        (["--ros-args", "--params-file", "/no/such.yaml"], "/no/such.yaml: no such file"),
+        (["--ros-args", "--params-file", "/tmp"], "/tmp: is a folder"),
+        (["--ros-args", "-p"], "-p"),
+        (["--ros-args", "-p", "length"], "-p length"),
+    ],
+)
+def test_a_wrong_command_line_of_a_node_is_one_line(
+    words: list[str], told: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert spin_node(never, HELP, words, mistake=MisreadDrawingError) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("error: ")
+    assert told in line

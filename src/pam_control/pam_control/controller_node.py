@@ -28,7 +28,12 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from pam_control.control_step import Measurement
-from pam_control.controller_parameters import create_controller, parameter_table, settings_from
+from pam_control.controller_parameters import (
+    HELP,
+    create_controller,
+    parameter_table,
+    settings_from,
+)
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.rig_order import in_order
 from pam_model.errors import PamError
@@ -382,7 +387,7 @@ class _Rejecting:
         return False
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is told to stop."""
     sys.setswitchinterval(SWITCH_INTERVAL)
 
@@ -391,7 +396,7 @@ def main() -> int:
         node.loop.share_priority()
         return node
 
-    return spin_node(make_node, check=lambda node: node.loop.check(), mistake=PamError)
+    return spin_node(make_node, HELP, arguments, lambda node: node.loop.check(), mistake=PamError)
 
 
 if __name__ == "__main__":

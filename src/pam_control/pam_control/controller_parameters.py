@@ -12,6 +12,7 @@ from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import Parameter, Value
 
 DESIGNED = -1.0
@@ -230,3 +231,32 @@ def create_controller(
     if law not in LAWS:
         raise PamError(f"law = {law!r}: must be {' or '.join(LAWS)}")
     return LAWS[law](rig, settings_from(values, joint_names))
+
+
+HELP = NodeHelp(
+    program="ros2 run pam_control controller_node",
+    purpose="Makes joints follow angles with the stiffness that is asked for: references and "
+    "measurements in, valve commands out.",
+    parameters=parameter_table(("<joint>",)),
+    other_keys="the keys of the rig file, which docs/rig_file.md describes",
+    example="--ros-args --params-file config/elbow.yaml --params-file config/controller.yaml",
+    subscribes=(
+        Endpoint(
+            "~/joint_trajectory", "trajectory_msgs/JointTrajectory", "positions [rad] over time [s]"
+        ),
+        Endpoint("~/commands", "sensor_msgs/JointState", "streamed references: position [rad]"),
+        Endpoint("~/stiffness_commands", "std_msgs/Float64MultiArray", "[N m/rad], one a joint"),
+        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
+        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
+    ),
+    publishes=(
+        Endpoint(
+            "valve_commands",
+            "sensor_msgs/JointState",
+            "position: spool opening from -1 to 1 of a flow valve; effort [Pa] of a regulator",
+        ),
+        Endpoint("~/reference", "sensor_msgs/JointState", "what the joints should do [rad]"),
+        Endpoint("~/error", "sensor_msgs/JointState", "how far off they are [rad]"),
+        Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
+    ),
+)

@@ -31,7 +31,7 @@ from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import CanPort, open_bus
 from pam_driver.driver import Driver, Snapshot
 from pam_driver.driver_diagnostics import DriverDiagnostics
-from pam_driver.driver_parameters import TABLE, bus_options, settings_of
+from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
@@ -39,6 +39,7 @@ from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import diagnostic_array
 from pam_ros.errors import ParameterError
+from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
 
@@ -48,7 +49,6 @@ _MOVING = frozenset({SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
 # The last words are said several times: a frame may be lost, and the bus goes next.
 _LAST_VENTS = 5
-_USERS_MISTAKE = 2  # exit code, as of the other nodes
 
 
 class DriverNode(LifecycleNode):  # type: ignore[misc]
@@ -363,6 +363,9 @@ def _stamp(seconds: float) -> Any:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; returns the exit code."""
+    ended = HELP.answer(arguments)
+    if ended is not None:
+        return ended
     stopping = False
 
     def stop(*_: object) -> None:
@@ -374,19 +377,13 @@ def main(arguments: list[str] | None = None) -> int:
     # rclpy's own handlers would close the context under the thread that has to vent
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
-    try:
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except (_rcl.RCLError, _rcl.UnknownROSArgsError) as error:
-        # a parameter file that is not there, or is none; rcl adds its source lines
-        reason = " ".join(str(error).split(", at /")[0].split())
-        print(f"pam_driver: {reason}", file=sys.stderr)
-        return _USERS_MISTAKE
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node: DriverNode | None = None
     try:
         node = DriverNode()
         if not node.autostart():
-            print(f"pam_driver: {node.failure}", file=sys.stderr)
-            return _USERS_MISTAKE
+            tell_mistake(node.failure)
+            return MISTAKE
         executor = EventsExecutor()
         executor.add_node(node)
         gc.collect()
@@ -396,8 +393,8 @@ def main(arguments: list[str] | None = None) -> int:
             executor.spin_once(timeout_sec=0.1)
             node.check()
     except (PamError, ParameterError) as error:
-        print(f"pam_driver: {error}", file=sys.stderr)
-        return _USERS_MISTAKE
+        tell_mistake(error)
+        return MISTAKE
     finally:
         if node is not None:
             node.close()

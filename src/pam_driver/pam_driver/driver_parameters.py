@@ -7,6 +7,7 @@ from typing import Any, Final
 from pam_driver.bus import DEFAULT_BITRATE
 from pam_driver.driver_settings import DriverSettings
 from pam_model.errors import PamError
+from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 
 _D = DriverSettings()
@@ -60,6 +61,37 @@ TABLE: Final = (
     ),
     Parameter("fluid_pressure_rate", 10.0, "Hz", 0.1, 100.0, "rate of <muscle>/pressure"),
 )  # fmt: skip
+
+
+HELP: Final = NodeHelp(
+    program="ros2 run pam_driver driver_node",
+    purpose="Drives the valve boards of a rig over a CAN bus: valve commands in, measurements out. "
+    "It vents on every fault, and stays vented until the fault is cleared. It is a lifecycle node; "
+    "with autostart it configures and activates by itself.",
+    parameters=TABLE,
+    other_keys="the keys of the rig file, which docs/rig_file.md describes",
+    example="--ros-args --params-file config/elbow.yaml -p bus.channel:=can0",
+    subscribes=(
+        Endpoint(
+            "valve_commands",
+            "sensor_msgs/JointState",
+            "position: spool opening from -1 to 1 of a flow valve; effort [Pa] of a regulator",
+        ),
+    ),
+    publishes=(
+        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
+        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad], velocity [rad/s]"),
+        Endpoint(
+            "sent_valve_commands", "sensor_msgs/JointState", "what the boards were told, and when"
+        ),
+        Endpoint("<muscle>/pressure", "sensor_msgs/FluidPressure", "absolute [Pa], at a low rate"),
+        Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
+    ),
+    serves=(
+        Endpoint("~/vent", "std_srvs/Trigger", "vents all muscles, and keeps them vented"),
+        Endpoint("~/clear_faults", "std_srvs/Trigger", "forgets faults whose cause is gone"),
+    ),
+)
 
 
 def settings_of(values: NodeParameters[Any]) -> DriverSettings:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -19,6 +20,7 @@ from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import JointEstimator
 from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
+from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
 
@@ -122,9 +124,33 @@ class ModelNode(Node):  # type: ignore[misc]
         self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), status))
 
 
-def main() -> int:
+HELP = NodeHelp(
+    program="ros2 run pam_model model_node",
+    purpose="Estimates muscle lengths and forces, joint torques and stiffness from the measured "
+    "pressures and angles.",
+    parameters=PARAMETERS,
+    other_keys="the keys of the rig file, which docs/rig_file.md describes",
+    example="--ros-args --params-file config/elbow.yaml",
+    subscribes=(
+        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
+        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad], velocity [rad/s]"),
+    ),
+    publishes=(
+        Endpoint(
+            "muscle_states",
+            "sensor_msgs/JointState",
+            "position: length [m], velocity [m/s], effort: force [N]",
+        ),
+        Endpoint("joint_estimates", "sensor_msgs/JointState", "effort: torque [N m]"),
+        Endpoint("joint_stiffness", "std_msgs/Float64MultiArray", "[N m/rad]"),
+        Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
+    ),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is told to stop."""
-    return spin_node(ModelNode, mistake=PamError)
+    return spin_node(ModelNode, HELP, arguments, mistake=PamError)
 
 
 if __name__ == "__main__":

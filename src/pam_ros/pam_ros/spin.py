@@ -5,7 +5,6 @@ The only file beside the nodes that knows rclpy, so that every node starts and e
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,9 +12,9 @@ from typing import Any
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from pam_ros.errors import ParameterError
+from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
 
 TURN = 0.1
 """How long a turn of the executor may wait before it looks at the shutdown flag [s]."""
@@ -25,6 +24,7 @@ SHUTDOWN_DELAY = 0.5
 
 def spin_node(
     make_node: Callable[[], Any],
+    usage: NodeHelp,
     arguments: Sequence[str] | None = None,
     check: Callable[[Any], None] | None = None,
     *,
@@ -36,6 +36,8 @@ def spin_node(
     ----------
     make_node : callable
         Makes the node.
+    usage : NodeHelp
+        What `--help` prints.
     arguments : sequence of str, optional
         Command line, with --ros-args; the process's own by default.
     check : callable, optional
@@ -47,17 +49,12 @@ def spin_node(
     Returns
     -------
     int
-        Exit code: 0 after a signal, 2 for a user's mistake.
+        Exit code: 0 after a signal or the help text, 2 for a user's mistake.
     """
-    try:
-        rclpy.init(args=None if arguments is None else list(arguments))
-    except rclpy_implementation.UnknownROSArgsError as error:
-        print(f"unknown --ros-args: {error}", file=sys.stderr)
-        return 2
-    except rclpy_implementation.RCLError as error:
-        # a parameter file that is not there, or is none
-        print(" ".join(str(error).split(", at /")[0].split()), file=sys.stderr)
-        return 2
+    ended = usage.answer(arguments)
+    if ended is not None:
+        return ended
+    rclpy.init(args=None if arguments is None else list(arguments))
     node = None
     try:
         node = make_node()
@@ -78,8 +75,8 @@ def spin_node(
                 raise
             time.sleep(0.01)
     except (ParameterError, mistake) as error:
-        print(error, file=sys.stderr)
-        return 2
+        tell_mistake(error)
+        return MISTAKE
     finally:
         if node is not None:
             node.destroy_node()

@@ -26,6 +26,7 @@ from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
 from pam_model.rig import Rig, load_rig, rig_of_node
 from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
+from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
 from pam_sim.boards.pam_board import BoardSettings
@@ -208,9 +209,43 @@ def _make_node() -> RigNode:
     return node
 
 
-def main() -> int:
+HELP = NodeHelp(
+    program="ros2 run pam_sim rig",
+    purpose="Simulates a rig and its valve boards in real time on a CAN bus, and publishes what is "
+    "true beside what the boards measure.",
+    parameters=PARAMETERS,
+    other_keys="the keys of the rig file, which docs/rig_file.md describes",
+    example="--ros-args --params-file config/elbow.yaml -p bus.interface:=udp_multicast "
+    "-p bus.channel:=239.74.163.2",
+    subscribes=(
+        Endpoint(
+            "~/inject_fault", "std_msgs/String", "a fault to bring about, see docs/simulation.md"
+        ),
+    ),
+    publishes=(
+        Endpoint(
+            "ground_truth/joint_states",
+            "sensor_msgs/JointState",
+            "position [rad], velocity [rad/s], effort: torque [N m]",
+        ),
+        Endpoint(
+            "ground_truth/muscle_states",
+            "sensor_msgs/JointState",
+            "position: length [m], velocity [m/s], effort: force [N]",
+        ),
+        Endpoint(
+            "ground_truth/pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"
+        ),
+        Endpoint("ground_truth/supply_pressure", "sensor_msgs/FluidPressure", "absolute [Pa]"),
+        Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
+    ),
+    serves=(Endpoint("~/mend_faults", "std_srvs/Trigger", "ends every fault"),),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is told to stop."""
-    return spin_node(_make_node, check=RigNode.check, mistake=PamError)
+    return spin_node(_make_node, HELP, arguments, RigNode.check, mistake=PamError)
 
 
 if __name__ == "__main__":

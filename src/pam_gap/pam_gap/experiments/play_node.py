@@ -23,6 +23,7 @@ from pam_gap.experiments.files import read_experiment
 from pam_gap.experiments.loop import ExperimentLoop
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
+from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.spin import spin_node
@@ -130,9 +131,31 @@ class PlayNode(Node):  # type: ignore[misc]
             rclpy.try_shutdown()
 
 
+HELP = NodeHelp(
+    program="ros2 run pam_gap play",
+    purpose="Plays a proposed experiment on the rig in place of the controller: the joint moves. "
+    "The driver must be active and no controller may run. At the end both muscles are vented. The "
+    "same as: python -m pam_gap play",
+    parameters=PARAMETERS,
+    other_keys="the keys of the rig file, which docs/rig_file.md describes",
+    example="--ros-args --params-file RIG.yaml -p experiment:=OUT/next_experiment",
+    subscribes=(
+        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
+        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
+    ),
+    publishes=(
+        Endpoint(
+            "valve_commands",
+            "sensor_msgs/JointState",
+            "position: spool opening from -1 to 1 of a flow valve; effort [Pa] of a regulator",
+        ),
+    ),
+)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Play until the experiment's end or a signal."""
-    return spin_node(PlayNode, arguments, lambda node: node.check(), mistake=PamError)
+    return spin_node(PlayNode, HELP, arguments, lambda node: node.check(), mistake=PamError)
 
 
 if __name__ == "__main__":

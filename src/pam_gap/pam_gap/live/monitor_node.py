@@ -20,6 +20,7 @@ from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
+from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
 
@@ -97,9 +98,29 @@ class MonitorNode(Node):  # type: ignore[misc]
         return diagnostic_status(name, WARN if large else OK, text, values)
 
 
+HELP = NodeHelp(
+    program="ros2 run pam_gap monitor",
+    purpose="Watches a running rig and reports how far its measurements are from what its rig file "
+    "predicts, and at which stage they differ. The same as: python -m pam_gap monitor",
+    parameters=PARAMETERS,
+    other_keys="the keys of the rig file, which docs/rig_file.md describes",
+    example="--ros-args --params-file config/elbow.yaml",
+    subscribes=(
+        Endpoint(
+            "valve_commands",
+            "sensor_msgs/JointState",
+            "position: spool opening from -1 to 1 of a flow valve; effort [Pa] of a regulator",
+        ),
+        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
+        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
+    ),
+    publishes=(Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "the gap per joint"),),
+)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until it is told to stop."""
-    return spin_node(MonitorNode, arguments, mistake=PamError)
+    return spin_node(MonitorNode, HELP, arguments, mistake=PamError)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,158 @@
+"""What a node says when it is started with `--help`, and when its command line makes no sense.
+
+The text is made of the node's own table of parameters and its topics, so that it cannot fall
+behind. A word that is neither `--help` nor follows `--ros-args` would be dropped in silence by
+ROS; here it is refused.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.utilities import remove_ros_args
+
+from pam_ros.parameters import Parameter
+
+MISTAKE = 2
+"""Exit code after a mistake of the user."""
+WIDTH = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A topic or service of a node.
+
+    Attributes
+    ----------
+    name : str
+        As the node gives it to ROS; `~` is the node's own name, `<...>` stands for several.
+    kind : str
+        Type, for example "sensor_msgs/JointState".
+    what : str
+        What goes over it, with units.
+    """
+
+    name: str
+    kind: str
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodeHelp:
+    """What a user must know to start a node.
+
+    Attributes
+    ----------
+    program : str
+        What the user types, for example "ros2 run pam_model model_node".
+    purpose : str
+        What the node does, in plain sentences.
+    parameters : sequence of Parameter
+        The node's own.
+    other_keys : str
+        What else its parameter file holds, in words; empty for nothing.
+    example : str
+        What follows the program in an example.
+    publishes, subscribes, serves : sequence of Endpoint
+        Topics and services, `/rosout` and those for parameters left out.
+    """
+
+    program: str
+    purpose: str
+    parameters: Sequence[Parameter]
+    other_keys: str
+    example: str
+    publishes: Sequence[Endpoint] = ()
+    subscribes: Sequence[Endpoint] = ()
+    serves: Sequence[Endpoint] = ()
+
+    def text(self) -> str:
+        """The help text."""
+        lines = [f"usage: {self.program} --ros-args --params-file FILE [-p NAME:=VALUE ...]", ""]
+        lines += [*textwrap.wrap(self.purpose, WIDTH), ""]
+        for title, endpoints in (
+            ("subscribes", self.subscribes),
+            ("publishes", self.publishes),
+            ("serves", self.serves),
+        ):
+            if endpoints:
+                lines += [f"{title}:"]
+                for entry in endpoints:
+                    lines += [f"  {entry.name}  ({entry.kind})", *_indented(entry.what)]
+                lines += [""]
+        lines += ["parameters:"]
+        for parameter in self.parameters:
+            lines += [f"  {parameter.name}  {range_text(parameter)}"]
+            when = " May change while the node runs." if parameter.changeable else ""
+            lines += _indented(f"{parameter.description}.{when}")
+        if self.other_keys:
+            lines += ["  and " + self.other_keys]
+        lines += ["", "example:", f"  {self.program} {self.example}", ""]
+        return "\n".join(lines)
+
+    def answer(self, arguments: Sequence[str] | None = None) -> int | None:
+        """Print the help text or refuse a word that nobody knows.
+
+        Parameters
+        ----------
+        arguments : sequence of str, optional
+            Words of the command line; those of the process by default.
+
+        Returns
+        -------
+        int or None
+            Exit code if the program is to end now.
+        """
+        words = list(sys.argv[1:] if arguments is None else arguments)
+        if "-h" in words or "--help" in words:
+            print(self.text())
+            return 0
+        problem = _problem_of(words)
+        if problem:
+            tell_mistake(f"{problem}; see {self.program} --help")
+            return MISTAKE
+        return None
+
+
+def _problem_of(words: Sequence[str]) -> str:
+    """What is wrong with a command line; empty if ROS can take it."""
+    for flag, name in itertools.pairwise(words):
+        if flag == "--params-file" and not Path(name).is_file():
+            what = "is a folder; expected a file" if Path(name).is_dir() else "no such file"
+            return f"{flag} {name}: {what}"
+    try:
+        unknown = remove_ros_args(list(words))
+    except rclpy_implementation.UnknownROSArgsError as error:
+        return f"unrecognized arguments after --ros-args: {error}"
+    except rclpy_implementation.RCLError as error:
+        # rcl adds the lines of its source after the reason
+        return " ".join(str(error).split(", at /")[0].split())
+    return f"unrecognized arguments: {' '.join(unknown)}" if unknown else ""
+
+
+def range_text(parameter: Parameter) -> str:
+    """Default, unit and range of a parameter, for people."""
+    default, unit = parameter.default, "" if parameter.unit == "-" else f" {parameter.unit}"
+    if isinstance(default, bool):
+        return f"= {str(default).lower()}"
+    if isinstance(default, str):
+        return f'= "{default}"'
+    low, high = parameter.low, parameter.high
+    if isinstance(default, int):
+        return f"= {default}{unit}, from {low:.0f} to {high:.0f}{unit}"
+    return f"= {default:g}{unit}, from {low:g} to {high:g}{unit}"
+
+
+def tell_mistake(text: object) -> None:
+    """Print a mistake of the user as all tools of the suite do."""
+    print(f"error: {text}", file=sys.stderr)
+
+
+def _indented(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 6)
