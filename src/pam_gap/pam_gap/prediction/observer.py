@@ -19,19 +19,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.plant.compiled import compiled
+from pam_model.plant.compiled import entry_point
 from pam_model.plant.kernel import run
 from pam_model.plant.layout import (
     AGONIST,
     C_AMBIENT,
     C_EXTERNAL,
     M_TUBE,
-    N_JOINT_OUTPUTS,
     N_MUSCLE_CONSTANTS,
     N_MUSCLE_OUTPUTS,
     N_MUSCLE_STATES,
     N_OUTPUTS,
     N_STATES,
+    O_AGONIST,
+    O_FORCE,
     S_PRESSURE,
     S_VALVE_PRESSURE,
     Y_AGONIST,
@@ -51,7 +52,7 @@ CATCH_BANDWIDTH = 15.0  # rad/s
 NEUTRAL_SENSORS = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
 
-@compiled
+@entry_point
 def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
     c: Any,
     sensors: Any,
@@ -142,7 +143,7 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
             c, tables, commands, k, nothing, no_pressures, shut, sample_time, step, y, work, row,
         )  # fmt: skip
         for i in range(2):
-            pull = row[0, N_JOINT_OUTPUTS + i * N_MUSCLE_OUTPUTS + 2]
+            pull = row[0, O_AGONIST + i * N_MUSCLE_OUTPUTS + O_FORCE]
             if counted:
                 total[at, 3 + i] += measured[k, 3 + i] - pull if known[k, 3 + i] else np.nan
 

@@ -19,7 +19,6 @@ from pam_gap.prediction.observer import (
     FOLLOW_MOTION,
     FOLLOW_PRESSURES,
     N_CHANNELS,
-    NEUTRAL_SENSORS,
     observe,
 )
 from pam_gap.recordings.noise_floor import ChannelNoise, noise_floor
@@ -35,6 +34,7 @@ from pam_gap.recordings.recording import (
     RecordingError,
 )
 from pam_model.plant.compiled import for_kernel
+from pam_model.plant.constants import derive_constants
 from pam_model.plant.layout import (
     AGONIST,
     C_AMBIENT,
@@ -52,7 +52,8 @@ from pam_model.plant.layout import (
     Y_POSITION,
     Y_RESERVOIR,
 )
-from pam_model.plant.parameters import INDEX, PlantParameters, derive_constants
+from pam_model.plant.parameters import INDEX, PlantParameters
+from pam_model.plant.sensors import sensor_constants
 from pam_model.rig import Rig
 
 STEP = 2e-3  # s, longest of the integration; 0.5 ms gives the same errors to 1e-4 of their size
@@ -188,18 +189,6 @@ def as_mounted(values: Array, mounting: str) -> Array:
         mounted[:, INDEX["joint.inertia"]] = LOCKED_INERTIA
         mounted[:, INDEX["joint.viscous_friction"]] = LOCKED_DECAY * LOCKED_INERTIA
     return mounted
-
-
-def sensor_constants(values: Array) -> Array:
-    """The sensors' part of a plant's parameters, as the observer takes it."""
-    sensors = NEUTRAL_SENSORS.copy()
-    for i, side in enumerate(("agonist", "antagonist")):
-        sensors[3 * i] = values[INDEX[f"{side}.pressure_gain.gain"]]
-        sensors[3 * i + 1] = values[INDEX[f"{side}.pressure_bias.bias"]]
-        sensors[3 * i + 2] = values[INDEX[f"{side}.pressure_lag.time_constant"]]
-    sensors[6] = values[INDEX["position_offset.offset"]]
-    sensors[7] = values[INDEX["position_delay.delay"]]
-    return sensors
 
 
 def initial_state(constants: Array, sensors: Array, tables: object, data: Channels) -> Array:

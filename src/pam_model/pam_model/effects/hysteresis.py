@@ -1,15 +1,14 @@
 """Friction of the braid's threads: rate-independent, growing with pressure.
 
-Pull = h p b^2/(4 pi n^2) z with dz = (1 - sign(dL) z) dL/s_p. Since it does not depend on time, the
-controller runs it along the reference ahead of time.
+Pull = h p b^2/(4 pi n^2) z, with the state z of pam_model.dahl, which the controller runs along the
+reference ahead of time.
 
 Source: P. R. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14(12), 1976.
 """
 
 from __future__ import annotations
 
-import math
-
+from pam_model.dahl import dahl_rate, dahl_slope
 from pam_model.effects.declaration import (
     Effect,
     EffectParameter,
@@ -27,21 +26,11 @@ def friction_area(braid_area: float, amplitude: float) -> float:
     return amplitude * braid_area
 
 
-def dahl_rate(
+def friction_rate(
     state: float, speed: float, step: float, amplitude: float, presliding_length: float
 ) -> float:
     """dz/dt [1/s] at dL/dt = `speed` [m/s], no faster than a step [s] can follow."""
-    turn = speed / presliding_length
-    turn = min(max(turn, -1.0 / step), 1.0 / step)
-    return turn - abs(turn) * state
-
-
-def dahl_step(state: float, stroke: float, presliding_length: float) -> float:
-    """State z after a monotonic stroke [m] of any size; exact."""
-    if stroke == 0.0:
-        return state
-    end = math.copysign(1.0, stroke)
-    return end + (state - end) * math.exp(-abs(stroke) / presliding_length)
+    return dahl_rate(state, speed, presliding_length, step)
 
 
 def friction_pull(
@@ -68,7 +57,7 @@ def friction_response(
 ) -> tuple[float, float]:
     """dF/dL [N/m] while the muscle moves in `direction`; nothing changes at constant length."""
     largest = friction_area(braid_area, amplitude) * max(pressure, 0.0)
-    return largest * (1.0 - direction * state) / presliding_length, 0.0
+    return largest * dahl_slope(state, direction, presliding_length), 0.0
 
 
 def unsettled(length: float, rest_length: float) -> float:
@@ -92,7 +81,7 @@ EFFECT = Effect(
             "s_p", "m", 5e-4, 1e-6, 2e-2, "stroke to build it up", True
         ),
     },
-    slots=(PullState("hysteresis", friction_pull, dahl_rate, friction_response, unsettled),),
+    slots=(PullState("hysteresis", friction_pull, friction_rate, friction_response, unsettled),),
     control=TorqueFeedforward(
         "Dahl's law along the reference lengths; its torque is taken off. Starts at zero"
     ),

@@ -26,8 +26,9 @@ How to use an effect elsewhere:
   `for effect, slot in filled(Opening): x = slot.law(x, *effect.values(muscle.effects))`.
 - `EFFECTS[name].control` and `.plausibility` declare what is done about it: `Inverse` carries the
   inverse law; to undo a chain of Opening laws apply the inverses in reverse order.
-- What else plant and controller share stands in the effect's file as a plain function:
-  `hysteresis.dahl_step`, `creep.maxwell_step`, `stribeck_friction.stribeck_curve` and so on.
+- What else plant and controller share is a plain function: in the effect's file
+  (`hysteresis.friction_area`, `creep.maxwell_step`, `stribeck_friction.stribeck_curve`), or on the
+  ground floor where several effects use it (`pam_model.dahl`, `pam_model.gas`).
 """
 
 from __future__ import annotations

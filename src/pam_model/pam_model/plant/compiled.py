@@ -1,8 +1,10 @@
 """Compile a function with numba where it is installed, leave it plain Python where it is not.
 
-The environment variable PAM_NO_NUMBA=1 forces plain Python. A compiled function takes arrays, a
-plain one lists: `for_kernel` makes the right one, since indexing a numpy array from Python costs
-twenty times a list's.
+Laws of effects, of the gas and of friction are plain functions of floats that everyone calls. When
+the plant compiles a function, plain functions that it calls by name are compiled with it, so that
+no law is written twice. The environment variable PAM_NO_NUMBA=1 forces plain Python. A compiled
+function takes arrays, a plain one lists: `for_kernel` makes the right one, since indexing a numpy
+array from Python costs twenty times a list's.
 """
 
 from __future__ import annotations
@@ -11,12 +13,14 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.effects import bladder_elasticity
+from pam_model import dahl, gas
+from pam_model.effects.registry import effect_files
 
 try:
     if os.environ.get("PAM_NO_NUMBA", "0") not in ("", "0"):
@@ -28,20 +32,16 @@ except ImportError:
     HAVE_NUMBA = False
 
 _HERE = Path(__file__).parent
-KERNEL_SOURCES = (
-    *(
-        _HERE / name
-        for name in (
-            "compiled.py",
-            "layout.py",
-            "gas_stage.py",
-            "muscle_stage.py",
-            "joint_stage.py",
-            "kernel.py",
-        )
-    ),
-    Path(bladder_elasticity.__file__),
-)
+
+
+def kernel_sources() -> tuple[Path, ...]:
+    """Every file whose text the compiled plant depends on."""
+    return (
+        *sorted(_HERE.glob("*.py")),
+        *sorted(Path(gas.__file__).parent.glob("*.py")),
+        Path(dahl.__file__),
+        *effect_files(),
+    )
 
 
 def _cache_folder() -> str:
@@ -51,7 +51,8 @@ def _cache_folder() -> str:
     old compilation of what it calls.
     """
     digest = hashlib.sha256()
-    for source in KERNEL_SOURCES:
+    for source in kernel_sources():
+        digest.update(source.name.encode())
         digest.update(source.read_bytes())
     folder = _HERE / "__pycache__" / f"numba-{digest.hexdigest()[:12]}"
     try:
@@ -62,22 +63,60 @@ def _cache_folder() -> str:
 
 
 _CACHE = _cache_folder() if HAVE_NUMBA and not os.environ.get("NUMBA_CACHE_DIR") else ""
+_COMPILED: dict[FunctionType, Any] = {}
+
+
+def _with_compiled_calls(function: FunctionType) -> FunctionType:
+    """A copy of a function in which the plain functions that it calls by name are compiled."""
+    known = function.__globals__
+    called = {
+        name: compiled(known[name])
+        for name in function.__code__.co_names
+        if isinstance(known.get(name), FunctionType)
+    }
+    if not called:
+        return function
+    copy = FunctionType(
+        function.__code__,
+        {**known, **called},
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    return copy
 
 
 def compiled[F: Callable[..., Any]](function: F) -> F:
     """Decorate a function of floats and arrays; no fast-math, so that Python gives the same."""
+    return _compiled(function, cache=False)
+
+
+def entry_point[F: Callable[..., Any]](function: F) -> F:
+    """Decorate a compiled function that Python itself calls: its machine code is kept on disk.
+
+    The machine code of an entry point holds that of all functions it calls.
+    """
+    return _compiled(function, cache=True)
+
+
+def _compiled[F: Callable[..., Any]](function: F, *, cache: bool) -> F:
     if not HAVE_NUMBA:
         return function
+    assert isinstance(function, FunctionType)
+    if function in _COMPILED:
+        return _COMPILED[function]  # type: ignore[no-any-return]
     given = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _CACHE or given
     try:
         # numpy's error model: no branch per division; the kernels guard their divisors
         # themselves. They allocate nothing, so reference counting is left out.
         result: F = numba.njit(
-            cache=True, error_model="numpy", nogil=True, forceinline=True, _nrt=False
-        )(function)
+            cache=cache, error_model="numpy", nogil=True, forceinline=True, _nrt=False
+        )(_with_compiled_calls(function))
     finally:
         numba.config.CACHE_DIR = given
+    _COMPILED[function] = result
     return result
 
 

@@ -1,7 +1,7 @@
 """One joint between two muscles: every state's rate of change, from gas to motion.
 
-Effects at the joint: dry friction (Coulomb and Stribeck), a stiff reservoir shared by its valves;
-payload, damping and pulley radius are merged into the constants beforehand.
+Here are the contact of dry friction and the reservoir that the joint's valves share; how large the
+friction is, and every smooth torque, comes from the effects.
 """
 
 from __future__ import annotations
@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pam_model.dahl import dahl_rate
+from pam_model.gas.flow import reference_flow
 from pam_model.plant.compiled import compiled
-from pam_model.plant.gas_stage import HEAT_RATIO, flow, gas_rates
+from pam_model.plant.composition import dry_friction, joint_torque, memory_rates
+from pam_model.plant.gas_stage import gas_rates
 from pam_model.plant.layout import (
     AGONIST,
     ANTAGONIST,
     C_AMBIENT,
-    C_COULOMB,
     C_DENSITY,
     C_DROOP,
     C_DROOP_CONDUCTANCE,
@@ -28,22 +30,15 @@ from pam_model.plant.layout import (
     C_PRESLIDING,
     C_RADIUS,
     C_RT,
-    C_STRIBECK,
-    C_STRIBECK_SPEED,
     C_SUPPLY,
     C_VISCOUS,
-    M_CREEP,
-    M_CREEP_TIME,
     M_CRITICAL,
-    M_HYSTERESIS,
     M_NEUTRAL,
-    M_PRESLIDING,
     M_REGULATOR,
+    M_SHUT_EXPONENT,
     M_THERMAL,
     M_TUBE,
     N_MUSCLE_STATES,
-    S_CREEP,
-    S_HYSTERESIS,
     S_PRESSURE,
     S_SPOOL,
     S_TEMPERATURE,
@@ -80,8 +75,7 @@ def muscle_rates(
     """
     pressure = y[o + S_PRESSURE]
     gauge = pressure - c[C_AMBIENT]
-    hysteresis = y[o + S_HYSTERESIS]
-    force, length, slope, area = pull(m, c, table, gauge, path, y[o + S_CREEP], hysteresis)
+    force, length, slope, area = pull(m, c, table, y, o, gauge, path)
     volume, volume_slope, volume_per_pressure = gas_volume(m, c, table, gauge, length)
     has_tube = c[m + M_TUBE] > 0.0
     if pressure_given and not has_tube:
@@ -101,8 +95,7 @@ def muscle_rates(
             volume_per_pressure,
             shut,
         )
-        is_thermal = c[m + M_THERMAL] > 0.0
-        exponent = HEAT_RATIO if is_thermal else c[C_EXPONENT]
+        exponent = c[m + M_SHUT_EXPONENT]
         gas_slope = -exponent * pressure * volume_slope / volume
         if volume_per_pressure != 0.0:
             gas_slope /= 1.0 + exponent * pressure * volume_per_pressure / volume
@@ -110,31 +103,18 @@ def muscle_rates(
             gas_slope = 0.0
         if pressure_given:
             valve_rate = pressure_rate
-    creep_rate = 0.0
-    if c[m + M_CREEP] > 0.0:
-        creep_rate = -y[o + S_CREEP] / c[m + M_CREEP_TIME]
-    speed = muscle_speed(
-        m, c, path_speed, free_rate, creep_rate, slope, area, gas_slope, gauge, hysteresis
-    )
+    speed = muscle_speed(m, c, y, o, path_speed, free_rate, slope, area, gas_slope, gauge)
     dy[o + S_SPOOL] = spool_rate
     rate = free_rate + gas_slope * speed
     dy[o + S_PRESSURE] = rate
     dy[o + S_VALVE_PRESSURE] = valve_rate
-    dy[o + S_CREEP] = 0.0
-    if c[m + M_CREEP] > 0.0:
-        dy[o + S_CREEP] = speed + creep_rate
     dy[o + S_TEMPERATURE] = 0.0
     if c[m + M_THERMAL] > 0.0 and not (pressure_given and not has_tube):
         # From P V = m R T at constant mass, for what the motion adds.
         dy[o + S_TEMPERATURE] = heat_rate + y[o + S_TEMPERATURE] * speed * (
             gas_slope * (1.0 / pressure + volume_per_pressure / volume) + volume_slope / volume
         )
-    dy[o + S_HYSTERESIS] = 0.0
-    if c[m + M_HYSTERESIS] > 0.0:
-        # Dahl: z turns by dL/s_p; not faster than the step can follow.
-        turn = speed / c[m + M_PRESLIDING]
-        turn = min(max(turn, -1.0 / step), 1.0 / step)
-        dy[o + S_HYSTERESIS] = turn - abs(turn) * hysteresis
+    memory_rates(m, c, y, dy, o, speed, step)
     return force, drawn
 
 
@@ -142,16 +122,6 @@ def muscle_rates(
 def regulated(m: int, c: Any) -> bool:
     """Whether this muscle's valve is a pressure regulator."""
     return bool(c[m + M_REGULATOR] > 0.0)
-
-
-@compiled
-def dry_friction(c: Any, speed: float) -> float:
-    """Magnitude of the dry friction torque at this speed [N m]."""
-    torque = c[C_COULOMB]
-    if c[C_STRIBECK] != 0.0:
-        share = speed / c[C_STRIBECK_SPEED]
-        torque += c[C_STRIBECK] * math.exp(-share * share)
-    return float(torque)
 
 
 @compiled
@@ -216,8 +186,7 @@ def joint_rates(
     dy[Y_BRISTLE] = 0.0
     bristle = 0.0
     if c[C_PRESLIDING] > 0.0 and free:
-        turn = min(max(speed / c[C_PRESLIDING], -1.0 / step), 1.0 / step)
-        dy[Y_BRISTLE] = turn - abs(turn) * y[Y_BRISTLE]
+        dy[Y_BRISTLE] = dahl_rate(y[Y_BRISTLE], speed, c[C_PRESLIDING], step)
         grip = dry_friction(c, speed)
         # Canudas de Wit et al. (1995): the bristles of a joint at rest are damped critically.
         damping = 2.0 * math.sqrt(grip * c[C_PRESLIDING] * c[C_INERTIA])
@@ -229,13 +198,16 @@ def joint_rates(
             - c[C_VISCOUS] * speed
             - c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE])
             - bristle
+            + joint_torque(c, position, speed)
         )
         if sliding != 0.0:
             total -= sliding * dry_friction(c, speed)
         dy[Y_VELOCITY] = total / c[C_INERTIA]
     dy[Y_RESERVOIR] = 0.0
     if c[C_DROOP] > 0.0:
-        refill = flow(c[C_DROOP_CONDUCTANCE], c[AGONIST + M_CRITICAL], c[C_SUPPLY], y[Y_RESERVOIR])
+        refill = reference_flow(
+            c[C_DROOP_CONDUCTANCE], c[AGONIST + M_CRITICAL], c[C_SUPPLY], y[Y_RESERVOIR]
+        )
         dy[Y_RESERVOIR] = (
             c[C_EXPONENT]
             * c[C_RT]

@@ -12,32 +12,40 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pam_model.plant.compiled import compiled
-from pam_model.plant.joint_stage import dry_friction, joint_rates
+from pam_model.plant.compiled import compiled, entry_point
+from pam_model.plant.composition import dry_friction, joint_torque
+from pam_model.plant.joint_stage import joint_rates
 from pam_model.plant.layout import (
     AGONIST,
     ANTAGONIST,
     C_AMBIENT,
-    C_COULOMB,
     C_EXTERNAL,
+    C_FRICTION,
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_LOWER,
     C_PRESLIDING,
     C_RADIUS,
     C_RATE,
-    C_STRIBECK,
     C_UPPER,
     M_DELAY,
     M_NEUTRAL,
     M_TUBE,
-    N_JOINT_OUTPUTS,
     N_MUSCLE_CONSTANTS,
     N_MUSCLE_OUTPUTS,
     N_MUSCLE_STATES,
     N_STATES,
-    S_CREEP,
-    S_HYSTERESIS,
+    O_AGONIST,
+    O_FORCE,
+    O_LENGTH,
+    O_POSITION,
+    O_PRESSURE,
+    O_RESERVOIR,
+    O_SPOOL,
+    O_TEMPERATURE,
+    O_TORQUE,
+    O_VALVE_PRESSURE,
+    O_VELOCITY,
     S_PRESSURE,
     S_SPOOL,
     S_TEMPERATURE,
@@ -77,7 +85,7 @@ def held_command(
     return float(low + share * (high - low))
 
 
-@compiled
+@entry_point
 def record(c: Any, tables: Any, y: Any, row: Any) -> None:
     """Write what the joint shows at this state into one row of outputs."""
     position = y[Y_POSITION]
@@ -91,23 +99,25 @@ def record(c: Any, tables: Any, y: Any, row: Any) -> None:
             m,
             c,
             tables[i],
+            y,
+            o,
             gauge,
             c[m + M_NEUTRAL] - sign * c[C_RADIUS] * position,
-            y[o + S_CREEP],
-            y[o + S_HYSTERESIS],
         )
         torque += sign * c[C_RADIUS] * force
-        at = N_JOINT_OUTPUTS + i * N_MUSCLE_OUTPUTS
-        row[at] = gauge
-        row[at + 1] = y[o + S_VALVE_PRESSURE] - c[C_AMBIENT] if c[m + M_TUBE] > 0.0 else gauge
-        row[at + 2] = force
-        row[at + 3] = length
-        row[at + 4] = y[o + S_SPOOL]
-        row[at + 5] = y[o + S_TEMPERATURE]
-    row[0] = position
-    row[1] = y[Y_VELOCITY]
-    row[2] = torque
-    row[3] = y[Y_RESERVOIR]
+        at = O_AGONIST + i * N_MUSCLE_OUTPUTS
+        row[at + O_PRESSURE] = gauge
+        row[at + O_VALVE_PRESSURE] = gauge
+        if c[m + M_TUBE] > 0.0:
+            row[at + O_VALVE_PRESSURE] = y[o + S_VALVE_PRESSURE] - c[C_AMBIENT]
+        row[at + O_FORCE] = force
+        row[at + O_LENGTH] = length
+        row[at + O_SPOOL] = y[o + S_SPOOL]
+        row[at + O_TEMPERATURE] = y[o + S_TEMPERATURE]
+    row[O_POSITION] = position
+    row[O_VELOCITY] = y[Y_VELOCITY]
+    row[O_TORQUE] = torque
+    row[O_RESERVOIR] = y[Y_RESERVOIR]
 
 
 @compiled
@@ -156,7 +166,7 @@ def contact_of(
     h: float,
 ) -> int:
     """What holds the joint for a step: LOCKED, the sign dry friction acts against, or 0."""
-    has_friction = c[C_PRESLIDING] <= 0.0 and (c[C_COULOMB] > 0.0 or c[C_STRIBECK] != 0.0)
+    has_friction = c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0
     speed = y[Y_VELOCITY]
     at_lower = y[Y_POSITION] <= c[C_LOWER]
     at_upper = y[Y_POSITION] >= c[C_UPPER]
@@ -168,6 +178,7 @@ def contact_of(
     given = (False, pressure_given)
     torque = joint_rates(c, tables, y, work[0], u0, u1, work[5], 0.0, True, given, shut, h)
     torque += c[C_EXTERNAL] - c[C_GRAVITY] * math.sin(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
+    torque += joint_torque(c, y[Y_POSITION], 0.0)
     if has_friction and abs(torque) <= dry_friction(c, 0.0):
         return LOCKED
     if (torque > 0.0 and at_upper) or (torque <= 0.0 and at_lower):
@@ -211,7 +222,7 @@ def take_sample(
             drive[1 + i] = (pressures[following][i] - pressures[k][i]) / sample_time
 
 
-@compiled
+@entry_point
 def run(
     c: Any,
     tables: Any,

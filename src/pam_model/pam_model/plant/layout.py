@@ -1,9 +1,18 @@
 """Where each number of the plant lies: parameters by name, derived constants, states, outputs.
 
-The compiled kernels index flat arrays with these integers; everything else goes by name.
+The compiled kernels index flat arrays with these integers; everything else goes by name. What
+effects add (constants of their laws, states with a memory) follows the ideal rig's own, in the
+order of the registry.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pam_model.effects.declaration import Effect
+from pam_model.effects.registry import EFFECTS, filled
+from pam_model.effects.slots import Adjusts, PullState
 
 MUSCLES = ("agonist", "antagonist")
 
@@ -58,13 +67,10 @@ MUSCLE_NOMINAL = (
     C_DROOP,
     C_DROOP_VOLUME,
     C_DROOP_CONDUCTANCE,
-    C_COULOMB,
-    C_STRIBECK,
-    C_STRIBECK_SPEED,
+    C_FRICTION,
     C_PRESLIDING,
     C_RATE,
-) = range(22)
-AGONIST = 22
+) = range(20)
 (
     M_TABLE,
     M_B,
@@ -80,35 +86,67 @@ AGONIST = 22
     M_TABLE_STEP,
     M_REGULATOR,
     M_CONDUCTANCE,
+    M_EXHAUST,
     M_CRITICAL,
     M_LAG,
-    M_OVERLAP,
-    M_NULL,
-    M_EXHAUST,
     M_TUBE,
     M_TUBE_VOLUME,
     M_TUBE_CONDUCTANCE,
     M_DELAY,
-    M_LEAK,
-    M_THERMAL,
-    M_HYSTERESIS,
-    M_PRESLIDING,
-    M_CREEP,
-    M_CREEP_TIME,
-    M_ELASTIC,
-    M_CUBIC,
-    M_THREAD,
     M_CABLE,
-) = range(33)
-N_MUSCLE_CONSTANTS = 33
+    M_BRAID_AREA,
+    M_BRAID_SLOPE,
+    M_THERMAL,
+    M_SHUT_EXPONENT,
+    M_THREAD,
+) = range(27)
+
+
+@dataclass(frozen=True, slots=True)
+class EffectConstants:
+    """Where an effect's numbers lie among the constants of the joint or of each muscle.
+
+    Attributes
+    ----------
+    effect : Effect
+        One whose law the kernels call.
+    is_on : int
+        Place of 1 where a magnitude is not neutral, else 0.
+    parameters : mapping of str to int
+        Place of each parameter.
+    """
+
+    effect: Effect
+    is_on: int
+    parameters: Mapping[str, int]
+
+
+def _effect_constants(of_muscle: bool, first: int) -> tuple[dict[str, EffectConstants], int]:
+    """Places for the effects with a compiled law, from `first` on; and the next free place."""
+    found: dict[str, EffectConstants] = {}
+    for effect in EFFECTS.values():
+        called = any(not isinstance(slot, Adjusts) for slot in effect.slots)
+        if called and (effect.scope == "muscle") == of_muscle:
+            places = {key: first + 1 + i for i, key in enumerate(effect.parameters)}
+            found[effect.name] = EffectConstants(effect, first, places)
+            first += 1 + len(places)
+    return found, first
+
+
+JOINT_EFFECTS, AGONIST = _effect_constants(False, C_RATE + 1)
+MUSCLE_EFFECTS, N_MUSCLE_CONSTANTS = _effect_constants(True, M_THREAD + 1)
 ANTAGONIST = AGONIST + N_MUSCLE_CONSTANTS
 N_CONSTANTS = AGONIST + 2 * N_MUSCLE_CONSTANTS
 
 # --- states ------------------------------------------------------------------------------------
 Y_POSITION, Y_VELOCITY, Y_RESERVOIR, Y_BRISTLE = 0, 1, 2, 3
 Y_AGONIST = 4
-S_SPOOL, S_PRESSURE, S_VALVE_PRESSURE, S_TEMPERATURE, S_CREEP, S_HYSTERESIS = range(6)
-N_MUSCLE_STATES = 6
+S_SPOOL, S_PRESSURE, S_VALVE_PRESSURE, S_TEMPERATURE = range(4)
+PULL_STATES: Mapping[str, int] = {
+    slot.name: S_TEMPERATURE + 1 + i for i, (_, slot) in enumerate(filled(PullState))
+}
+"""The states that effects add to each muscle, by name, and their places."""
+N_MUSCLE_STATES = S_TEMPERATURE + 1 + len(PULL_STATES)
 Y_ANTAGONIST = Y_AGONIST + N_MUSCLE_STATES
 N_STATES = Y_AGONIST + 2 * N_MUSCLE_STATES
 STATE_NAMES = (
@@ -119,18 +157,16 @@ STATE_NAMES = (
     *(
         f"{muscle}.{state}"
         for muscle in MUSCLES
-        for state in (
-            "spool",
-            "pressure",
-            "valve_pressure",
-            "temperature",
-            "creep",
-            "hysteresis",
-        )
+        for state in ("spool", "pressure", "valve_pressure", "temperature", *PULL_STATES)
     ),
 )
 
 # --- outputs -----------------------------------------------------------------------------------
+O_POSITION, O_VELOCITY, O_TORQUE, O_RESERVOIR = range(4)
+O_AGONIST = 4
+O_PRESSURE, O_VALVE_PRESSURE, O_FORCE, O_LENGTH, O_SPOOL, O_TEMPERATURE = range(6)
+N_MUSCLE_OUTPUTS = 6
+O_ANTAGONIST = O_AGONIST + N_MUSCLE_OUTPUTS
 OUTPUT_NAMES = (
     "position",
     "velocity",
@@ -143,4 +179,3 @@ OUTPUT_NAMES = (
     ),
 )
 N_OUTPUTS = len(OUTPUT_NAMES)
-N_JOINT_OUTPUTS, N_MUSCLE_OUTPUTS = 4, 6

@@ -1,8 +1,8 @@
 """The muscle: pull and gas volume from pressure and length, with what the braid leaves out.
 
 Nominal: the cylinder with a wall of constant thickness, F = p A(L), A = -dV/dL, or a table made
-from any other force model. Effects: pam_model.effects names and explains them. Pressures here are
-gauge.
+from any other force model. Effects stretch the threads, add passive pulls and pulls with a memory.
+Pressures here are gauge.
 """
 
 from __future__ import annotations
@@ -10,20 +10,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pam_model.effects.bladder_elasticity import bladder_pull
 from pam_model.plant.compiled import compiled
+from pam_model.plant.composition import memory_pull, memory_response, passive_pull, thread
 from pam_model.plant.layout import (
     M_B,
     M_CABLE,
-    M_CREEP,
-    M_CUBIC,
     M_D90,
     M_DEAD,
-    M_ELASTIC,
     M_FACTOR,
-    M_HYSTERESIS,
     M_LONGEST,
-    M_PRESLIDING,
     M_REST,
     M_SCALE,
     M_SHORTEST,
@@ -32,8 +27,6 @@ from pam_model.plant.layout import (
     M_THREAD,
     M_WALL,
 )
-
-bladder = compiled(bladder_pull)
 
 
 @compiled
@@ -94,27 +87,13 @@ def braid_force(
         force = pressure * area
         slope = pressure * area_slope * c[m + M_FACTOR]
     if c[m + M_THREAD] > 0.0:
-        stretched, by_pressure, by_length = stretched_thread(m, c, pressure, length)
+        stretched, by_pressure, by_length = thread(m, c, pressure, length)
         scale = c[m + M_SCALE]
         force += pressure * (b * b - stretched * stretched) * scale
         slope -= 2.0 * pressure * stretched * by_length * scale
         area += (b * b - stretched * stretched - 2.0 * pressure * stretched * by_pressure) * scale
-    if c[m + M_ELASTIC] != 0.0 or c[m + M_CUBIC] != 0.0:
-        own, own_slope = bladder(length - c[m + M_REST], c[m + M_ELASTIC], c[m + M_CUBIC])
-        force += own
-        slope += own_slope
-    return force, slope, area
-
-
-@compiled
-def stretched_thread(m: int, c: Any, pressure: float, length: float) -> tuple[float, float, float]:
-    """Thread length b under tension [m], db/dp and db/dL."""
-    b = c[m + M_B]
-    # A stretch of half the thread is far outside any braid; the cut keeps a fit finite.
-    shrink = max(1.0 - c[m + M_THREAD] * max(pressure, 0.0) * length, 0.5)
-    stretched = b / shrink
-    gain = stretched * c[m + M_THREAD] / shrink
-    return stretched, gain * length, gain * pressure
+    passive, passive_slope = passive_pull(m, c, length)
+    return force + passive, slope + passive_slope, area
 
 
 @compiled
@@ -140,7 +119,7 @@ def gas_volume(
             diameter_slope = -c[m + M_D90] * length / (b * math.sqrt(max(square, 1e-12)))
             slope -= math.pi * wall * (diameter - wall + length * diameter_slope)
     if c[m + M_THREAD] > 0.0:
-        stretched, b_by_pressure, b_by_length = stretched_thread(m, c, pressure, length)
+        stretched, b_by_pressure, b_by_length = thread(m, c, pressure, length)
         grown = stretched * stretched - b * b
         volume += length * grown * scale
         slope += (grown + 2.0 * length * stretched * b_by_length) * scale
@@ -153,12 +132,14 @@ def pull(
     m: int,
     c: Any,
     table: Any,
+    y: Any,
+    o: int,
     pressure: float,
     path: float,
-    creep: float,
-    hysteresis: float,
 ) -> tuple[float, float, float, float]:
     """Pull on the cable and the muscle's own length.
+
+    `y` holds the state, that of this muscle from `o` on.
 
     Returns
     -------
@@ -172,15 +153,11 @@ def pull(
         dF/dp [m^2]; 0 where the muscle is slack.
     """
     compliance = c[m + M_CABLE]
-    friction = c[m + M_HYSTERESIS] * c[m + M_B] * c[m + M_B] * c[m + M_SCALE] * hysteresis
-    viscous = c[m + M_CREEP] * creep
+    held, held_area = memory_pull(m, c, y, o, pressure)
     length = min(max(path, c[m + M_SHORTEST]), c[m + M_LONGEST])
     force, slope, area = braid_force(m, c, table, pressure, length)
-    if friction != 0.0:
-        force += max(pressure, 0.0) * friction
-        area += friction
-    if viscous != 0.0:
-        force += viscous
+    force += held
+    area += held_area
     if force <= 0.0:
         return 0.0, length, 0.0, 0.0
     if compliance > 0.0:
@@ -190,8 +167,8 @@ def pull(
             length -= error / (1.0 + compliance * max(slope, 0.0))
             length = min(max(length, c[m + M_SHORTEST]), c[m + M_LONGEST])
             force, slope, area = braid_force(m, c, table, pressure, length)
-            force += max(pressure, 0.0) * friction + viscous
-            area += friction
+            force += held
+            area += held_area
         force = max(force, 0.0)
     return force, length, slope, area
 
@@ -200,34 +177,26 @@ def pull(
 def muscle_speed(
     m: int,
     c: Any,
+    y: Any,
+    o: int,
     path_speed: float,
     free_pressure_rate: float,
-    creep_rate: float,
     slope: float,
     area: float,
     gas_slope: float,
     pressure: float,
-    hysteresis: float,
 ) -> float:
     """dL/dt of the muscle [m/s]; the path's own without a compliant cable.
 
-    `gas_slope` is dp/dL of the shut chamber [Pa/m], `creep_rate` what the bladder's Maxwell
-    element loses of its stretch [m/s]. From L + compliance F = path, with
-    friction turning by dL/s_p.
+    `gas_slope` is dp/dL of the shut chamber [Pa/m]. From L + compliance F = path, with the pull of
+    the states that have a memory.
     """
     compliance = c[m + M_CABLE]
     if compliance <= 0.0:
         return path_speed
-    speed = path_speed - compliance * (area * free_pressure_rate + c[m + M_CREEP] * creep_rate)
-    rise = slope + area * gas_slope + c[m + M_CREEP]
-    if c[m + M_HYSTERESIS] > 0.0:
-        sign = 1.0 if speed >= 0.0 else -1.0
-        kappa = c[m + M_B] * c[m + M_B] * c[m + M_SCALE]
-        rise += (
-            c[m + M_HYSTERESIS]
-            * max(pressure, 0.0)
-            * kappa
-            * (1.0 - sign * hysteresis)
-            / c[m + M_PRESLIDING]
-        )
+    _, drift = memory_response(m, c, y, o, 1.0, pressure)
+    speed = path_speed - compliance * (area * free_pressure_rate + drift)
+    direction = 1.0 if speed >= 0.0 else -1.0
+    held_slope, _ = memory_response(m, c, y, o, direction, pressure)
+    rise = slope + area * gas_slope + held_slope
     return float(speed / (1.0 + compliance * max(rise, 0.0)))

@@ -16,10 +16,45 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
+from pam_model.plant.constants import adjusted_numbers
 from pam_model.plant.layout import MUSCLES
-from pam_model.plant.parameters import INDEX
+from pam_model.sensor_laws import pressure_reading
 
 Array = npt.NDArray[np.float64]
+
+
+# Constants of the sensors: three of each muscle's pressure sensor, then two of the encoder.
+K_GAIN, K_BIAS, K_LAG = range(3)
+K_ANTAGONIST = N_MUSCLE_SENSORS = 3
+K_OFFSET = len(MUSCLES) * N_MUSCLE_SENSORS
+K_DELAY = K_OFFSET + 1
+N_SENSORS = K_DELAY + 1
+
+
+def sensor_constants(values: Array) -> Array:
+    """What the sensors do to the true quantities: (N_SENSORS,) array of the K_* above.
+
+    Parameters
+    ----------
+    values : (n_parameters,) array
+        Plant parameters.
+
+    Returns
+    -------
+    (N_SENSORS,) array
+        Gain [-], bias [Pa] and lag [s] of either pressure sensor; offset [rad] and delay [s] of the
+        position.
+    """
+    number = adjusted_numbers(values)
+    sensors = np.empty(N_SENSORS)
+    for i, muscle in enumerate(MUSCLES):
+        k = i * N_MUSCLE_SENSORS
+        sensors[k + K_GAIN] = number[f"{muscle}.pressure_sensor.gain"]
+        sensors[k + K_BIAS] = number[f"{muscle}.pressure_sensor.bias"]
+        sensors[k + K_LAG] = number[f"{muscle}.pressure_sensor.lag"]
+    sensors[K_OFFSET] = number["position_sensor.offset"]
+    sensors[K_DELAY] = number["position_sensor.delay"]
+    return sensors
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,16 +104,16 @@ def measure(values: Array, time: Array, position: Array, pressures: Array) -> Me
             np.stack([lane.pressures for lane in lanes]),
         )
     sample_time = float(time[1] - time[0]) if len(time) > 1 else 1.0
-    seen = position + values[INDEX["position_offset.offset"]]
-    delay = float(values[INDEX["position_delay.delay"]])
+    sensors = sensor_constants(values)
+    seen = position + sensors[K_OFFSET]
+    delay = float(sensors[K_DELAY])
     if delay > 0.0:
         seen = np.interp(time - delay, time, seen)
     shown = np.empty_like(pressures)
-    for i, muscle in enumerate(MUSCLES):
-        gain = values[INDEX[f"{muscle}.pressure_gain.gain"]]
-        bias = values[INDEX[f"{muscle}.pressure_bias.bias"]]
-        lag = float(values[INDEX[f"{muscle}.pressure_lag.time_constant"]])
-        signal = pressures[:, i] * gain + bias
+    for i in range(len(MUSCLES)):
+        k = i * N_MUSCLE_SENSORS
+        lag = float(sensors[k + K_LAG])
+        signal = pressure_reading(pressures[:, i], sensors[k + K_GAIN], sensors[k + K_BIAS])
         if lag > 0.0 and len(signal) > 1:
             keep, before, after = lag_weights(lag, sample_time)
             # Starts settled at the first sample.
@@ -98,13 +133,12 @@ class SensorFilter:
     """
 
     def __init__(self, values: Array) -> None:
-        def of(name: str) -> float:
-            return float(values[INDEX[name]])
-
-        self._offset, self._delay = of("position_offset.offset"), of("position_delay.delay")
-        self._gain = [of(f"{muscle}.pressure_gain.gain") for muscle in MUSCLES]
-        self._bias = [of(f"{muscle}.pressure_bias.bias") for muscle in MUSCLES]
-        self._lag = [of(f"{muscle}.pressure_lag.time_constant") for muscle in MUSCLES]
+        sensors: list[float] = sensor_constants(values).tolist()
+        of_muscles = range(0, K_OFFSET, N_MUSCLE_SENSORS)
+        self._offset, self._delay = sensors[K_OFFSET], sensors[K_DELAY]
+        self._gain = [sensors[k + K_GAIN] for k in of_muscles]
+        self._bias = [sensors[k + K_BIAS] for k in of_muscles]
+        self._lag = [sensors[k + K_LAG] for k in of_muscles]
         self._last_time: float | None = None
         self._last_input = [0.0, 0.0]
         self._last_output = [0.0, 0.0]
@@ -117,7 +151,7 @@ class SensorFilter:
         """Reading of position [rad] and both gauge pressures [Pa] at `time` [s]."""
         shown = []
         for i, pressure in enumerate((first, second)):
-            signal = pressure * self._gain[i] + self._bias[i]
+            signal = pressure_reading(pressure, self._gain[i], self._bias[i])
             output = signal
             if self._lag[i] > 0.0 and self._last_time is not None:
                 keep, before, after = lag_weights(self._lag[i], time - self._last_time)

@@ -15,12 +15,26 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pam_model.effects.registry import filled
+from pam_model.effects.slots import PullState
 from pam_model.errors import PamError
 from pam_model.plant import layout as lay
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
+from pam_model.plant.constants import derive_constants
 from pam_model.plant.kernel import record, run
-from pam_model.plant.parameters import INDEX, NAMES, PlantParameters, derive_constants
-from pam_model.plant.sensors import Measured, SensorFilter, measure
+from pam_model.plant.parameters import NAMES, PlantParameters
+from pam_model.plant.sensors import (
+    K_BIAS,
+    K_DELAY,
+    K_GAIN,
+    K_OFFSET,
+    N_MUSCLE_SENSORS,
+    Measured,
+    SensorFilter,
+    measure,
+    sensor_constants,
+)
+from pam_model.sensor_laws import true_pressure
 
 Array = npt.NDArray[np.float64]
 
@@ -38,7 +52,7 @@ class Trajectory:
     time : (n,) array
         [s].
     outputs : (..., n, n_outputs) array
-        As plant_layout.OUTPUT_NAMES; the properties below name its columns.
+        As layout.OUTPUT_NAMES; the properties below name its columns.
     final_state : (..., n_states) array
         The state one sample after the last row: where a next `simulate` goes on.
     """
@@ -48,52 +62,51 @@ class Trajectory:
     final_state: Array
 
     def __getitem__(self, name: str) -> Array:
-        """A column by its name in plant_layout.OUTPUT_NAMES, such as `agonist.spool`."""
+        """A column by its name in layout.OUTPUT_NAMES, such as `agonist.spool`."""
         return self.outputs[..., lay.OUTPUT_NAMES.index(name)]
 
     def _pair(self, column: int) -> Array:
-        first = lay.N_JOINT_OUTPUTS + column
-        return self.outputs[..., first :: lay.N_MUSCLE_OUTPUTS]
+        return self.outputs[..., lay.O_AGONIST + column :: lay.N_MUSCLE_OUTPUTS]
 
     @property
     def position(self) -> Array:
         """Joint position [rad]."""
-        return self.outputs[..., 0]
+        return self.outputs[..., lay.O_POSITION]
 
     @property
     def velocity(self) -> Array:
         """Joint velocity [rad/s]."""
-        return self.outputs[..., 1]
+        return self.outputs[..., lay.O_VELOCITY]
 
     @property
     def torque(self) -> Array:
         """Torque of the muscles [N m]."""
-        return self.outputs[..., 2]
+        return self.outputs[..., lay.O_TORQUE]
 
     @property
     def reservoir_pressure(self) -> Array:
         """Pressure the valves draw from [Pa absolute]."""
-        return self.outputs[..., 3]
+        return self.outputs[..., lay.O_RESERVOIR]
 
     @property
     def pressures(self) -> Array:
         """Gauge pressure in the muscles (..., n, 2) [Pa]."""
-        return self._pair(0)
+        return self._pair(lay.O_PRESSURE)
 
     @property
     def valve_pressures(self) -> Array:
         """Gauge pressure where the sensors are (..., n, 2) [Pa]."""
-        return self._pair(1)
+        return self._pair(lay.O_VALVE_PRESSURE)
 
     @property
     def forces(self) -> Array:
         """Pull of the muscles (..., n, 2) [N]."""
-        return self._pair(2)
+        return self._pair(lay.O_FORCE)
 
     @property
     def lengths(self) -> Array:
         """Length of the muscles (..., n, 2) [m]."""
-        return self._pair(3)
+        return self._pair(lay.O_LENGTH)
 
 
 def initial_state(
@@ -105,7 +118,7 @@ def initial_state(
     commands: Sequence[float] = (0.0, 0.0),
     creep_settled: bool = True,
 ) -> Array:
-    """A state to start from, in the order of plant_layout.STATE_NAMES.
+    """A state to start from, in the order of layout.STATE_NAMES.
 
     Parameters
     ----------
@@ -132,8 +145,11 @@ def initial_state(
         y[o + lay.S_TEMPERATURE] = p["gas.temperature"]
     if not creep_settled:
         lengths = simulate(p, np.zeros((1, 2)), 1e-6, y).lengths[0]
-        y[lay.Y_AGONIST + lay.S_CREEP] = lengths[0] - p["agonist.rest_length"]
-        y[lay.Y_ANTAGONIST + lay.S_CREEP] = lengths[1] - p["antagonist.rest_length"]
+        for i, muscle in enumerate(lay.MUSCLES):
+            o = lay.Y_AGONIST + i * lay.N_MUSCLE_STATES
+            for _, slot in filled(PullState):
+                place = o + lay.PULL_STATES[slot.name]
+                y[place] = slot.unsettled(float(lengths[i]), p[f"{muscle}.rest_length"])
     return y
 
 
@@ -285,8 +301,9 @@ class Plant:
         self._y = for_kernel(np.array(start, dtype=float))
         self._row = for_kernel(np.zeros((1, lay.N_OUTPUTS)))
         self._sensors = SensorFilter(parameters.values)
-        delays = [parameters[f"{muscle}.command_delay.delay"] for muscle in lay.MUSCLES]
-        self._longest_delay = max(delays)
+        self._longest_delay = max(
+            float(self._constants[m + lay.M_DELAY]) for m in (lay.AGONIST, lay.ANTAGONIST)
+        )
         self._history: list[tuple[float, float]] = []
         self._period = 0.0
         self.time = 0.0
@@ -294,12 +311,12 @@ class Plant:
 
     @property
     def state(self) -> Array:
-        """A copy of the state, as plant_layout.STATE_NAMES."""
+        """A copy of the state, as layout.STATE_NAMES."""
         return np.array(self._y, dtype=float)
 
     @property
     def output(self) -> dict[str, float]:
-        """The true quantities now, by plant_layout.OUTPUT_NAMES."""
+        """The true quantities now, by layout.OUTPUT_NAMES."""
         return dict(zip(lay.OUTPUT_NAMES, (float(x) for x in self._row[0]), strict=True))
 
     @property
@@ -317,7 +334,7 @@ class Plant:
         """
         self.parameters = self.parameters.replaced(changes)
         self._constants = for_kernel(derive_constants(self.parameters.values))
-        if not self.parameters["supply_droop.conductance"] > 0.0:
+        if not self._constants[lay.C_DROOP] > 0.0:
             self._y[lay.Y_RESERVOIR] = self.parameters["supply_pressure"]
 
     def step(self, commands: Sequence[float], duration: float) -> tuple[float, float, float]:
@@ -358,8 +375,12 @@ class Plant:
         )
         self.time += duration
         self._observe()
+        row = self._row[0]
         return self._sensors.update(
-            self.time, float(self._row[0][0]), float(self._row[0][5]), float(self._row[0][11])
+            self.time,
+            float(row[lay.O_POSITION]),
+            float(row[lay.O_AGONIST + lay.O_VALVE_PRESSURE]),
+            float(row[lay.O_ANTAGONIST + lay.O_VALVE_PRESSURE]),
         )
 
     def _observe(self) -> None:
@@ -402,14 +423,17 @@ def _true_drive(
 ) -> tuple[Array, Array]:
     """Measured position and pressures with the sensors' offset, delay, gain and bias undone."""
     given_positions, given_pressures = np.zeros(0), np.zeros((0, 2))
+    sensors = sensor_constants(values)
     if positions is not None:
-        given_positions = positions - values[INDEX["position_offset.offset"]]
-        delay = values[INDEX["position_delay.delay"]]
+        given_positions = positions - sensors[K_OFFSET]
+        delay = sensors[K_DELAY]
         if delay > 0.0:
             places = np.arange(len(positions)) + delay / sample_time
             given_positions = np.interp(places, np.arange(len(positions)), given_positions)
     if pressures is not None:
-        gain = values[[INDEX[f"{muscle}.pressure_gain.gain"] for muscle in lay.MUSCLES]]
-        bias = values[[INDEX[f"{muscle}.pressure_bias.bias"] for muscle in lay.MUSCLES]]
-        given_pressures = np.ascontiguousarray((pressures - bias) / gain)
+        gain, bias = (
+            sensors[K_GAIN:K_OFFSET:N_MUSCLE_SENSORS],
+            sensors[K_BIAS:K_OFFSET:N_MUSCLE_SENSORS],
+        )
+        given_pressures = np.ascontiguousarray(true_pressure(pressures, gain, bias))
     return given_positions, given_pressures

@@ -1,0 +1,287 @@
+"""What the kernels use, derived from the parameter vector: effects merged into the ideal rig.
+
+Numbers of the ideal rig pass every effect that adjusts them; parameters of laws that the kernels
+call are laid down beside them (layout.JOINT_EFFECTS, MUSCLE_EFFECTS).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_model.effects import filled
+from pam_model.effects.declaration import Effect
+from pam_model.effects.slots import TARGETS, Adjusts, Chamber, DryFriction, Law, Thread
+from pam_model.gas import GAS_CONSTANT, choking_slope, reference_density
+from pam_model.plant import layout as lay
+from pam_model.plant.layout import EffectConstants
+from pam_model.plant.parameters import INDEX, parameter_names
+
+Vector = npt.NDArray[np.float64]
+WIDEST = 25.0
+FASTEST_VOLUME = 2.5e5  # 1/s, of a tube or reservoir
+SHORTEST_SHARE = 0.05  # of the thread: no braid contracts so far, a diverging fit may
+RIGID_CONTACT = 1.0001e-4
+"""Presliding angle [rad] up to which a contact is taken as rigid: encoders hardly show it, and the
+steps that its stiffness would need are short."""
+SIDES = ((lay.MUSCLES[0], lay.AGONIST), (lay.MUSCLES[1], lay.ANTAGONIST))
+_FRICTIONS = filled(DryFriction)
+_CHAMBERS = filled(Chamber)
+_THREADS = filled(Thread)
+
+
+@dataclass(frozen=True, slots=True)
+class _Adjustment:
+    """One effect on one number: the places of its parameters in the vector."""
+
+    law: Law
+    places: tuple[int, ...]
+
+
+def _places(effect: Effect, owner: str) -> tuple[int, ...]:
+    """Where an effect's parameters lie in the vector; `owner` is a muscle, or empty."""
+    dot = f"{owner}." if owner else ""
+    return tuple(INDEX[f"{dot}{effect.name}.{key}"] for key in effect.parameters)
+
+
+def _adjustments(scope: str, owner: str) -> Mapping[str, tuple[_Adjustment, ...]]:
+    """By target, the effects that change it."""
+    return {
+        target: tuple(
+            _Adjustment(slot.law, _places(effect, owner))
+            for effect, slot in filled(Adjusts)
+            if slot.target == target
+        )
+        for target, entry in TARGETS.items()
+        if entry.scope == scope
+    }
+
+
+_OF_JOINT = _adjustments("joint", "")
+_OF_MUSCLES = {side: _adjustments("muscle", side) for side in lay.MUSCLES}
+_PRESLIDING = tuple(
+    INDEX[name]
+    for effect, slot in _FRICTIONS
+    for name in parameter_names(effect.name, slot.presliding)
+)
+
+
+def adjusted_numbers(values: Vector) -> dict[str, float]:
+    """Every target of `effects.slots.TARGETS` with its effects applied.
+
+    Parameters
+    ----------
+    values : (n_parameters,) array
+        In the order of parameters.NAMES.
+
+    Returns
+    -------
+    dict of str to float
+        By name; a muscle's with "agonist." or "antagonist." before it.
+    """
+    v = values.tolist()
+    result: dict[str, float] = {}
+    for owner, found in (
+        ("", _OF_JOINT),
+        *((f"{side}.", _OF_MUSCLES[side]) for side in _OF_MUSCLES),
+    ):
+        for target, adjustments in found.items():
+            ideal = TARGETS[target].ideal
+            number = v[INDEX[owner + target]] if ideal is None else ideal
+            for adjustment in adjustments:
+                number = adjustment.law(number, *[v[i] for i in adjustment.places])
+            result[owner + target] = number
+    return result
+
+
+def derive_constants(values: Vector) -> Vector:
+    """What the kernels use (layout.C_*, M_*, and the constants of effects).
+
+    Parameters
+    ----------
+    values : (n_parameters,) array
+        In the order of parameters.NAMES.
+    """
+    v = values.tolist()
+    number = adjusted_numbers(values)
+    temperature = v[INDEX["gas.temperature"]]
+    c = np.zeros(lay.N_CONSTANTS)
+    c[lay.C_TEMPERATURE] = temperature
+    c[lay.C_AMBIENT] = v[INDEX["gas.ambient_pressure"]]
+    c[lay.C_EXPONENT] = v[INDEX["gas.polytropic_exponent"]]
+    c[lay.C_SUPPLY] = v[INDEX["supply_pressure"]]
+    c[lay.C_RT] = GAS_CONSTANT * temperature
+    c[lay.C_DENSITY] = reference_density(temperature)
+    c[lay.C_RADIUS] = number["joint.pulley_radius"]
+    c[lay.C_INERTIA] = number["joint.inertia"]
+    c[lay.C_VISCOUS] = number["joint.viscous_friction"]
+    c[lay.C_GRAVITY] = number["joint.gravity_torque"]
+    c[lay.C_GRAVITY_ANGLE] = v[INDEX["joint.gravity_angle"]]
+    c[lay.C_DROOP] = float(number["reservoir.conductance"] > 0.0)
+    c[lay.C_DROOP_CONDUCTANCE] = number["reservoir.conductance"]
+    c[lay.C_DROOP_VOLUME] = number["reservoir.volume"]
+    for constants in lay.JOINT_EFFECTS.values():
+        _lay_down(c, 0, constants, v, "")
+    c[lay.C_FRICTION] = any(c[lay.JOINT_EFFECTS[e.name].is_on] > 0.0 for e, _ in _FRICTIONS)
+    # One joint has one contact: of several effects, the softest.
+    presliding = max((v[i] for i in _PRESLIDING), default=0.0)
+    c[lay.C_PRESLIDING] = presliding if presliding > RIGID_CONTACT else 0.0
+    for side, m in SIDES:
+        _muscle_constants(c, m, v, number, side)
+    _limit_stiff_volumes(c)
+    c[lay.C_LOWER], c[lay.C_UPPER] = _travel(
+        c, v[INDEX["joint.lower_limit"]], v[INDEX["joint.upper_limit"]]
+    )
+    c[lay.C_RATE] = _fastest_rate(c) / 2.0  # RK4 is stable to 2.78
+    return c
+
+
+def _lay_down(
+    c: Vector, first: int, constants: EffectConstants, v: list[float], owner: str
+) -> None:
+    """Write one effect's parameters, and whether it is on."""
+    effect = constants.effect
+    values = [v[i] for i in _places(effect, owner)]
+    for place, value in zip(constants.parameters.values(), values, strict=True):
+        c[first + place] = value
+    named = dict(zip(effect.parameters, values, strict=True))
+    c[first + constants.is_on] = not effect.is_neutral(named)
+
+
+def _given(c: Vector, first: int, constants: EffectConstants) -> list[float]:
+    """An effect's parameters among the constants."""
+    return [float(c[first + place]) for place in constants.parameters.values()]
+
+
+def _muscle_constants(
+    c: Vector, m: int, v: list[float], number: Mapping[str, float], side: str
+) -> None:
+    def written(name: str) -> float:
+        return v[INDEX[f"{side}.{name}"]]
+
+    def adjusted(name: str) -> float:
+        return number[f"{side}.{name}"]
+
+    b, turns, wall = written("thread_length"), written("turns"), written("wall_thickness")
+    is_table = written("model_kind") > 0.0
+    d90 = b / (turns * math.pi)
+    shortest, longest = written("shortest_length"), written("longest_length")
+    if not is_table:
+        shortest = SHORTEST_SHARE * b
+        # Kept off the end of the domain, where a braid is as thick as its wall.
+        open_share = 1.0 - (2.1 * wall / d90) ** 2
+        longest = b * math.sqrt(max(open_share, 0.01)) * (1.0 - 1e-6)
+    scale = 1.0 / (4.0 * math.pi * turns * turns)
+    c[m + lay.M_TABLE] = written("model_kind")
+    c[m + lay.M_B] = b
+    c[m + lay.M_SCALE] = scale
+    c[m + lay.M_WALL] = wall
+    c[m + lay.M_D90] = d90
+    c[m + lay.M_REST] = written("rest_length")
+    c[m + lay.M_NEUTRAL] = written("neutral_length")
+    c[m + lay.M_DEAD] = max(adjusted("dead_volume"), 1e-7)
+    c[m + lay.M_FACTOR] = adjusted("contraction_factor")
+    c[m + lay.M_SHORTEST], c[m + lay.M_LONGEST] = shortest, longest
+    c[m + lay.M_TABLE_STEP] = written("table_pressure_step")
+    c[m + lay.M_REGULATOR] = written("valve.kind")
+    conductance = written("valve.sonic_conductance")
+    c[m + lay.M_CONDUCTANCE] = conductance
+    c[m + lay.M_EXHAUST] = conductance * adjusted("valve.exhaust_ratio")
+    c[m + lay.M_CRITICAL] = written("valve.critical_ratio")
+    c[m + lay.M_LAG] = adjusted("valve.time_constant")
+    c[m + lay.M_TUBE] = float(adjusted("tube.conductance") > 0.0)
+    c[m + lay.M_TUBE_VOLUME] = adjusted("tube.volume")
+    c[m + lay.M_TUBE_CONDUCTANCE] = adjusted("tube.conductance")
+    c[m + lay.M_DELAY] = adjusted("valve.command_delay")
+    c[m + lay.M_CABLE] = adjusted("series_compliance")
+    c[m + lay.M_BRAID_AREA] = b * b * scale
+    c[m + lay.M_BRAID_SLOPE] = 6.0 * written("rest_length") * scale
+    for constants in lay.MUSCLE_EFFECTS.values():
+        _lay_down(c, m, constants, v, side)
+    c[m + lay.M_THREAD] = any(c[m + lay.MUSCLE_EFFECTS[e.name].is_on] > 0.0 for e, _ in _THREADS)
+    c[m + lay.M_SHUT_EXPONENT] = c[lay.C_EXPONENT]
+    for effect, slot in _CHAMBERS:
+        if c[m + lay.MUSCLE_EFFECTS[effect.name].is_on] > 0.0:
+            c[m + lay.M_THERMAL] = 1.0
+            c[m + lay.M_SHUT_EXPONENT] = slot.exponent
+
+
+def _travel(c: Vector, lower: float, upper: float) -> tuple[float, float]:
+    """Position limits, narrowed where a muscle's path would leave its model's domain."""
+    radius = c[lay.C_RADIUS]
+    a, b = lay.AGONIST, lay.ANTAGONIST
+    upper = min(
+        upper,
+        (c[b + lay.M_LONGEST] - c[b + lay.M_NEUTRAL]) / radius,
+        (c[a + lay.M_NEUTRAL] - c[a + lay.M_SHORTEST]) / radius,
+    )
+    lower = max(
+        lower,
+        -(c[a + lay.M_LONGEST] - c[a + lay.M_NEUTRAL]) / radius,
+        -(c[b + lay.M_NEUTRAL] - c[b + lay.M_SHORTEST]) / radius,
+    )
+    return lower, upper
+
+
+def _limit_stiff_volumes(c: Vector) -> None:
+    """Keep a tube or reservoir no faster than the shortest step can follow.
+
+    A path WIDEST times as wide as its valve loses 1/WIDEST^2 of the pressure: cutting there
+    changes nothing that shows, and a small volume behind it is then rounded up.
+    """
+    gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY] / FASTEST_VOLUME
+    valves = 0.0
+    for m in (lay.AGONIST, lay.ANTAGONIST):
+        valve = max(c[m + lay.M_CONDUCTANCE], c[m + lay.M_EXHAUST])
+        valves += valve
+        path = min(c[m + lay.M_TUBE_CONDUCTANCE], WIDEST * valve)
+        least = gain * choking_slope(c[m + lay.M_CRITICAL]) * (path + valve)
+        c[m + lay.M_TUBE_CONDUCTANCE] = path
+        c[m + lay.M_TUBE_VOLUME] = max(c[m + lay.M_TUBE_VOLUME], least)
+    path = min(c[lay.C_DROOP_CONDUCTANCE], WIDEST * valves)
+    least = gain * choking_slope(c[lay.AGONIST + lay.M_CRITICAL]) * (path + valves)
+    c[lay.C_DROOP_CONDUCTANCE] = path
+    c[lay.C_DROOP_VOLUME] = max(c[lay.C_DROOP_VOLUME], least)
+
+
+def _fastest_rate(c: Vector) -> float:
+    """An upper estimate of the fastest rate in the plant [1/s], to choose a stable step."""
+    fastest = 0.0
+    if c[lay.C_PRESLIDING] > 0.0:
+        grip = sum(
+            slot.law(0.0, *_given(c, 0, lay.JOINT_EFFECTS[effect.name]))
+            for effect, slot in _FRICTIONS
+            if c[lay.JOINT_EFFECTS[effect.name].is_on] > 0.0
+        )
+        fastest = 3.0 * math.sqrt(grip / (c[lay.C_PRESLIDING] * c[lay.C_INERTIA]))
+    gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY]
+    for m in (lay.AGONIST, lay.ANTAGONIST):
+        slope = choking_slope(c[m + lay.M_CRITICAL])
+        longest = min(
+            c[m + lay.M_NEUTRAL] + c[lay.C_RADIUS] * max(-c[lay.C_LOWER], c[lay.C_UPPER]),
+            c[m + lay.M_LONGEST],
+        )
+        b = c[m + lay.M_B]
+        braid = max(longest * (b * b - longest * longest) * c[m + lay.M_SCALE], 0.0)
+        volume = c[m + lay.M_DEAD] + 0.8 * braid
+        valve = gain * slope * max(c[m + lay.M_CONDUCTANCE], c[m + lay.M_EXHAUST])
+        if c[m + lay.M_TUBE] > 0.0:
+            tube = gain * slope * c[m + lay.M_TUBE_CONDUCTANCE]
+            inner = c[m + lay.M_TUBE_VOLUME]
+            fastest = max(fastest, (valve + tube) / inner + tube / volume)
+        else:
+            fastest = max(fastest, valve / volume)
+        if c[lay.C_DROOP] > 0.0:
+            drawn = 2.0 * valve + gain * slope * c[lay.C_DROOP_CONDUCTANCE]
+            fastest = max(fastest, drawn / c[lay.C_DROOP_VOLUME])
+        if c[m + lay.M_THERMAL] > 0.0:
+            mass = c[lay.C_AMBIENT] * volume / c[lay.C_RT]
+            for effect, slot in _CHAMBERS:
+                heated = slot.heat_rate(mass, *_given(c, m, lay.MUSCLE_EFFECTS[effect.name]))
+                fastest = max(fastest, heated)
+        fastest = max(fastest, 1.0 / c[m + lay.M_LAG])
+    return fastest
