@@ -1,32 +1,51 @@
-"""The launch files name packages and executables that exist; launch itself is not needed."""
+"""The launch files run, and start what exists with what it takes; launch itself is not needed."""
 
 from __future__ import annotations
 
 import ast
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from pam_control.controller_parameters import parameter_table
 from pam_driver.driver_parameters import TABLE as DRIVER_PARAMETERS
 from pam_sim.rig_node import PARAMETERS as RIG_PARAMETERS
+from support.fake_launch import Recorded, all_of, install, plain, run_launch_file
 
 ROOT = Path(__file__).parents[2]
-LAUNCH_FILES = sorted((ROOT / "src/pam_bringup/launch").glob("*.launch.py"))
+FOLDER = ROOT / "src/pam_bringup/launch"
+ROBOT, SIMULATION = "robot.launch.py", "simulation.launch.py"
+EVERY_FILE = pytest.mark.parametrize("name", [ROBOT, SIMULATION])
 
 
-def started_nodes(path: Path) -> set[tuple[str, str]]:
-    """Package and executable of every Node in a launch file."""
-    calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
-    found = set()
-    for call in calls:
-        if isinstance(call.func, ast.Name) and call.func.id == "Node":
-            words = {word.arg: word.value for word in call.keywords}
-            package, executable = words["package"], words["executable"]
-            assert isinstance(package, ast.Constant)
-            assert isinstance(executable, ast.Constant)
-            found.add((str(package.value), str(executable.value)))
-    return found
+@pytest.fixture(autouse=True)
+def _launch(monkeypatch: pytest.MonkeyPatch) -> None:
+    install(monkeypatch)
+
+
+def description(name: str) -> Recorded:
+    """What a launch file describes."""
+    made: Recorded = run_launch_file(FOLDER / name)["generate_launch_description"]()
+    return made
+
+
+def nodes(name: str) -> dict[str, Recorded]:
+    """The nodes that a launch file starts, by their package."""
+    return {node["package"]: node for node in all_of("Node", description(name))}
+
+
+def parameters(node: Recorded) -> dict[str, Any]:
+    """What a launch file sets beside the rig file."""
+    given = node["parameters"]
+    assert plain(given[0]) == "rig_file"
+    return {key: plain(value) for each in given[1:] for key, value in each.items()}
+
+
+def arguments(name: str) -> dict[str, Recorded]:
+    """The arguments a launch file declares."""
+    return {one.given[0]: one for one in all_of("DeclareLaunchArgument", description(name))}
 
 
 def console_scripts(package: str) -> set[str]:
@@ -36,31 +55,98 @@ def console_scripts(package: str) -> set[str]:
     return {text.split(" = ")[0] for text in texts if isinstance(text, str) and ":main" in text}
 
 
-@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
-def test_every_started_node_is_installed(path):
-    nodes = started_nodes(path)
-    assert nodes
-    for package, executable in nodes:
-        assert executable in console_scripts(package)
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters"),
-    [
-        ("robot.launch.py", [*DRIVER_PARAMETERS, *parameter_table([])]),
-        ("simulation.launch.py", RIG_PARAMETERS),
-    ],
-)
-def test_every_parameter_given_to_a_node_is_one_of_its_own(name, parameters):
-    tree = ast.parse((ROOT / "src/pam_bringup/launch" / name).read_text())
-    dicts = [node for node in ast.walk(tree) if isinstance(node, ast.Dict)]
-    keys = {key.value for each in dicts for key in each.keys if isinstance(key, ast.Constant)}
-    assert "bus.channel" in keys
-    assert keys <= {parameter.name for parameter in parameters}
-
-
 def test_there_is_one_for_a_robot_and_one_for_the_simulated_rig():
-    names = {path.name: started_nodes(path) for path in LAUNCH_FILES}
-    robot = {"pam_driver", "pam_model", "pam_control"}
-    assert {package for package, _ in names["robot.launch.py"]} == robot
-    assert {package for package, _ in names["simulation.launch.py"]} == {"pam_sim"}
+    assert {path.name for path in FOLDER.glob("*")} == {ROBOT, SIMULATION}
+    assert set(nodes(ROBOT)) == {"pam_driver", "pam_model", "pam_control"}
+    assert set(nodes(SIMULATION)) == {"pam_sim"}
+
+
+@EVERY_FILE
+def test_every_started_node_is_installed(name):
+    for package, node in nodes(name).items():
+        assert node["executable"] in console_scripts(package)
+
+
+def test_every_parameter_given_to_a_node_is_one_of_its_own():
+    robot = nodes(ROBOT)
+    known = {
+        "pam_driver": {parameter.name for parameter in DRIVER_PARAMETERS},
+        "pam_model": set(),
+        "pam_control": {parameter.name for parameter in parameter_table([])},
+        "pam_sim": {parameter.name for parameter in RIG_PARAMETERS},
+    }
+    for package, node in (robot | nodes(SIMULATION)).items():
+        assert set(parameters(node)) <= known[package], package
+
+
+@EVERY_FILE
+def test_every_node_is_in_the_namespace_that_is_asked_for(name):
+    assert arguments(name)["namespace"]["default_value"] == ""
+    for package, node in nodes(name).items():
+        assert plain(node["namespace"]) == "namespace", package
+
+
+def test_driver_and_simulated_rig_are_on_the_bus_that_is_asked_for():
+    for node in (nodes(ROBOT)["pam_driver"], nodes(SIMULATION)["pam_sim"]):
+        given = parameters(node)
+        assert given["bus.interface"] == "bus_interface"
+        assert given["bus.channel"] == "bus_channel"
+        assert given["bus.port"] == "bus_port"
+
+
+@EVERY_FILE
+def test_every_value_comes_from_an_argument_that_is_declared(name):
+    made = description(name)
+    asked = {one.given[0] for one in all_of("LaunchConfiguration", made)}
+    assert asked <= set(arguments(name))
+
+
+def test_the_simulation_hands_on_what_the_robots_launch_file_takes():
+    (include,) = all_of("IncludeLaunchDescription", description(SIMULATION))
+    handed = {key: plain(value) for key, value in include["launch_arguments"]}
+    shared = set(arguments(ROBOT)) & set(arguments(SIMULATION))
+    assert {"namespace", "bus_port", "on_driver_exit"} <= shared
+    assert {key: handed.get(key) for key in shared} == {key: key for key in shared}
+    assert set(handed) <= set(arguments(ROBOT))
+
+
+def ending(choice: str, code: int, *, ends_anyway: bool = False) -> Any:
+    """What robot.launch.py does when the driver it started ends with this code."""
+    (handler,) = all_of("OnProcessExit", description(ROBOT))
+    assert handler["target_action"]["package"] == "pam_driver"
+    context = SimpleNamespace(
+        is_shutdown=ends_anyway, launch_configurations={"on_driver_exit": choice}
+    )
+    return handler["on_exit"](SimpleNamespace(returncode=code), context)
+
+
+def test_model_and_controller_end_with_the_driver():
+    assert arguments(ROBOT)["on_driver_exit"]["default_value"] == "shutdown"
+    for code in (0, 1, -9):
+        made = ending("shutdown", code)
+        (shutdown,) = all_of("Shutdown", made)
+        assert str(code) in shutdown["reason"]
+        assert not all_of("Node", made)
+
+
+def test_a_driver_that_is_started_again_waits_to_be_activated_by_hand():
+    made = ending("restart", -9)
+    assert not all_of("Shutdown", made)
+    (driver,) = all_of("Node", made)
+    assert driver["package"] == "pam_driver"
+    assert parameters(driver)["autostart"] is False
+    assert parameters(driver)["bus.port"] == "bus_port"
+    assert plain(driver["namespace"]) == "namespace"
+    (handler,) = all_of("OnProcessExit", made)
+    assert handler["target_action"] is driver, "a second end would not be noticed"
+
+
+def test_a_driver_that_cannot_start_is_not_started_again():
+    made = ending("restart", 2)
+    assert all_of("Shutdown", made)
+    assert not all_of("Node", made)
+
+
+@pytest.mark.parametrize("choice", ["shutdown", "restart"])
+def test_a_driver_that_ends_with_the_launch_is_left_alone(choice):
+    assert not ending(choice, 0, ends_anyway=True)

@@ -1,26 +1,73 @@
 """Driver, model and controller for a robot on a CAN bus.
 
 `ros2 launch pam_bringup robot.launch.py rig_file:=/path/to/rig.yaml bus_channel:=can0`
+
+When the driver ends, `on_driver_exit` decides what follows. By default everything ends: model and
+controller are of no use without it. With `on_driver_exit:=restart` the driver is started again, but
+it does not configure or activate itself: that air moves again is always somebody's decision
+(`ros2 lifecycle set /pam_driver configure`, then `activate`).
 """
 
-from launch.actions import DeclareLaunchArgument
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    LogInfo,
+    RegisterEventHandler,
+    TimerAction,
+)
+from launch.event_handlers import OnProcessExit
+from launch.events import Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from launch import LaunchDescription
+from launch import Action, LaunchContext, LaunchDescription
+
+USERS_MISTAKE = 2  # the driver's exit code; to start it again would end the same way
+RESTART_DELAY = 2.0  # s, for the boards to vent and for the bus to be given back
+
+
+def start_driver(autostart: ParameterValue | bool) -> list[Action]:
+    """The driver's node, and what follows when it ends."""
+    bus = {
+        "bus.interface": ParameterValue(LaunchConfiguration("bus_interface"), value_type=str),
+        "bus.channel": ParameterValue(LaunchConfiguration("bus_channel"), value_type=str),
+        "bus.port": ParameterValue(LaunchConfiguration("bus_port"), value_type=int),
+        "startup_timeout": ParameterValue(LaunchConfiguration("startup_timeout"), value_type=float),
+        "realtime_priority": ParameterValue(
+            LaunchConfiguration("realtime_priority"), value_type=int
+        ),
+    }
+    driver = Node(
+        package="pam_driver",
+        executable="driver_node",
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[LaunchConfiguration("rig_file"), bus, {"autostart": autostart}],
+        output="screen",
+    )
+    follow = OnProcessExit(target_action=driver, on_exit=after_driver)
+    return [RegisterEventHandler(follow), driver]
+
+
+def after_driver(event: ProcessExited, context: LaunchContext) -> list[Action]:
+    """End the launch or start the driver again, as `on_driver_exit` says."""
+    if context.is_shutdown:
+        return []
+    told = f"the driver has ended with code {event.returncode}"
+    choice = LaunchConfiguration("on_driver_exit").perform(context)
+    if choice == "restart" and event.returncode != USERS_MISTAKE:
+        text = f"{told}; starting it again, to be configured and activated by hand"
+        again = TimerAction(period=RESTART_DELAY, actions=start_driver(autostart=False))
+        return [LogInfo(msg=text), again]
+    return [EmitEvent(event=Shutdown(reason=told))]
 
 
 def generate_launch_description() -> LaunchDescription:
     """Three nodes that read the same rig file."""
     rig_file = LaunchConfiguration("rig_file")
-    bus = {
-        "bus.interface": ParameterValue(LaunchConfiguration("bus_interface"), value_type=str),
-        "bus.channel": ParameterValue(LaunchConfiguration("bus_channel"), value_type=str),
-        "autostart": ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
-        "startup_timeout": ParameterValue(LaunchConfiguration("startup_timeout"), value_type=float),
-    }
+    namespace = LaunchConfiguration("namespace")
     # cycles keep their time on a busy host, if the user may have that (docs/on_a_robot.md)
     priority = ParameterValue(LaunchConfiguration("realtime_priority"), value_type=int)
     elbow = PathJoinSubstitution([FindPackageShare("pam_bringup"), "config", "elbow.yaml"])
@@ -28,10 +75,20 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("rig_file", default_value=elbow, description="the robot"),
             DeclareLaunchArgument(
+                "namespace",
+                default_value="",
+                description="of all nodes and topics; one for each robot on a network",
+            ),
+            DeclareLaunchArgument(
                 "bus_interface", default_value="socketcan", description="python-can's name"
             ),
             DeclareLaunchArgument(
                 "bus_channel", default_value="can0", description="network interface"
+            ),
+            DeclareLaunchArgument(
+                "bus_port",
+                default_value="43113",
+                description="UDP port, for bus_interface:=udp_multicast alone",
             ),
             DeclareLaunchArgument(
                 "autostart",
@@ -48,21 +105,24 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="20",
                 description="of the driver's and controller's loops, where permitted; 0: ordinary",
             ),
-            Node(
-                package="pam_driver",
-                executable="driver_node",
-                parameters=[rig_file, bus, {"realtime_priority": priority}],
-                output="screen",
+            DeclareLaunchArgument(
+                "on_driver_exit",
+                default_value="shutdown",
+                choices=["shutdown", "restart"],
+                description="when the driver ends: end all, or start it again without autostart",
             ),
+            *start_driver(ParameterValue(LaunchConfiguration("autostart"), value_type=bool)),
             Node(
                 package="pam_model",
                 executable="model_node",
+                namespace=namespace,
                 parameters=[rig_file],
                 output="screen",
             ),
             Node(
                 package="pam_control",
                 executable="controller_node",
+                namespace=namespace,
                 parameters=[rig_file, {"loop.realtime_priority": priority}],
                 output="screen",
             ),

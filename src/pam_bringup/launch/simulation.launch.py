@@ -1,7 +1,9 @@
 """The simulated rig with driver, model and controller, on a loopback bus or on vcan0.
 
 `ros2 launch pam_bringup simulation.launch.py`, or with
-`bus_interface:=socketcan bus_channel:=vcan0`.
+`bus_interface:=socketcan bus_channel:=vcan0`. A second robot on the same machine needs a namespace
+and a multicast group or port of its own:
+`namespace:=second bus_channel:=239.74.163.3`.
 """
 
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
@@ -16,11 +18,12 @@ from launch import LaunchDescription
 def generate_launch_description() -> LaunchDescription:
     """The simulated rig in the robot's place."""
     share = FindPackageShare("pam_bringup")
-    names = ("rig_file", "bus_interface", "bus_channel")
+    names = ("rig_file", "namespace", "bus_interface", "bus_channel", "bus_port", "on_driver_exit")
     arguments = {name: LaunchConfiguration(name) for name in names}
     bus = {
         "bus.interface": ParameterValue(arguments["bus_interface"], value_type=str),
         "bus.channel": ParameterValue(arguments["bus_channel"], value_type=str),
+        "bus.port": ParameterValue(arguments["bus_port"], value_type=int),
     }
     return LaunchDescription(
         [
@@ -30,16 +33,33 @@ def generate_launch_description() -> LaunchDescription:
                 description="the robot",
             ),
             DeclareLaunchArgument(
+                "namespace",
+                default_value="",
+                description="of all nodes and topics; one for each robot on a network",
+            ),
+            DeclareLaunchArgument(
                 "bus_interface", default_value="udp_multicast", description="python-can's name"
             ),
             DeclareLaunchArgument(
                 "bus_channel",
                 default_value="239.74.163.2",
-                description="multicast group or network interface",
+                description="multicast group or network interface; one for each robot",
+            ),
+            DeclareLaunchArgument(
+                "bus_port",
+                default_value="43113",
+                description="UDP port, for bus_interface:=udp_multicast alone",
+            ),
+            DeclareLaunchArgument(
+                "on_driver_exit",
+                default_value="shutdown",
+                choices=["shutdown", "restart"],
+                description="when the driver ends: end all, or start it again without autostart",
             ),
             Node(
                 package="pam_sim",
                 executable="rig",
+                namespace=arguments["namespace"],
                 parameters=[arguments["rig_file"], bus],
                 output="screen",
             ),
