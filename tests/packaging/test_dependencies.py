@@ -67,16 +67,7 @@ def undeclared(imports: Set[str], keys: Set[str]) -> list[str]:
     return sorted(name for name in imports - OPTIONAL if required(name) not in keys)
 
 
-UPHILL = pytest.mark.xfail(reason="imports a package above it", strict=False)
-
-
-@pytest.mark.parametrize(
-    "package",
-    [
-        pytest.param(name, marks=UPHILL) if name in {"pam_gap", "pam_ros"} else name
-        for name in PACKAGES
-    ],
-)
+@pytest.mark.parametrize("package", PACKAGES)
 def test_every_import_is_declared_in_package_xml(package):
     imports = foreign_imports(package)
     missing = undeclared(imports.keys(), declared(package))
