@@ -12,17 +12,22 @@ from pam_gap.inference.confidence import Interval, for_another_motion
 from pam_gap.inference.held_out import HeldOut
 from pam_gap.inference.hypothesis import Hypothesis
 from pam_gap.prediction.fit import FitResult
+from pam_gap.rules import DEFAULT
+
+RULES = DEFAULT.decision
 
 
 def held_out(rms: float) -> HeldOut:
     sums = np.full((20, 5), 10.0 * rms**2)
     result = FitResult(np.zeros(0), np.zeros((0, 5)), 0.0, np.zeros((0, 5, 0)), 0)
-    return HeldOut(Hypothesis((), result, np.ones(5)), sums, np.full((20, 5), 10.0), ())
+    return HeldOut.of(Hypothesis((), result, np.ones(5)), sums, np.full((20, 5), 10.0))
 
 
 def test_interval_is_wider_by_a_factor_of_what_is_left() -> None:
     present = np.ones(5, dtype=bool)
-    wide = for_another_motion(Interval(0.9, 0.89, 0.91), held_out(1000.0), np.ones(5), present)
+    wide = for_another_motion(
+        Interval(0.9, 0.89, 0.91), held_out(1000.0), np.ones(5), present, RULES
+    )
     assert wide.value == 0.9
     assert (1.0 - wide.low) / 0.1 == pytest.approx(0.1 / (1.0 - wide.high), rel=0.01)
     assert wide.low < 0.8
@@ -31,15 +36,15 @@ def test_interval_is_wider_by_a_factor_of_what_is_left() -> None:
 
 def test_interval_of_a_small_gap_knows_how_little_the_floor_is_known() -> None:
     present = np.ones(5, dtype=bool)
-    near = for_another_motion(Interval(1.0, 1.0, 1.0), held_out(3.0), np.ones(5), present)
-    far = for_another_motion(Interval(1.0, 1.0, 1.0), held_out(300.0), np.ones(5), present)
+    near = for_another_motion(Interval(1.0, 1.0, 1.0), held_out(3.0), np.ones(5), present, RULES)
+    far = for_another_motion(Interval(1.0, 1.0, 1.0), held_out(300.0), np.ones(5), present, RULES)
     assert near.high == far.high == 1.0
     assert near.low < far.low < 1.0
 
 
 def test_interval_never_shrinks() -> None:
     present = np.ones(5, dtype=bool)
-    wide = for_another_motion(Interval(0.5, -0.2, 0.99), held_out(30.0), np.ones(5), present)
+    wide = for_another_motion(Interval(0.5, -0.2, 0.99), held_out(30.0), np.ones(5), present, RULES)
     assert wide.low <= -0.2
     assert wide.high >= 0.99
 

@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from pam_model.argument_types import count, number, output_file, output_folder
+from pam_model.argument_types import count, input_path, number, output_file, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, run_program
 
 LONGEST_SOAK = 24.0 * 14  # h
@@ -187,6 +187,41 @@ def _declare_blind(parser: Parser) -> None:
         action="store_true",
         help="carry out what ambiguous diagnoses propose, and diagnose again",
     )
+    parser.add_argument(
+        "--keep-evidence",
+        action="store_true",
+        help="keep what `sensitivity` needs to decide every case again",
+    )
+
+
+def _sensitivity(given: Arguments) -> Outcome:
+    from pam_check.blind.sensitivity import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
+def _declare_sensitivity(parser: Parser) -> None:
+    parser.add_argument(
+        "folder", type=input_path, help="the --out folder of `blind --keep-evidence`"
+    )
+    parser.add_argument(
+        "--rediagnose",
+        type=count(0),
+        default=0,
+        metavar="N",
+        help="cases to diagnose again for each constant that acts before the decision "
+        "(default: 0, such constants are left out)",
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="CONSTANT",
+        help="only this constant, such as decision.no_gap; may be repeated",
+    )
+    parser.add_argument(
+        "--workers", type=count(), default=1, metavar="N", help="diagnoses at once (default: 1)"
+    )
 
 
 def _add_kinds(parser: Parser) -> None:
@@ -287,6 +322,16 @@ COMMANDS = (
         _blind,
         bad_news="if a diagnosis crashed",
         examples=("python -m pam_check blind --cases 120 --seed 1097762585 --experiments",),
+    ),
+    Command(
+        "sensitivity",
+        "change each constant of the diagnosis by 30 % and count what that does to a campaign",
+        _declare_sensitivity,
+        _sensitivity,
+        examples=(
+            "python -m pam_check blind --cases 24 --keep-evidence --out out/blind",
+            "python -m pam_check sensitivity out/blind --rediagnose 2",
+        ),
     ),
 )
 

@@ -61,6 +61,11 @@ def _declare_diagnose(parser: Parser) -> None:
         help="simulations at once (default: 0, one per processor)",
     )
     parser.add_argument("--no-progress", action="store_true", help="no bar on a terminal either")
+    parser.add_argument(
+        "--keep-evidence",
+        action="store_true",
+        help="write evidence.npz too, from which the verdict can be decided again",
+    )
 
 
 def _effects(given: Arguments) -> Outcome:

@@ -18,10 +18,11 @@ from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, Trace, 
 from pam_gap.answer.sentences import verdict_sentence
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.experiments.files import FOLDER
-from pam_gap.prediction.problem import BLOCK, PredictionProblem
+from pam_gap.prediction.channels import UNITS, block_means
+from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_recording import import_recording
-from pam_gap.recordings.noise_floor import SMOOTHED_SHARE, noise_floor
+from pam_gap.recordings.noise_floor import noise_floor
 from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
@@ -32,11 +33,14 @@ from pam_gap.recordings.recording import (
     Recording,
     RecordingError,
 )
+from pam_gap.rules import DEFAULT, Rules
+from pam_gap.rules.recording_rules import RecordingRules
 from pam_model.command_line import Arguments, Outcome, Progress, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
 
 IMPROVED_RIG = "rig_improved.yaml"
+EVIDENCE = "evidence.npz"
 
 
 def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
@@ -67,6 +71,7 @@ def import_as_mounted(
     turned_over: Sequence[str | Path],
     locked: Sequence[str | Path],
     shut: Sequence[str | Path],
+    rules: Rules = DEFAULT,
 ) -> list[Recording]:
     """Read recordings, each with how the joint was mounted for it.
 
@@ -82,12 +87,14 @@ def import_as_mounted(
         *((path, LOCKED) for path in locked),
         *((path, SHUT) for path in shut),
     ):
-        recording = without_computed(import_recording(path), rig)
+        recording = without_computed(import_recording(path), rig, rules.recording)
         read.append(replace(recording, mounting=mounting))
     return read
 
 
-def what_is_missing(rig: Rig, joint: int, recording: Recording) -> list[str]:
+def what_is_missing(
+    rig: Rig, joint: int, recording: Recording, rules: RecordingRules = DEFAULT.recording
+) -> list[str]:
     """What the channels a recording lacks leave undecided, in words."""
     entry = rig.joints[joint]
     notes = []
@@ -103,9 +110,9 @@ def what_is_missing(rig: Rig, joint: int, recording: Recording) -> list[str]:
         if not recording.has(name) and not shut_valve:
             notes.append(f"{name}: not recorded; {consequence}")
     notes += [
-        f"{name}: filtered before it was recorded; its noise is not seen and taken as "
-        f"{100 * SMOOTHED_SHARE:g} % of its span"
-        for name, noise in noise_floor(recording).items()
+        f"{name}: filtered before it was recorded; its noise cannot be seen and is "
+        f"taken as {100 * rules.smoothed_share:g} % of its span"
+        for name, noise in noise_floor(recording, rules).items()
         if noise.is_smoothed
     ]
     return notes
@@ -118,16 +125,15 @@ def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
     data = problem.data[0]
     rows = errors.shape[1]
     time = problem.row_time[:rows]
-    units = ("Pa", "Pa", "rad", "N", "N")
     changed = bool(diagnosis.effects)
     traces = []
     for c in np.nonzero(problem.present)[0]:
-        measured = data.measured[: rows * BLOCK, c].reshape(rows, BLOCK).mean(axis=1)
+        measured = block_means(data.measured[:, c], problem.block)
         predicted = measured - errors[:, :, c] * data.block_deviation[c]
         traces.append(
             Trace(
                 channel=problem.names[c],
-                unit=units[c],
+                unit=UNITS[c],
                 time=time,
                 measured=measured,
                 nominal=predicted[0],
@@ -190,6 +196,8 @@ def diagnose(
     turned_over: Sequence[str | Path] = (),
     locked: Sequence[str | Path] = (),
     shut: Sequence[str | Path] = (),
+    rules: Rules = DEFAULT,
+    keep_evidence: bool = False,
 ) -> list[Diagnosis]:
     """Diagnose every joint that the recordings hold, or one, and write the results to `out`.
 
@@ -211,6 +219,10 @@ def diagnose(
     turned_over, locked, shut : sequence of str or Path
         More recordings, made with the joint mounted turned over, held still, or with both valves
         shut all the time (moved from outside; the torque is `joint_states.<joint>.effort`).
+    rules : Rules
+        Hand-set constants of the diagnosis.
+    keep_evidence : bool
+        Write evidence.npz too, from which the verdict can be decided again with other rules.
 
     Raises
     ------
@@ -218,7 +230,7 @@ def diagnose(
         For a rig file or recording that cannot be used.
     """
     rig = load_rig(rig_path)
-    read = import_as_mounted(recordings, rig, turned_over, locked, shut)
+    read = import_as_mounted(recordings, rig, turned_over, locked, shut, rules)
     if not read:
         raise RecordingError("no recording given; expected at least one")
     numbers = joints_recorded(rig, read)
@@ -240,11 +252,13 @@ def diagnose(
             def tell(task: str, share: float, bar: Progress = bar, name: str = name) -> None:
                 bar.show(share, f"{name}: {task}"[:48].ljust(48))
 
-            engine = JointDiagnosis(rig, number, read, threads=workers, progress=tell)
+            engine = JointDiagnosis(rig, number, read, rules=rules, threads=workers, progress=tell)
             diagnosis = engine.run()
         diagnosis.repairs = tuple(f"{r.source.name}: {text}" for r in read for text in r.repairs)
         diagnosis.left_out = tuple(
-            dict.fromkeys(note for r in read for note in what_is_missing(rig, number, r))
+            dict.fromkeys(
+                note for r in read for note in what_is_missing(rig, number, r, rules.recording)
+            )
         )
         diagnosis.sentence = verdict_sentence(diagnosis)
         improved_name = ""
@@ -254,6 +268,8 @@ def diagnose(
         if diagnosis.proposal is not None:
             diagnosis.proposal.write(folder / FOLDER)
         diagnosis.write(folder / "diagnosis.json")
+        if keep_evidence and engine.evidence is not None:
+            engine.evidence.save(folder / EVIDENCE)
         write_report(report_data(engine.problem, diagnosis, improved_name), folder / "report.html")
         answers.append(diagnosis)
     return answers
@@ -271,6 +287,7 @@ def run(given: Arguments) -> Outcome:
         turned_over=given.turned_over,
         locked=given.locked,
         shut=given.shut,
+        keep_evidence=given.keep_evidence,
     )
     for answer in answers:
         print(f"{answer.joint}: {answer.sentence}")

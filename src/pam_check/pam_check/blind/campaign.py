@@ -49,12 +49,13 @@ def draw_sealed(cases: int, seed: int, out: Path) -> str:
     return done.stdout.strip()
 
 
-def diagnose_case(case: Path, out: Path) -> dict[str, Any]:
+def diagnose_case(case: Path, out: Path, keep_evidence: bool = False) -> dict[str, Any]:
     """Diagnose one case in a process that sees its recording and rig file alone."""
+    evidence = ["--keep-evidence"] if keep_evidence else []
     started = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", "pam_gap", "diagnose", str(case / "recording.csv.gz"),
-         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress"],
+         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress", *evidence],
         capture_output=True, text=True, check=False, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
     )  # fmt: skip
     result = out / "diagnosis.json"
@@ -115,11 +116,17 @@ def draw_confusion(pairs: list[tuple[str, str]], path: Path) -> None:
 
 
 def run_campaign(
-    cases: int, seed: int, out: Path, workers: int, experiments: bool = False
+    cases: int,
+    seed: int,
+    out: Path,
+    workers: int,
+    experiments: bool = False,
+    keep_evidence: bool = False,
 ) -> dict[str, Any]:
     """Draw, diagnose and score `cases` cases; leave everything under `out`.
 
     With `experiments`, what each ambiguous diagnosis proposes is carried out and scored as well.
+    With `keep_evidence`, every diagnosis keeps what `sensitivity` needs to decide it again.
 
     Raises
     ------
@@ -135,7 +142,8 @@ def run_campaign(
     answers: dict[str, dict[str, Any]] = {}
     with ThreadPoolExecutor(workers) as pool:
         runs = {
-            pool.submit(diagnose_case, out / "cases" / n, out / "answers" / n): n for n in names
+            pool.submit(diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence): n
+            for n in names
         }
         with progress(len(runs), "diagnosing") as bar:
             for number, done in enumerate(as_completed(runs), 1):
@@ -150,6 +158,11 @@ def run_campaign(
         "cases": cases,
         "seed": seed,
         "labels_sha256": digest,
+        "untouched": {
+            name: answer["closed"]["untouched"]
+            for name, answer in sorted(answers.items())
+            if answer.get("closed") and "untouched" in answer["closed"]
+        },
         "crashed": sum(answer["verdict"] == "crash" for answer in answers.values()),
         "wall_time_median": float(np.median([a["wall_time"] for a in answers.values()])),
         "wall_time_worst": float(max(a["wall_time"] for a in answers.values())),
@@ -169,7 +182,9 @@ def run(given: Arguments) -> Outcome:
     """
     mpl.use("Agg")
     seed = given.seed if given.seed is not None else time.time_ns() % 2**32
-    result = run_campaign(given.cases, seed, given.out, given.workers, given.experiments)
+    result = run_campaign(
+        given.cases, seed, given.out, given.workers, given.experiments, given.keep_evidence
+    )
     print(f"seed {seed}; labels sealed as {result['labels_sha256'][:16]}…")
     shares = dict(result["shares"])
     if "experiments" in result:

@@ -15,12 +15,13 @@ from pam_gap.inference.confidence import (
     gap_closed,
     parameter_intervals,
 )
+from pam_gap.inference.decision import Decision, Judge, named_effects
 from pam_gap.inference.held_out import Folds, HeldOut
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.search import SearchResult
-from pam_gap.inference.selection import bootstrap_weights, held_out_level
+from pam_gap.inference.selection import bootstrap_weights
+from pam_gap.prediction.channels import BOTH_FORCES, UNITS
 from pam_gap.prediction.fit import Array
-from pam_gap.prediction.gap_figures import UNITS, gap_figures
+from pam_gap.prediction.gap_figures import gap_figures
 from pam_gap.prediction.locate import Location
 from pam_model.effects import EFFECTS
 from pam_model.rig import Rig
@@ -35,49 +36,45 @@ class AnswerForm:
         Of the diagnosis.
     folds : Folds
         By which it was scored.
+    judge : Judge
+        Who decided.
     """
 
-    def __init__(self, fitter: HypothesisFitter, folds: Folds) -> None:
+    def __init__(self, fitter: HypothesisFitter, folds: Folds, judge: Judge) -> None:
         self.fitter = fitter
         self.folds = folds
+        self.judge = judge
+        self.rules = judge.rules
         self.problem = fitter.problem
         self.floor = fitter.floor
         self.present = self.problem.present
         self.rig, self.joint = self.problem.rig, self.problem.joint
 
-    def _level(self, score: HeldOut) -> float:
-        return held_out_level(score, self.floor, self.present)
-
-    def strongest_first(self, effects: Sequence[str], result: SearchResult) -> tuple[str, ...]:
-        """Effects in the order of what each explains alone."""
-        order = [h.effects[0] for h in result.by_size[0]]
-        return tuple(sorted(dict.fromkeys(effects), key=order.index))
-
     def fill(
         self,
-        verdict: str,
-        result: SearchResult,
+        decision: Decision[HeldOut],
+        singles: Sequence[str],
         written: HeldOut,
         nominal: HeldOut,
-        tried: Sequence[HeldOut],
-        chosen: HeldOut | None,
-        rivals: Sequence[HeldOut],
         location: Location,
     ) -> Diagnosis:
-        """Put what was found into the contract's form."""
-        is_named = verdict in ("named", "ambiguous") and chosen is not None
-        final = chosen if is_named and chosen is not None else nominal
-        effects: tuple[str, ...] = ()
-        groups: list[tuple[str, ...]] = []
-        if is_named and chosen is not None:
-            own = self.strongest_first(chosen.hypothesis.effects, result)
-            others: list[str] = []
-            for rival in rivals:
-                missing = [e for e in own if e not in rival.hypothesis.effects]
-                new = [e for e in rival.hypothesis.effects if e not in own]
-                others += new
-                groups.append((*missing, *new))
-            effects = tuple(dict.fromkeys((*own, *others)))
+        """Put what was found into the contract's form.
+
+        Parameters
+        ----------
+        decision : Decision
+            Verdict, chosen hypothesis and rivals.
+        singles : sequence of str
+            All effects in the order of what each explains alone.
+        written, nominal : HeldOut
+            Of the plant as written and of the plant re-tuned without effects.
+        location : Location
+            Where the gap arises.
+        """
+        verdict, tried = decision.verdict, decision.tried
+        is_named = decision.is_named and decision.chosen is not None
+        final = decision.chosen if is_named and decision.chosen is not None else nominal
+        effects, groups = named_effects(decision, singles)
         stage: str | None = EFFECTS[effects[0]].stage if effects else None
         if verdict == "unknown":
             stage = location.worst
@@ -86,15 +83,16 @@ class AnswerForm:
             verdict=verdict,
             stage=stage,
             effects=effects,
-            candidates=self.weights(result, tried, chosen if is_named else None),
-            indistinguishable=merged_groups(groups),
+            candidates=self.judge.weights(decision, singles),
+            indistinguishable=groups,
             parameters=self.parameters(final.hypothesis) if is_named else {},
             gap=self.gap(written, final),
             closed=for_another_motion(
-                gap_closed(written, final, self.floor, self.present),
+                gap_closed(written, final, self.floor, self.present, self.rules),
                 written,
                 self.floor,
                 self.present,
+                self.rules,
             )
             if is_named
             else None,
@@ -106,34 +104,14 @@ class AnswerForm:
             improved=self.improved(final.hypothesis) if is_named else None,
             written_values=self.problem.base.values,
             improved_values=values,
-            survivors=(final.hypothesis, *(r.hypothesis for r in rivals)) if is_named else (),
+            survivors=(final.hypothesis, *(r.hypothesis for r in decision.rivals))
+            if is_named
+            else (),
             facts={
-                "level_before": self._level(nominal),
-                "level_after": self._level(final),
+                "level_before": self.judge.level(nominal),
+                "level_after": self.judge.level(final),
             },
         )
-
-    def weights(
-        self, result: SearchResult, tried: Sequence[HeldOut], chosen: HeldOut | None
-    ) -> tuple[tuple[str, float], ...]:
-        """Every candidate with its weight: bootstrap shares of hypotheses of the accepted size."""
-        size = len(chosen.hypothesis.members) if chosen is not None else 1
-        same = [s for s in tried if len(s.hypothesis.members) == size]
-        weight: dict[str, float] = {}
-        if same:
-            shares = bootstrap_weights(same, self.floor, self.present)
-            for score, share in zip(same, shares, strict=True):
-                for effect in score.hypothesis.effects:
-                    weight[effect] = weight.get(effect, 0.0) + float(share)
-        first = self.strongest_first(chosen.hypothesis.effects, result) if chosen else ()
-        for h in result.by_size[0]:
-            weight.setdefault(h.effects[0], 0.0)
-        order = [h.effects[0] for h in result.by_size[0]]
-        names = sorted(
-            weight, key=lambda e: (e not in first, first.index(e) if e in first else 0,
-                                   -weight[e], order.index(e))
-        )  # fmt: skip
-        return tuple((name, min(weight[name], 1.0)) for name in names)
 
     def parameters(self, h: Hypothesis) -> dict[str, dict[str, FoundParameter]]:
         """Parameters of the named effects with intervals and units."""
@@ -167,12 +145,14 @@ class AnswerForm:
     def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:
         """Scored hypotheses, best first, with what each leaves of the gap."""
         entries = []
-        ranked = sorted(tried, key=self._level)
+        ranked = sorted(tried, key=self.judge.level)
         shares: Array = (
-            bootstrap_weights(ranked, self.floor, self.present) if ranked else np.zeros(0)
+            bootstrap_weights(ranked, self.floor, self.present, self.rules)
+            if ranked
+            else np.zeros(0)
         )
         for score, share in zip(ranked, shares, strict=True):
-            closed = gap_closed(nominal, score, self.floor, self.present)
+            closed = gap_closed(nominal, score, self.floor, self.present, self.rules)
             remaining = Interval(1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low)
             entries.append(
                 ScoredCandidate(
@@ -180,7 +160,7 @@ class AnswerForm:
                     float(share),
                     remaining,
                     self.objections(score),
-                    self._level(score),
+                    self.judge.level(score),
                     tuple(score.over_floor(self.floor, self.present).tolist()),
                 )
             )
@@ -192,11 +172,13 @@ class AnswerForm:
         notes = []
         for i in range(len(self.fitter.nuisances), len(free)):
             parameter, value = free[i], float(score.hypothesis.result.values[i])
-            reach = 1e-3 * (parameter.high - parameter.low)
+            reach = self.rules.bound_reach * (parameter.high - parameter.low)
             if value >= parameter.high - reach:
                 notes.append(f"{parameter.name} at its upper bound")
             first, second = (float(fold[i]) for fold in score.fold_values)
-            if abs(first - second) > 0.5 * (abs(first) + abs(second)) > 0.5 * parameter.size:
+            half_sum = 0.5 * (abs(first) + abs(second))
+            apart = 2.0 * self.rules.fold_disagreement * half_sum
+            if abs(first - second) > apart and half_sum > 0.5 * parameter.size:
                 notes.append(f"{parameter.name} differs between folds")
         return "; ".join(notes)
 
@@ -216,18 +198,6 @@ def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:
     if verdict == "ambiguous":
         return "the same motion with load cells and at another gravity angle"
     if verdict == "unknown":
-        sensors = "" if present[3:].any() else " with load cells"
+        sensors = "" if present[BOTH_FORCES].any() else " with load cells"
         return f"holds and slow reversals over the whole range{sensors}, to see what it depends on"
     return ""
-
-
-def merged_groups(groups: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
-    """Sets that share a member, joined."""
-    merged: list[list[str]] = []
-    for group in groups:
-        home = next((m for m in merged if set(m) & set(group)), None)
-        if home is None:
-            merged.append(list(dict.fromkeys(group)))
-        else:
-            home += [e for e in group if e not in home]
-    return tuple(tuple(group) for group in merged)

@@ -31,14 +31,8 @@ from pam_gap.prediction.fit import (
 from pam_gap.prediction.observer import N_CHANNELS
 from pam_gap.prediction.problem import PredictionProblem, as_mounted
 from pam_gap.recordings.recording import COMMANDS, Recording
+from pam_gap.rules import DEFAULT
 from pam_model.plant.simulate import Plant, initial_state
-
-CORRELATION = 50.0
-"""Neighbouring residuals repeat each other: information is this much less than white noise's."""
-MOST_SURVIVORS = 4
-DECISIVE = 0.5
-"""Fall of the level, summed over channels, that tells two hypotheses apart."""
-STEP = 2e-3  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,17 +50,20 @@ class Separation:
         RMS difference between the two closest, re-fitted, in units of the noise floor.
     closest : tuple of str
         Labels of these two.
+    decisive : float
+        Expected difference of the levels that counts as separating two hypotheses.
     """
 
     excitation: Excitation
     smallest: float
     in_noise: float
     closest: tuple[str, str]
+    decisive: float = DEFAULT.experiment.decisive
 
     @property
     def is_decisive(self) -> bool:
         """Whether the closest two are expected to come apart."""
-        return self.smallest > DECISIVE
+        return self.smallest > self.decisive
 
 
 def simulate_excitation(
@@ -90,15 +87,18 @@ def simulate_excitation(
     loop = ExperimentLoop(problem.rig, problem.joint, excitation)
     pressures = loop.start_pressures
     start = [p if r else 0.0 for p, r in zip(pressures, loop.is_regulated, strict=True)]
-    plant = Plant(parameters, STEP, initial_state(parameters, pressures=pressures, commands=start))
+    state = initial_state(parameters, pressures=pressures, commands=start)
+    plant = Plant(parameters, problem.rules.prediction.step, state)
     dt = excitation.sample_time
     count = excitation.time.size
     measured, commands = np.zeros((count, N_CHANNELS)), np.zeros((count, 2))
     seen: tuple[float, float, float] = (0.0, *pressures)
     for k, time in enumerate(excitation.time.tolist()):
         output = plant.output
-        measured[k] = (*seen[1:], seen[0], output["agonist.force"], output["antagonist.force"])
-        sent = loop.commands(time, seen[0], seen[1:])
+        position, agonist, antagonist = seen
+        forces = (output["agonist.force"], output["antagonist.force"])
+        measured[k] = (agonist, antagonist, position, *forces)
+        sent = loop.commands(time, position, (agonist, antagonist))
         commands[k] = sent
         seen = plant.step(sent, dt)
     template = problem.data[0]
@@ -124,13 +124,14 @@ class ExperimentPlanner:
     fitter : HypothesisFitter
         Of the diagnosis.
     survivors : sequence of Hypothesis
-        At least two, the leading one first; no more than MOST_SURVIVORS are compared.
+        At least two, the leading one first; `most_survivors` of them are compared.
     """
 
     def __init__(self, fitter: HypothesisFitter, survivors: Sequence[Hypothesis]) -> None:
         self.fitter = fitter
         self.problem = fitter.problem
-        self.survivors = tuple(survivors[:MOST_SURVIVORS])
+        self.rules = fitter.rules.experiment
+        self.survivors = tuple(survivors[: self.rules.most_survivors])
         leading = self.survivors[0]
         self.left = np.maximum(leading.mean_square, fitter.floor)
         self.weights = np.where(self.problem.present, 1.0 / self.left, 0.0)
@@ -143,7 +144,7 @@ class ExperimentPlanner:
             np.nan_to_num(h.result.errors), h.result.jacobian, self.problem.counted, self.weights
         )
         prior: Array = np.diag(Scaling(free).weight ** 2)
-        result: Array = curvature / CORRELATION + prior
+        result: Array = curvature / self.rules.correlation + prior
         return result
 
     def separation(self, excitation: Excitation) -> Separation:
@@ -156,10 +157,11 @@ class ExperimentPlanner:
             self.problem.rig,
             self.problem.joint,
             [recording],
-            horizon=self.problem.horizon,
+            rules=self.problem.rules,
             threads=self.problem.threads,
         )
         errors, jacobians = [], []
+        step = trial.rules.prediction.fit_difference
         for h in self.survivors:
             free, targets, factor = self.fitter.problem_parts(h.members)
             predict = trial.predictor(trial.base.values, targets, factor)
@@ -168,11 +170,11 @@ class ExperimentPlanner:
             own = predict(scaling.own(at[None]))[0]
             errors.append(own)
             jacobians.append(
-                numerical_jacobian(predict, scaling, at, own, np.arange(at.size), 0.03)
+                numerical_jacobian(predict, scaling, at, own, np.arange(at.size), step)
             )
         rows = trial.counted
         share = float(rows.sum()) / float(rows.sum() + self.problem.counted.sum())
-        worst = Separation(excitation, np.inf, np.inf, ("", ""))
+        worst = Separation(excitation, np.inf, np.inf, ("", ""), self.rules.decisive)
         for i, j in permutations(range(len(self.survivors)), 2):
             apart = errors[j] - errors[i]
             left = self._after_imitation(apart, jacobians[j], rows, self.known[j])
@@ -181,7 +183,7 @@ class ExperimentPlanner:
             if level < worst.smallest:
                 noise = float(np.sqrt(np.max(mean / self.fitter.floor[self.problem.present])))
                 names = (self.survivors[i].label, self.survivors[j].label)
-                worst = Separation(excitation, level, noise, names)
+                worst = Separation(excitation, level, noise, names, self.rules.decisive)
         return worst
 
     def _after_imitation(
@@ -190,8 +192,8 @@ class ExperimentPlanner:
         """What is left of a difference when the imitating survivor is re-fitted, linearised."""
         apart = np.where(np.isfinite(apart), apart, np.nan)
         hessian, slope = normal_equations(apart, jacobian, rows, self.weights)
-        total = hessian / CORRELATION + known
-        move = -np.linalg.lstsq(total, slope / CORRELATION, rcond=1e-10)[0]
+        total = hessian / self.rules.correlation + known
+        move = -np.linalg.lstsq(total, slope / self.rules.correlation, rcond=1e-10)[0]
         left: Array = apart + jacobian @ move
         return left
 
@@ -262,7 +264,7 @@ def propose(fitter: HypothesisFitter, survivors: Sequence[Hypothesis]) -> Propos
     fitter : HypothesisFitter
         Of the problem diagnosed.
     survivors : sequence of Hypothesis
-        What the data could not tell apart, best first; MOST_SURVIVORS are compared.
+        What the data could not tell apart, best first; `most_survivors` of them are compared.
     """
     if len(survivors) < 2:
         return None

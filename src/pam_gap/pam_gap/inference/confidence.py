@@ -1,4 +1,4 @@
-"""Intervals that survive correlated errors: block bootstraps of parameters and of the gap closed.
+"""Intervals that allow for correlated errors: block bootstraps of parameters and of the gap closed.
 
 Parameters: each score block's share of the normal equations is computed once; a bootstrap sample
 of blocks then moves the estimate by one Newton step (the linearised, or one-step, bootstrap; Shao
@@ -12,20 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pam_gap.inference.held_out import Folds, HeldOut
+from pam_gap.inference.held_out import Folds
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.selection import BOOTSTRAPS, resampled_blocks
+from pam_gap.inference.score import Score
+from pam_gap.inference.selection import resampled_blocks
 from pam_gap.prediction.fit import Array, Scaling, mean_squares
+from pam_gap.rules.decision_rules import DecisionRules
 
 LOW, HIGH = 5.0, 95.0
 """Percentiles of a 90 % interval."""
 NORMAL_90 = 1.645
 """Standard deviations to either side of a 90 % interval."""
-MOTION_SPREAD = 0.55
-"""Standard deviation of the logarithm of the share left, from one motion to another: measured on
-eleven withheld rigs of another plant, recorded twice; on 78 others the interval held 75 times."""
-FLOOR_SHARE = 0.1
-"""How far the floor may be off, as a share of itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +59,10 @@ def parameter_intervals(
     generator = np.random.default_rng(seed)
     prior = np.diag(scaling.weight**2)
     mean_slope = slopes.mean(axis=0)
-    steps = np.empty((BOOTSTRAPS, n))
-    for k in range(BOOTSTRAPS):
-        sample = resampled_blocks(folds.n_blocks, generator)
+    rules = fitter.rules.decision
+    steps = np.empty((rules.bootstraps, n))
+    for k in range(rules.bootstraps):
+        sample = resampled_blocks(folds.n_blocks, generator, rules)
         hessian = hessians[sample].sum(axis=0) + prior
         hessian[np.diag_indices(n)] += 1e-9 * np.max(np.diag(hessian)) + 1e-12
         steps[k] = -np.linalg.solve(hessian, (slopes[sample] - mean_slope).sum(axis=0))
@@ -85,7 +83,12 @@ def pooled_rms(sums: Array, counts: Array, present: np.ndarray) -> Array:
 
 
 def gap_closed(
-    before: HeldOut, after: HeldOut, floor: Array, present: np.ndarray, seed: int = 0
+    before: Score,
+    after: Score,
+    floor: Array,
+    present: np.ndarray,
+    rules: DecisionRules,
+    seed: int = 0,
 ) -> Interval:
     """(before - after)/(before - floor) of the pooled RMS error, with its 90 % interval."""
     floor_rms = float(np.sqrt(floor[present].mean()))
@@ -97,36 +100,38 @@ def gap_closed(
 
     generator = np.random.default_rng(seed)
     n = before.sums.shape[0]
-    draws = [closed(resampled_blocks(n, generator)) for _ in range(BOOTSTRAPS)]
+    draws = [closed(resampled_blocks(n, generator, rules)) for _ in range(rules.bootstraps)]
     low, high = np.percentile(draws, [LOW, HIGH])
     value = closed(np.arange(n))
     return Interval(value, float(min(low, value)), float(max(high, value)))
 
 
 def for_another_motion(
-    closed: Interval, before: HeldOut, floor: Array, present: np.ndarray
+    closed: Interval, before: Score, floor: Array, present: np.ndarray, rules: DecisionRules
 ) -> Interval:
-    """Widen a gap closed to where it lies under another motion of the same kind.
+    """Widen the interval of a gap closed so that it holds for another motion of the same kind.
 
-    Blocks of one recording share its motion, so that resampling them says nothing of the next.
-    What a law that is nearly right leaves differs from motion to motion by a factor; the floor is
-    known to a share of itself.
+    The blocks of one recording share its motion, so that resampling them says nothing about the
+    next motion. The share that an approximate law leaves differs by a factor from one motion to
+    another, and the noise floor is known only to within a share of itself.
 
     Parameters
     ----------
     closed : Interval
         From `gap_closed`.
-    before : HeldOut
+    before : Score
         Of the rig as written.
     floor : ndarray, shape (channels,)
         Mean square that noise alone leaves.
     present : ndarray of bool, shape (channels,)
         Channels that count.
+    rules : DecisionRules
+        Constants.
     """
     floor_rms = float(np.sqrt(floor[present].mean()))
     first = float(pooled_rms(before.sums.sum(0), before.counts.sum(0), present))
-    reach = FLOOR_SHARE * floor_rms / max(first - floor_rms, 1e-9)
-    factor = float(np.exp(NORMAL_90 * MOTION_SPREAD))
+    reach = rules.floor_share * floor_rms / max(first - floor_rms, 1e-9)
+    factor = float(np.exp(NORMAL_90 * rules.motion_spread))
     left, least, most = 1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low
     return Interval(
         closed.value,

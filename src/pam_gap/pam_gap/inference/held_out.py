@@ -13,12 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter, Rows
+from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
-
-BLOCK_TIME = 4.0  # s, of one fold's turn
-GUARD = 0.9  # s, left out at each border: three horizons
-SCORE_TIME = 1.0  # s, of one block of the bootstrap
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,51 +28,51 @@ class Folds:
 
 
 @dataclass(frozen=True, slots=True)
-class HeldOut:
-    """One hypothesis on data it was not fitted to.
+class HeldOut(Score):
+    """The score of one hypothesis on data it was not fitted to, with the fit itself.
 
     Attributes
     ----------
     hypothesis : Hypothesis
         As fitted to everything.
-    sums, counts : ndarray, shape (n_blocks, channels)
-        Sum of squared whitened errors of each score block, and number of rows.
     fold_values : tuple of ndarray
         Parameters found by either fold.
     """
 
     hypothesis: Hypothesis
-    sums: Array
-    counts: Array
     fold_values: tuple[Array, ...]
 
-    @property
-    def mean_square(self) -> Array:
-        """J_c on held-out data, shape (channels,)."""
-        mean: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
-        return mean
-
-    def over_floor(self, floor: Array, present: np.ndarray) -> Array:
-        """RMS error over floor of each channel that is there."""
-        ratio: Array = np.sqrt(self.mean_square / floor)[present]
-        return ratio
+    @classmethod
+    def of(
+        cls,
+        hypothesis: Hypothesis,
+        sums: Array,
+        counts: Array,
+        fold_values: tuple[Array, ...] = (),
+    ) -> HeldOut:
+        """The score of a hypothesis from its block sums."""
+        free = sum(len(member.free) for member in hypothesis.members)
+        return cls(
+            hypothesis.effects, hypothesis.label, free, sums, counts, hypothesis, fold_values
+        )
 
 
 def make_folds(problem: PredictionProblem) -> Folds:
     """Cut a problem's counted rows into two folds."""
+    rules = problem.rules.search
     n = problem.n_rows
     fold = np.full(n, -1)
     block = np.full(n, -1)
     next_block = 0
     for start, end in zip(problem.offsets[:-1], problem.offsets[1:], strict=True):
         time = problem.row_time[start:end]
-        length = max(min(BLOCK_TIME, float(time[-1]) / 4.0), 4.0 * GUARD / 3.0)
+        length = max(min(rules.fold_time, float(time[-1]) / 4.0), 4.0 * rules.guard / 3.0)
         turn = np.floor(time / length).astype(int)
         from_border = np.minimum(time - turn * length, (turn + 1) * length - time)
-        guard = min(GUARD / 2.0, 0.2 * length)
+        guard = min(rules.guard / 2.0, 0.2 * length)
         inside = (from_border > guard) & problem.counted[start:end]
         fold[start:end][inside] = turn[inside] % 2
-        pieces = np.floor(time / SCORE_TIME).astype(int)
+        pieces = np.floor(time / rules.score_time).astype(int)
         block[start:end][inside] = next_block + pieces[inside]
         next_block += int(pieces.max()) + 1
     used = np.unique(block[block >= 0])
@@ -96,9 +93,7 @@ def block_sums(errors: Array, folds: Folds, rows: Rows) -> tuple[Array, Array]:
     return sums, counts
 
 
-def score_held_out(
-    fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis, iterations: int = 2
-) -> HeldOut:
+def score_held_out(fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis) -> HeldOut:
     """Fit either fold from where the whole fit ended and score it on the other."""
     sums = np.zeros((folds.n_blocks, hypothesis.result.errors.shape[1]))
     counts = np.zeros_like(sums)
@@ -111,13 +106,13 @@ def score_held_out(
                 hypothesis.result.values,
                 rows=own,
                 cached=hypothesis.result.jacobian,
-                max_iterations=iterations,
+                max_iterations=fitter.rules.search.fold_steps,
             )
         values.append(part.result.values)
         more_sums, more_counts = block_sums(part.result.errors, folds, other)
         sums += more_sums
         counts += more_counts
-    return HeldOut(hypothesis, sums, counts, tuple(values))
+    return HeldOut.of(hypothesis, sums, counts, tuple(values))
 
 
 def score_all(

@@ -59,6 +59,7 @@ class HypothesisFitter:
     def __init__(self, problem: PredictionProblem, floor: Array) -> None:
         self.problem = problem
         self.floor = floor
+        self.rules = problem.rules
         self.nuisances = nuisances_for(problem.rig, problem.rig.joints[problem.joint])
         stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
         written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}
@@ -96,8 +97,8 @@ class HypothesisFitter:
         *,
         rows: Rows | None = None,
         cached: Array | None = None,
-        max_iterations: int = 8,
-        tolerance: float = 1e-3,
+        max_iterations: int,
+        tolerance: float | None = None,
     ) -> Hypothesis:
         """Fit one hypothesis from one start (nuisances first, then members' parameters)."""
         problem = self.problem
@@ -116,6 +117,7 @@ class HypothesisFitter:
                 cached=cached,
                 max_iterations=max_iterations,
                 tolerance=tolerance,
+                rules=self.rules.prediction,
             )
         mean = mean_squares(result.errors, problem.counted)
         return Hypothesis(tuple(members), result, mean)
@@ -124,5 +126,5 @@ class HypothesisFitter:
         """Re-tune the nominal parameters alone; kept as the start of everything else."""
         if self.nominal is None:
             start = np.array([nuisance.free.centre for nuisance in self.nuisances])
-            self.nominal = self.fit((), start, max_iterations=6)
+            self.nominal = self.fit((), start, max_iterations=self.rules.search.nominal_steps)
         return self.nominal

@@ -21,17 +21,6 @@ from pam_gap.prediction.fit import Array
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done."""
 
-BEHIND = 6.0
-"""Sum of log mean squares by which a candidate may trail the leader before it is dropped."""
-
-
-SCREENING = 3
-"""Steps before candidates are compared: the first is often cut short by the nuisances."""
-SETTLED = 12
-"""Steps by which a hypothesis is surely fitted to the end."""
-WORTH_A_CHALLENGE = 1.0
-"""Fall of the level by a further effect from which the others are challenged."""
-
 
 def silent(task: str, share: float) -> None:
     """Report nothing."""
@@ -78,6 +67,7 @@ class Search:
         progress: Progress = silent,
     ) -> None:
         self.fitter = fitter
+        self.rules = fitter.rules.search
         self.candidates = tuple(candidates)
         self.progress = progress
         self.present = fitter.problem.present
@@ -132,29 +122,31 @@ class Search:
                     (*base.members, candidate),
                     np.concatenate([values, start]),
                     cached=reuse,
-                    max_iterations=SCREENING,
+                    max_iterations=self.rules.screening_steps,
                 )
                 for start in starts
             ]
             best = min(tried, key=self.level)
             found.append(best)
             self._last[candidate.label] = (best.result.values[values.size :],)
-        leaders = self._leaders(found, screened, 2 * BEHIND)
+        leaders = self._leaders(found, screened, 2 * self.rules.behind)
         done: list[Hypothesis] = []
         for i, h in enumerate(leaders):
             self.progress(f"{task}: {h.label}", low + (high - low) * (0.6 + 0.2 * i / screened))
-            done.append(self.refine(h, 5, reuse=reuse if reuse.shape[-1] else None))
+            done.append(
+                self.refine(h, self.rules.refine_steps, reuse=reuse if reuse.shape[-1] else None)
+            )
             done += self._richer(done[-1])
-        leaders = self._leaders(done, finished, BEHIND)
+        leaders = self._leaders(done, finished, self.rules.behind)
         ends: list[Hypothesis] = []
         for i, h in enumerate(leaders):
             self.progress(f"{task}: {h.label}", low + (high - low) * (0.8 + 0.2 * i / finished))
-            ends.append(self.refine(h, 8))
-        kept: dict[str, Hypothesis] = {}
+            ends.append(self.refine(h, self.rules.finish_steps))
+        best_of: dict[str, Hypothesis] = {}
         for h in (*found, *done, *ends):
-            if h.label not in kept or self.level(h) < self.level(kept[h.label]):
-                kept[h.label] = h
-        return sorted(kept.values(), key=self.level)
+            if h.label not in best_of or self.level(h) < self.level(best_of[h.label]):
+                best_of[h.label] = h
+        return sorted(best_of.values(), key=self.level)
 
     def _richer(self, h: Hypothesis) -> list[Hypothesis]:
         """Richer laws of the newest effect, from where the simple one ended: never behind it."""
@@ -168,7 +160,7 @@ class Search:
                         (*others, candidate),
                         np.concatenate([h.result.values[:at], start]),
                         cached=h.result.jacobian[..., :at],
-                        max_iterations=SETTLED,
+                        max_iterations=self.rules.settled_steps,
                     )
                     for start in richer_starts(candidate, newest, h.result.values[at:])
                 ]
@@ -178,7 +170,13 @@ class Search:
         """The re-tuned nominal plant and every single effect."""
         self.progress("re-tuning nominal parameters", 0.0)
         nominal = self.fitter.fit_nominal()
-        found = self.extend(nominal, screened=10, finished=5, task="one effect", shares=(0.05, 0.4))
+        found = self.extend(
+            nominal,
+            screened=self.rules.first_screened,
+            finished=self.rules.first_finished,
+            task="one effect",
+            shares=(0.05, 0.4),
+        )
         return SearchResult(nominal, [found])
 
     def without(self, h: Hypothesis, member: int) -> Hypothesis:
@@ -206,22 +204,29 @@ class Search:
         low, high = shares
         middle = 0.5 * (low + high)
         # What the base has left to gain must not be credited to whatever is added to it.
-        base = self.refine(result.by_size[-1][0], SETTLED)
+        base = self.refine(result.by_size[-1][0], self.rules.settled_steps)
         result.by_size[-1][0] = base
         size = len(base.members) + 1
         found = self.extend(
-            base, screened=8, finished=4, task=f"{size} effects",
-            shares=(low, middle), warm=size > 2,
-        )  # fmt: skip
+            base,
+            screened=self.rules.further_screened,
+            finished=self.rules.further_finished,
+            task=f"{size} effects",
+            shares=(low, middle),
+            warm=size > 2,
+        )
         best = found[0]
-        if self.level(base) - self.level(best) > WORTH_A_CHALLENGE:
+        if self.level(base) - self.level(best) > self.rules.challenge_gain:
             # The newest member was chosen given the others; they were not chosen given it.
             for member in range(size - 1):
                 found += self.extend(
-                    self.without(best, member), screened=4, finished=3,
-                    task=f"in place of {best.members[member].effect}", shares=(middle, high),
+                    self.without(best, member),
+                    screened=self.rules.challenge_screened,
+                    finished=self.rules.challenge_finished,
+                    task=f"in place of {best.members[member].effect}",
+                    shares=(middle, high),
                     warm=True,
-                )  # fmt: skip
+                )
         distinct: dict[frozenset[str], Hypothesis] = {}
         for h in sorted(found, key=self.level):
             distinct.setdefault(frozenset(m.label for m in h.members), h)
@@ -233,7 +238,9 @@ class Search:
         best, smaller = result.by_size[-1][0], result.by_size[-2]
         for member in range(len(best.members)):
             start = self.without(best, member)
-            rest = self.fitter.fit(start.members, start.result.values, max_iterations=SETTLED)
+            rest = self.fitter.fit(
+                start.members, start.result.values, max_iterations=self.rules.settled_steps
+            )
             known = next((h for h in smaller if h.label == rest.label), None)
             if known is None or self.level(rest) < self.level(known):
                 result.by_size[-2] = smaller = [

@@ -1,8 +1,8 @@
 """Which hypotheses the held-out data cannot tell apart, and how strongly it speaks for each.
 
-Losses of score blocks are compared by Hansen, Lunde and Nason's Model Confidence Set (Econometrica
-79, 2011) with a block bootstrap over time; weights are the shares of bootstrap samples in which a
-hypothesis leaves least. A hypothesis that contains a simpler one has to beat it clearly.
+Losses of score blocks are compared by the Model Confidence Set with a block bootstrap over time;
+weights are the shares of bootstrap samples in which a hypothesis leaves least. A hypothesis that
+contains a simpler one has to beat it clearly.
 """
 
 from __future__ import annotations
@@ -11,14 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pam_gap.inference.held_out import HeldOut
 from pam_gap.inference.model_confidence_set import circular_blocks, mcs_p_values
+from pam_gap.inference.score import Score, levels
 from pam_gap.prediction.fit import Array
+from pam_gap.rules.decision_rules import DecisionRules
 from pam_model.effects import EFFECTS
-
-CONFIDENCE_SIZE = 0.10
-BOOTSTRAPS = 500
-BLOCK_LENGTH = 4  # score blocks that are resampled together
 
 NESTED = {
     (effect.search.richer.than, effect.name)
@@ -28,42 +25,38 @@ NESTED = {
 """(simple, rich): the rich effect takes the simple one's form for some of its values."""
 
 
-def resampled_blocks(n_blocks: int, generator: np.random.Generator) -> np.ndarray:
+def resampled_blocks(
+    n_blocks: int, generator: np.random.Generator, rules: DecisionRules
+) -> np.ndarray:
     """Indices of one circular block bootstrap sample of the score blocks."""
-    length = max(1, min(BLOCK_LENGTH, n_blocks // 4))
+    length = max(1, min(rules.bootstrap_blocks, n_blocks // 4))
     return circular_blocks(n_blocks, length, generator)
 
 
-def levels(sums: Array, counts: Array, floor: Array, present: np.ndarray) -> Array:
-    """Sum of log J over channels from block sums, leading axes kept."""
-    mean = sums / np.maximum(counts, 1.0) / floor
-    value: Array = np.log(np.maximum(mean, 1.0))[..., present].sum(axis=-1)
-    return value
-
-
-def held_out_level(score: HeldOut, floor: Array, present: np.ndarray) -> float:
-    """Level of a held-out score: the sum over its channels of log mean square over floor."""
-    return float(levels(score.sums.sum(0), score.counts.sum(0), floor, present))
-
-
 def bootstrap_weights(
-    scores: Sequence[HeldOut], floor: Array, present: np.ndarray, seed: int = 0
+    scores: Sequence[Score],
+    floor: Array,
+    present: np.ndarray,
+    rules: DecisionRules,
+    seed: int = 0,
 ) -> Array:
     """Share of bootstrap samples in which each hypothesis leaves least; sums to 1."""
     generator = np.random.default_rng(seed)
     sums = np.array([s.sums for s in scores])
     counts = np.array([s.counts for s in scores])
     wins = np.zeros(len(scores))
-    for _ in range(BOOTSTRAPS):
-        at = resampled_blocks(sums.shape[1], generator)
+    for _ in range(rules.bootstraps):
+        at = resampled_blocks(sums.shape[1], generator, rules)
         value = levels(sums[:, at].sum(axis=1), counts[:, at].sum(axis=1), floor, present)
-        # Equal to the rounding of the scores: the prize is shared.
-        best = value <= value.min() + 1e-3
+        # Scores that are equal to their rounding share the sample.
+        best = value <= value.min() + rules.equal_level
         wins += best / best.sum()
-    return wins / BOOTSTRAPS
+    return wins / rules.bootstraps
 
 
-def confidence_set(scores: Sequence[HeldOut], floor: Array, present: np.ndarray) -> list[bool]:
+def confidence_set(
+    scores: Sequence[Score], floor: Array, present: np.ndarray, rules: DecisionRules
+) -> list[bool]:
     """Whether each hypothesis belongs to the Model Confidence Set.
 
     The loss of a block is the sum over channels of its mean square over that of the best
@@ -71,7 +64,7 @@ def confidence_set(scores: Sequence[HeldOut], floor: Array, present: np.ndarray)
     """
     if len(scores) < 2:
         return [True] * len(scores)
-    overall = np.array([levels(s.sums.sum(0), s.counts.sum(0), floor, present) for s in scores])
+    overall = np.array([s.level(floor, present) for s in scores])
     best = scores[int(np.argmin(overall))]
     weight = 1.0 / np.maximum(best.mean_square, floor)
     losses = np.array(
@@ -84,12 +77,14 @@ def confidence_set(scores: Sequence[HeldOut], floor: Array, present: np.ndarray)
     ).T
     keep = (scores[0].counts[:, present] > 0).all(axis=1)
     losses = losses[keep]
-    if len(losses) < 8:
-        return [bool(value <= overall.min() + 0.5) for value in overall]
+    if len(losses) < rules.fewest_blocks:
+        return [bool(value <= overall.min() + rules.rival_gap) for value in overall]
     p_values = mcs_p_values(
-        losses, block_length=max(2, min(BLOCK_LENGTH, len(losses) // 4)), draws=BOOTSTRAPS
+        losses,
+        block_length=max(2, min(rules.bootstrap_blocks, len(losses) // 4)),
+        draws=rules.bootstraps,
     )
-    return [bool(p > CONFIDENCE_SIZE) for p in p_values]
+    return [bool(p > rules.confidence_size) for p in p_values]
 
 
 def contains(rich: Sequence[str], simple: Sequence[str]) -> bool:

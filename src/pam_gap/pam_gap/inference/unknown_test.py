@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_gap.inference.held_out import Folds
+from pam_gap.prediction.channels import BOTH_PRESSURES, POSITION, block_means
 from pam_gap.prediction.fit import Array
-from pam_gap.prediction.problem import BLOCK, PredictionProblem
+from pam_gap.prediction.problem import PredictionProblem
 
-RIDGE = 1e-3
 HARMONICS = (2.0, 4.0, 8.0, 12.0, 16.0)
 
 
@@ -33,19 +33,18 @@ class Leftover:
 def _inputs(problem: PredictionProblem) -> tuple[Array, Array]:
     """Standardised inputs (rows, n) and position (rows,), block means."""
     columns, positions = [], []
-    for data, start, end in zip(
-        problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
-    ):
-        rows = end - start
-        mean = data.measured[: rows * BLOCK].reshape(rows, BLOCK, -1).mean(axis=1)
-        command = data.commands[: rows * BLOCK].reshape(rows, BLOCK, 2).mean(axis=1)
-        step = BLOCK * data.recording.sample_time
+    for data in problem.data:
+        mean = block_means(data.measured, problem.block)
+        command = block_means(data.commands, problem.block)
+        step = problem.block * data.recording.sample_time
         wide = max(1, round(0.04 / step))
-        smooth = np.convolve(mean[:, 2], np.ones(wide) / wide, mode="same")
+        smooth = np.convolve(mean[:, POSITION], np.ones(wide) / wide, mode="same")
         rate = np.gradient(smooth, step)
         direction = np.tanh(rate / (0.05 * np.std(rate) + 1e-9))
-        columns.append(np.column_stack([mean[:, :2], mean[:, 2], rate, direction, command]))
-        positions.append(mean[:, 2])
+        columns.append(
+            np.column_stack([mean[:, BOTH_PRESSURES], mean[:, POSITION], rate, direction, command])
+        )
+        positions.append(mean[:, POSITION])
     inputs = np.concatenate(columns)
     spread = inputs.std(axis=0)
     return (inputs - inputs.mean(axis=0)) / np.where(spread > 0, spread, 1.0), np.concatenate(
@@ -53,7 +52,7 @@ def _inputs(problem: PredictionProblem) -> tuple[Array, Array]:
     )
 
 
-def _ridge_score(design: Array, errors: Array, folds: Folds) -> float:
+def _ridge_score(design: Array, errors: Array, folds: Folds, ridge: float) -> float:
     """Share of the held-out squared error that a ridge regression takes away."""
     left = total = 0.0
     for own, other in (folds.rows, folds.rows[::-1]):
@@ -63,7 +62,7 @@ def _ridge_score(design: Array, errors: Array, folds: Folds) -> float:
             return 0.0
         a, b = design[fit_rows], errors[fit_rows]
         gram = a.T @ a
-        gram[np.diag_indices(len(gram))] += RIDGE * len(a)
+        gram[np.diag_indices(len(gram))] += ridge * len(a)
         weights = np.linalg.solve(gram, a.T @ b)
         residual = errors[test_rows] - design[test_rows] @ weights
         left += float(residual @ residual)
@@ -89,11 +88,12 @@ def explain_leftover(problem: PredictionProblem, folds: Folds, errors: Array) ->
     n = inputs.shape[1]
     products = np.column_stack([inputs[:, i] * inputs[:, j] for i in range(n) for j in range(i, n)])
     everything = np.column_stack([ones, inputs, products, harmonics])
-    z = inputs[:, 2]
+    z = inputs[:, POSITION]
     static = np.column_stack([ones, z, z**2, z**3, harmonics])
     channels = errors.shape[1]
+    ridge = problem.rules.decision.leftover_ridge
     explained, by_position = np.zeros(channels), np.zeros(channels)
     for c in np.nonzero(problem.present)[0]:
-        explained[c] = _ridge_score(everything, errors[:, c], folds)
-        by_position[c] = _ridge_score(static, errors[:, c], folds)
+        explained[c] = _ridge_score(everything, errors[:, c], folds, ridge)
+        by_position[c] = _ridge_score(static, errors[:, c], folds, ridge)
     return Leftover(np.maximum(explained, 0.0), np.maximum(by_position, 0.0))

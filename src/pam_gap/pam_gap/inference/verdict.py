@@ -1,8 +1,8 @@
-"""From scores to a verdict: none, named, ambiguous, unknown or not identifiable.
+"""From levels to a verdict: none, named, ambiguous or unknown.
 
 A candidate is judged by what it leaves relative to its rivals, never by whether it reaches the
-noise: the true effect need not follow the candidate's formula. Levels are sums over channels of
-log mean squared error over floor, on held-out data, so that differences of levels are ratios.
+noise: the true effect need not follow the candidate's formula. Levels are those of `score.Score`,
+on held-out data; the constants stand in `pam_gap.rules.decision_rules`.
 """
 
 from __future__ import annotations
@@ -13,40 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_gap.prediction.fit import Array
+from pam_gap.rules.decision_rules import DecisionRules
 from pam_model.effects import EFFECTS
 
-NO_GAP = 0.35
-"""Level per channel up to which a recording is explained by the re-tuned nominal plant."""
-NO_GAIN = 0.25
-"""Fall of the level below which a first effect may claim no name."""
-FURTHER_GAIN = 1.2
-"""Fall of the level that a further effect must bring at least."""
-FURTHER_SHARE = 0.22
-"""And its share of the fall before it: a first effect whose law differs from the true one leaves
-something that others can mop up, but a small part."""
-FURTHER_REST = 0.5
-"""Or its share of what the first effects leave."""
-FURTHER_ALONE = 3.0
-"""Or how many times it gains what the next best further effect gains: mopping up is what several
-can do."""
-SIMPLER_GAIN = 1.0
-"""Fall of the level that a richer form of the same effect must bring."""
-RIVAL_GAP = 0.5
-"""Levels closer than this are no decision between two laws that are both approximate."""
-RIVAL_SHARE = 0.06
-"""Nor is this share of the fall of the level."""
-PRICE = 0.05
-"""Level that each free number of a hypothesis has to bring when equals are put in order."""
-CLOSED_AT_LEAST = 0.60
-"""Share of the RMS gap that effects with laws of many forms must close, mean over channels."""
-GAP_OF_CHANNEL = 1.5
-"""RMS error over floor from which a channel has a gap that can close."""
-SHARP_FALL = 0.60
-"""Share of the level that effects with laws of one form must take away."""
 SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_sharp)
 """Effects whose law has one form: what they leave unexplained is something else."""
-SHARP_LEFT = 3.5
-"""Level that a set of sharp effects may leave."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,15 +43,23 @@ class Evidence:
     closed: float
 
 
-def has_gap(level_before: float, channels: int) -> bool:
+def has_gap(level_before: float, channels: int, rules: DecisionRules) -> bool:
     """Whether the re-tuned nominal plant leaves anything to explain."""
-    return level_before > NO_GAP * channels
+    return level_before > rules.no_gap * channels
 
 
 def accepts_further(
-    level_first: float, level_second: float, level_before: float, level_runner_up: float
+    level_first: float,
+    level_second: float,
+    level_before: float,
+    level_runner_up: float,
+    rules: DecisionRules,
 ) -> bool:
     """Whether one more effect pays for itself.
+
+    A first effect whose law differs from the true one leaves something that others can mop up. A
+    further effect must therefore bring a fair part of the fall before it, or of what is left, or
+    far more than the next best effect would bring in its place.
 
     Parameters
     ----------
@@ -92,49 +71,55 @@ def accepts_further(
         Of the re-tuned nominal plant.
     level_runner_up : float
         With the next best effect in its place.
+    rules : DecisionRules
+        Constants.
     """
     gain = level_first - level_second
-    return gain > FURTHER_GAIN and (
-        gain > FURTHER_SHARE * (level_before - level_first)
-        or gain > FURTHER_REST * level_first
-        or gain > FURTHER_ALONE * max(level_first - level_runner_up, 0.0)
+    return gain > rules.further_gain and (
+        gain > rules.further_share * (level_before - level_first)
+        or gain > rules.further_rest * level_first
+        or gain > rules.further_alone * max(level_first - level_runner_up, 0.0)
     )
 
 
-def prefers_simple(level_simple: float, level_rich: float, level_before: float) -> bool:
+def prefers_simple(
+    level_simple: float, level_rich: float, level_before: float, rules: DecisionRules
+) -> bool:
     """Whether a simpler form of the same effects is kept although a richer one leaves less."""
     gain = level_simple - level_rich
-    return gain < max(SIMPLER_GAIN, 0.5 * RIVAL_SHARE * (level_before - level_rich))
+    return gain < max(rules.simpler_gain, rules.simpler_share * (level_before - level_rich))
 
 
-def is_rival(level_best: float, level: float, level_before: float, tied: bool) -> bool:
+def is_rival(
+    level_best: float, level: float, level_before: float, tied: bool, rules: DecisionRules
+) -> bool:
     """Whether a hypothesis of equal size is as good as the best: tied, or too close to call."""
     behind = level - level_best
-    reach = max(RIVAL_GAP, RIVAL_SHARE * (level_before - level_best))
-    return behind < reach or (tied and behind < 2.0 * reach)
+    reach = max(rules.rival_gap, rules.rival_share * (level_before - level_best))
+    return behind < reach or (tied and behind < rules.rival_tied * reach)
 
 
-def is_unknown(evidence: Evidence) -> bool:
-    """Whether the best hypothesis leaves what it had no business to leave."""
+def is_unknown(evidence: Evidence, rules: DecisionRules) -> bool:
+    """Whether the best hypothesis leaves more than its own law could."""
     fall = 1.0 - evidence.level_after / evidence.level_before
     if all(effect in SHARP for effect in evidence.effects):
-        return fall < SHARP_FALL or evidence.level_after > SHARP_LEFT
-    return evidence.closed < CLOSED_AT_LEAST
+        return fall < rules.sharp_fall or evidence.level_after > rules.sharp_left
+    return evidence.closed < rules.closed_at_least
 
 
-def decide(evidence: Evidence, rivals: Sequence[str]) -> str:
+def decide(evidence: Evidence, rivals: Sequence[str], rules: DecisionRules) -> str:
     """The verdict's word, `rivals` being what the data cannot tell from the best."""
     gain = evidence.level_before - evidence.level_after
-    if not has_gap(evidence.level_before, evidence.channels):
+    if not has_gap(evidence.level_before, evidence.channels, rules):
         return "none"
-    if not evidence.effects or gain < NO_GAIN:
+    if not evidence.effects or gain < rules.no_gain:
         return "unknown"
-    if is_unknown(evidence):
+    if is_unknown(evidence, rules):
         return "unknown"
     return "ambiguous" if rivals else "named"
 
 
-def closed_by_channel(before: Array, after: Array) -> float:
+def closed_by_channel(before: Array, after: Array, rules: DecisionRules) -> float:
     """Share of the gap closed, mean over channels weighted by the logarithm of their gap.
 
     So no channel outweighs others by its low noise, nor one with hardly a gap those with one.
@@ -143,8 +128,10 @@ def closed_by_channel(before: Array, after: Array) -> float:
     ----------
     before, after : ndarray, shape (channels,)
         RMS error over floor.
+    rules : DecisionRules
+        Constants.
     """
-    wide = before > GAP_OF_CHANNEL
+    wide = before > rules.gap_of_channel
     if not wide.any():
         return 1.0
     share = (before - np.maximum(after, 1.0))[wide] / (before - 1.0)[wide]

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pam_gap.prediction.channels import BOTH_PRESSURES, POSITION, UNITS
 from pam_gap.prediction.fit import mean_squares
-from pam_gap.prediction.gap_figures import HORIZONS, UNITS, noise_level
-from pam_gap.prediction.problem import SETTLING, PredictionProblem, PredictionSettings
+from pam_gap.prediction.gap_figures import HORIZONS, noise_level
+from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
@@ -22,9 +23,10 @@ from pam_gap.recordings.recording import (
     RecordingError,
     resample,
 )
+from pam_gap.rules import DEFAULT
 from pam_model.rig import Rig
 
-SHORTEST = SETTLING + 1.0  # s, of a window that says anything
+SHORTEST = DEFAULT.prediction.settling + 1.0  # s, of a window that says anything
 TIGHT = 0.01  # s, in which pressures follow the measured ones
 WATCHED = HORIZONS[:2]
 MOST_KEPT = 100_000
@@ -142,7 +144,7 @@ class LiveWindow:
             if kept:
                 pairs = np.array(kept)
                 channels[name] = RawChannel(pairs[:, 0], pairs[:, 1])
-        missing = [name for name in wanted[:2] if name not in channels]
+        missing = [name for name in wanted[BOTH_PRESSURES] if name not in channels]
         if missing:
             return LiveGap(entry.name, problem=f"no {', '.join(missing)}")
         shortest = min(float(c.time[-1] - c.time[0]) for c in channels.values())
@@ -173,11 +175,13 @@ class LiveWindow:
             ]
         stages: dict[str, float] = {}
         if problem.has_commands:
-            error, floor = _rms(problem, PredictionSettings(follow_motion=bool(problem.present[2])))
-            stages["valve"] = float(np.max((error / floor)[:2]))
-        if problem.present[2]:
+            error, floor = _rms(
+                problem, PredictionSettings(follow_motion=bool(problem.present[POSITION]))
+            )
+            stages["valve"] = float(np.max((error / floor)[BOTH_PRESSURES]))
+        if problem.present[POSITION]:
             error, floor = _rms(problem, PredictionSettings(TIGHT))
-            stages["muscle and joint"] = float(error[2] / floor[2])
+            stages["muscle and joint"] = float(error[POSITION] / floor[POSITION])
         return LiveGap(problem.rig.joints[problem.joint].name, tuple(figures), stages)
 
 

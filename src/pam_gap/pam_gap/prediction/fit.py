@@ -20,6 +20,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import lsq_linear
 
+from pam_gap.rules import DEFAULT
+from pam_gap.rules.prediction_rules import PredictionRules
+
 Array = npt.NDArray[np.float64]
 Predictor = Callable[[Array], Array]
 """(lanes, parameters) -> whitened errors (lanes, blocks, channels), NaN where nothing is known."""
@@ -188,10 +191,6 @@ def normal_equations(
     return hessian, slope
 
 
-ATTEMPTS = 3
-"""Dampings tried from one point before a fit ends there."""
-
-
 def trial_lanes(
     hessian: Array, slope: Array, dampings: Sequence[Array], scaling: Scaling, at: Array
 ) -> Array:
@@ -211,7 +210,8 @@ def fit(
     floor: Array,
     cached: Array | None = None,
     max_iterations: int = 8,
-    tolerance: float = 1e-3,
+    tolerance: float | None = None,
+    rules: PredictionRules = DEFAULT.prediction,
 ) -> FitResult:
     """Fit from one start.
 
@@ -232,9 +232,12 @@ def fit(
     max_iterations : int
         Steps at most.
     tolerance : float
-        Relative fall of the mean log J below which the fit ends.
+        Relative fall of the mean log J below which the fit ends; default `rules.fit_tolerance`.
+    rules : PredictionRules
+        Difference step, dampings and weights.
     """
     scaling = Scaling(free)
+    least_fall = rules.fit_tolerance if tolerance is None else tolerance
     n = len(free)
     at = np.clip(scaling.scaled(np.asarray(start, dtype=np.float64)), scaling.low, scaling.high)
     errors = predict(scaling.own(at[None, :]))[0]
@@ -246,7 +249,7 @@ def fit(
         return np.where(np.isfinite(value), value, np.inf)
 
     best = float(objective(errors[None], at[None])[0])
-    damping = 1e-3
+    damping = rules.fit_damping
     jacobian = np.zeros((*errors.shape, n))
     reused = 0 if cached is None else cached.shape[-1]
     if cached is not None:
@@ -255,13 +258,15 @@ def fit(
     taken = 0
     for _ in range(max_iterations):
         if fresh.size:
-            jacobian[..., fresh] = numerical_jacobian(predict, scaling, at, errors, fresh, 0.03)
-        mean = np.maximum(mean_squares(errors, rows), 0.5 * floor)
+            jacobian[..., fresh] = numerical_jacobian(
+                predict, scaling, at, errors, fresh, rules.fit_difference
+            )
+        mean = np.maximum(mean_squares(errors, rows), rules.fit_weight_floor * floor)
         hessian, slope = normal_equations(errors, jacobian, rows, 1.0 / mean)
         hessian[np.diag_indices(n)] += scaling.weight**2
         slope += scaling.weight**2 * (at - scaling.centre)
         scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
-        for attempt in range(ATTEMPTS):
+        for attempt in range(rules.fit_attempts):
             dampings = [scale * (damping * factor + 1e-10) for factor in (min(attempt, 1), 30.0)]
             lanes = trial_lanes(hessian, slope, dampings, scaling, at)
             lane_errors = predict(scaling.own(lanes))
@@ -276,6 +281,6 @@ def fit(
         damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
         at, errors, best = lanes[winner], lane_errors[winner], float(values[winner])
         taken += 1
-        if fall < tolerance * total:
+        if fall < least_fall * total:
             break
     return FitResult(scaling.own(at), errors, best, jacobian, taken)

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pam_gap.prediction.channels import UNITS
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.problem import AS_FITTED, PredictionProblem, PredictionSettings
 
 ONE_STEP_BANDWIDTH = 200.0  # rad/s, of the position's pull
-UNITS = ("Pa", "Pa", "rad", "N", "N")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,8 @@ def noise_level(
     """J_c that noise alone leaves at these predictions, shape (channels,), at least a little."""
     plain = problem.errors(values[None], settings)[0]
     noisy = problem.errors(values[None], replace(settings, noise_seed=12345))[0]
-    return np.maximum(mean_squares(noisy - plain, problem.counted), 0.05)
+    least = problem.rules.prediction.least_floor
+    return np.maximum(mean_squares(noisy - plain, problem.counted), least)
 
 
 def gap_figures(

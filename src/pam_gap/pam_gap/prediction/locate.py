@@ -10,14 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
+from pam_gap.prediction.channels import (
+    AGONIST_FORCE,
+    AGONIST_PRESSURE,
+    ANTAGONIST_FORCE,
+    ANTAGONIST_PRESSURE,
+    BOTH_PRESSURES,
+    POSITION,
+    block_means,
+)
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
-from pam_gap.prediction.problem import BLOCK, PredictionProblem, PredictionSettings
-
-FORCE_HORIZON = 3.0  # rad/s, of the motion's pull in torque -> motion
+from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
+from pam_gap.rules import DEFAULT
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,20 +41,36 @@ class StageGap:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Stages, late channels [s] and the regimes that hold most of the error."""
+    """Where the gap arises.
+
+    Attributes
+    ----------
+    stages : tuple of StageGap
+        Each stage on its measured inputs.
+    delays : tuple of (str, float)
+        Channel, and how late it is against its prediction [s].
+    regimes : tuple of (str, float)
+        Regime of the motion, and its share of the squared error over its share of the time.
+    stage_from : float
+        RMS over floor from which a stage counts as having a gap.
+    """
 
     stages: tuple[StageGap, ...]
     delays: tuple[tuple[str, float], ...]
     regimes: tuple[tuple[str, float], ...]
+    stage_from: float = DEFAULT.prediction.stage_from
 
     @property
     def worst(self) -> str | None:
         """The stage with the largest gap over its floor, None when all are near theirs."""
-        known = [s for s in self.stages if s.gap_over_floor is not None]
-        if not known:
-            return None
-        top = max(known, key=lambda s: s.gap_over_floor or 0.0)
-        return top.stage if (top.gap_over_floor or 0.0) > 1.5 else None
+        return worst_stage(self.stages, self.stage_from)
+
+
+def worst_stage(stages: Sequence[StageGap], stage_from: float) -> str | None:
+    """The stage with the largest gap over its floor, None when none exceeds `stage_from`."""
+    gaps = [(s.gap_over_floor, s.stage) for s in stages if s.gap_over_floor is not None]
+    gap, stage = max(gaps, key=itemgetter(0), default=(0.0, None))
+    return stage if gap > stage_from else None
 
 
 def _ratio(
@@ -61,12 +86,13 @@ def _ratio(
 
 def motion_from_pulls(problem: PredictionProblem) -> float | None:
     """Torque -> motion: gap over floor of the position predicted from measured pulls."""
-    if not problem.present[2:].all():
+    if not problem.present[POSITION:].all():
         return None
     base = problem.base
     radius, inertia = base["joint.pulley_radius"], base["joint.inertia"]
     viscous, gravity = base["joint.viscous_friction"], base["joint.gravity_torque"]
     angle = base["joint.gravity_angle"]
+    pull = problem.rules.prediction.force_bandwidth
     worst = 0.0
     for data in problem.data:
         h = data.recording.sample_time
@@ -75,16 +101,16 @@ def motion_from_pulls(problem: PredictionProblem) -> float | None:
             generator = np.random.default_rng(7)
             noise = extra * data.deviation * generator.standard_normal(data.measured.shape)
             seen = data.measured + noise
-            torque = (radius * (seen[:, 3] - seen[:, 4])).tolist()
-            measured = seen[:, 2].tolist()
+            torque = (radius * (seen[:, AGONIST_FORCE] - seen[:, ANTAGONIST_FORCE])).tolist()
+            measured = seen[:, POSITION].tolist()
             q, w = measured[0], 0.0
             error = np.empty(len(measured))
             for k, (t, m) in enumerate(zip(torque, measured, strict=True)):
                 e = m - q
                 error[k] = e
-                w += FORCE_HORIZON**2 * h * e
+                w += pull**2 * h * e
                 w += h * (t - viscous * w - gravity * math.sin(q - angle)) / inertia
-                q += h * w + 2.0 * FORCE_HORIZON * h * e
+                q += h * w + 2.0 * pull * h * e
                 if not abs(q) < 100.0:
                     return None
             results.append(error[round(0.5 / h) :])
@@ -97,16 +123,15 @@ def motion_from_pulls(problem: PredictionProblem) -> float | None:
 def late_channels(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float], ...]:
     """How late each measured channel is against its prediction [s], least squares on its rate."""
     found = []
-    for c in range(3):
+    for c in (AGONIST_PRESSURE, ANTAGONIST_PRESSURE, POSITION):
         if not problem.present[c]:
             continue
         top = bottom = 0.0
         for data, start, end in zip(
             problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
         ):
-            rows = end - start
-            mean = data.measured[: rows * BLOCK, c].reshape(rows, BLOCK).mean(axis=1)
-            rate = np.gradient(mean, BLOCK * data.recording.sample_time)
+            mean = block_means(data.measured[:, c], problem.block)
+            rate = np.gradient(mean, problem.block * data.recording.sample_time)
             e = errors[start:end, c] * data.block_deviation[c]
             known = np.isfinite(e) & problem.counted[start:end]
             top -= float(e[known] @ rate[known])
@@ -128,13 +153,12 @@ def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float
     for data, start, end in zip(
         problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
     ):
-        rows = end - start
-        mean_of = data.measured[: rows * BLOCK].reshape(rows, BLOCK, -1).mean(axis=1)
-        pressure[start:end] = mean_of[:, :2].mean(axis=1)
-        position[start:end] = mean_of[:, 2]
-        step = BLOCK * data.recording.sample_time
+        mean_of = block_means(data.measured, problem.block)
+        pressure[start:end] = mean_of[:, BOTH_PRESSURES].mean(axis=1)
+        position[start:end] = mean_of[:, POSITION]
+        step = problem.block * data.recording.sample_time
         wide = max(1, round(0.04 / step))
-        smooth = np.convolve(mean_of[:, 2], np.ones(wide) / wide, mode="same")
+        smooth = np.convolve(mean_of[:, POSITION], np.ones(wide) / wide, mode="same")
         speed[start:end] = np.gradient(smooth, step)
     cuts = np.quantile(position, [1 / 3, 2 / 3])
     middle = float(np.median(pressure))
@@ -164,7 +188,7 @@ def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float
 
 
 def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location:
-    """Where a plant and its recordings part.
+    """Where the predictions of a plant differ from its recordings.
 
     Parameters
     ----------
@@ -184,8 +208,8 @@ def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location
                 _ratio(
                     problem,
                     values,
-                    (0, 1),
-                    PredictionSettings(follow_motion=bool(problem.present[2])),
+                    (AGONIST_PRESSURE, ANTAGONIST_PRESSURE),
+                    PredictionSettings(follow_motion=bool(problem.present[POSITION])),
                 ),
             )
         )
@@ -194,7 +218,10 @@ def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location
             StageGap("valve", "commands -> pressures", None, "no valve commands in the recording")
         )
     pulls = _ratio(
-        problem, values, (3, 4), PredictionSettings(follow_pressures=True, follow_motion=True)
+        problem,
+        values,
+        (AGONIST_FORCE, ANTAGONIST_FORCE),
+        PredictionSettings(follow_pressures=True, follow_motion=True),
     )
     stages.append(
         StageGap(
@@ -212,9 +239,10 @@ def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location
             StageGap(
                 "joint",
                 "measured pressures -> position",
-                _ratio(problem, values, (2,), PredictionSettings(follow_pressures=True)),
-                "" if problem.present[2] else "no joint position in the recording",
+                _ratio(problem, values, (POSITION,), PredictionSettings(follow_pressures=True)),
+                "" if problem.present[POSITION] else "no joint position in the recording",
             )
         )
     delays = late_channels(problem, errors)
-    return Location(tuple(stages), delays, regimes(problem, errors))
+    stage_from = problem.rules.prediction.stage_from
+    return Location(tuple(stages), delays, regimes(problem, errors), stage_from)

@@ -41,14 +41,11 @@ from pam_model.plant.layout import (
 )
 
 Array = npt.NDArray[np.float64]
+N_CHANNELS = 5  # pressures of agonist and antagonist, position, forces of agonist and antagonist
 
-N_CHANNELS = 5
-"""Pressures of agonist and antagonist, position, pulls of agonist and antagonist."""
 # Sensor constants of one lane: gain, bias, lag of either pressure; offset and delay of position.
 N_SENSORS = 8
 FOLLOW_MOTION, FOLLOW_PRESSURES, FOLLOW_BOTH = -1, -2, -3
-CATCH_TIME = 1.0  # s at the start in which the motion is pulled to the measured one
-CATCH_BANDWIDTH = 15.0  # rad/s
 NEUTRAL_SENSORS = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
 
@@ -133,7 +130,7 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
         if counted:
             total[at, 2] += error if known[k, 2] else np.nan
         # A joint still swinging when the recording begins is caught first.
-        early = k * sample_time < CATCH_TIME and window in (0, FOLLOW_PRESSURES)
+        early = k * sample_time < gains[5] and window in (0, FOLLOW_PRESSURES)
         if known[k, 2] and (early or gains[1] > 0.0):
             y[Y_POSITION] += (gains[3] if early else gains[1]) * error
             y[Y_VELOCITY] += (gains[4] if early else gains[2]) * error
@@ -166,6 +163,8 @@ def observe(
     external: Array | None = None,
     shut: bool = False,
     block: int = 4,
+    catch_time: float = 1.0,
+    catch_bandwidth: float = 15.0,
     threads: int = 1,
 ) -> Array:
     """Prediction errors of several plants along one recording.
@@ -201,6 +200,9 @@ def observe(
         Valves are shut.
     block : int
         Samples averaged into one row of the result.
+    catch_time, catch_bandwidth : float
+        Time at the start in which the motion is pulled to the measured one [s], and the
+        bandwidth of this pull [rad/s].
     threads : int
         Lanes run at once.
 
@@ -214,7 +216,7 @@ def observe(
     blocks = samples // block
     total = np.zeros((lanes, blocks, N_CHANNELS))
     pull = 1.0 - math.exp(-sample_time / horizon)
-    caught = max(position_bandwidth, CATCH_BANDWIDTH)
+    caught = max(position_bandwidth, catch_bandwidth)
     gains = np.array(
         [
             pull,
@@ -222,6 +224,7 @@ def observe(
             position_bandwidth**2 * sample_time,
             min(2.0 * caught * sample_time, 1.0),
             caught**2 * sample_time,
+            catch_time,
         ]
     )
 

@@ -13,6 +13,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
 
+from pam_gap.prediction.channels import (
+    BOTH_PRESSURES,
+    POSITION,
+    Channels,
+    channel_names,
+    joint_channels,
+)
 from pam_gap.prediction.fit import Array, Predictor
 from pam_gap.prediction.observer import (
     FOLLOW_BOTH,
@@ -21,18 +28,13 @@ from pam_gap.prediction.observer import (
     N_CHANNELS,
     observe,
 )
-from pam_gap.recordings.noise_floor import ChannelNoise, noise_floor
 from pam_gap.recordings.recording import (
-    COMMANDS,
-    JOINTS,
     LOCKED,
-    MUSCLES,
-    PRESSURES,
     SHUT,
     TURNED_OVER,
     Recording,
-    RecordingError,
 )
+from pam_gap.rules import DEFAULT, Rules
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.layout import (
@@ -56,44 +58,8 @@ from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.sensors import sensor_constants
 from pam_model.rig import Rig
 
-STEP = 2e-3  # s, longest of the integration; 0.5 ms gives the same errors to 1e-4 of their size
-HORIZON = 0.3  # s, in which a pressure error fades
-SETTLING = 1.5  # s at the start that no score counts: what the plant remembers is not known yet
-BLOCK = 4  # samples averaged into one row
 LOCKED_INERTIA = 1e9  # kg m^2, of a joint that does not move
 LOCKED_DECAY = 100.0  # 1/s, of the speed that catching its position leaves
-
-
-@dataclass(frozen=True, slots=True)
-class Channels:
-    """One recording as the observer takes it.
-
-    Attributes
-    ----------
-    recording : Recording
-        Where it came from.
-    commands : ndarray, shape (N, 2)
-        Valve commands, 0 where the recording has none.
-    measured, known : ndarray, shape (N, N_CHANNELS)
-        Pressures, position, pulls; whether each is a true sample.
-    deviation : ndarray, shape (N_CHANNELS,)
-        White noise of one sample, channel's unit; NaN for a channel that is not there.
-    block_deviation : ndarray, shape (N_CHANNELS,)
-        Noise of a block's mean: quantisation does not average out at rest.
-    has_commands : bool
-        Whether valve commands were recorded, or are known since the valves were shut.
-    external : ndarray, shape (N,) or None
-        Torque on the joint from outside [N m], where recorded.
-    """
-
-    recording: Recording
-    commands: Array
-    measured: Array
-    known: npt.NDArray[np.bool_]
-    deviation: Array
-    block_deviation: Array
-    has_commands: bool
-    external: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,58 +92,6 @@ class PredictionSettings:
 AS_FITTED = PredictionSettings()
 
 
-def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:
-    """The N_CHANNELS channels of one joint by contract name, in the observer's order."""
-    entry = rig.joints[joint]
-    return (
-        *(f"{PRESSURES}{m}" for m in entry.muscles),
-        f"{JOINTS}{entry.name}.position",
-        *(f"{MUSCLES}{m}.effort" for m in entry.muscles),
-    )
-
-
-def joint_channels(recording: Recording, rig: Rig, joint: int) -> Channels:
-    """Pick one joint's channels out of a recording.
-
-    Raises
-    ------
-    RecordingError
-        When the pressures are missing.
-    """
-    names = channel_names(rig, joint)
-    missing = [name for name in names[:2] if not recording.has(name)]
-    if missing:
-        raise RecordingError(
-            f"{recording.source}: no channel {', '.join(missing)} [Pa gauge]; a diagnosis needs "
-            "both pressures"
-        )
-    count = recording.time.size
-    measured = np.zeros((count, N_CHANNELS))
-    known = np.zeros((count, N_CHANNELS), dtype=np.bool_)
-    noise: dict[str, ChannelNoise] = dict(noise_floor(recording))
-    deviation = np.full(N_CHANNELS, np.nan)
-    block_deviation = np.full(N_CHANNELS, np.nan)
-    for i, name in enumerate(names):
-        if recording.has(name):
-            measured[:, i] = recording.values[name]
-            known[:, i] = recording.valid[name]
-            deviation[i] = noise[name].deviation
-            block_deviation[i] = np.sqrt(
-                noise[name].deviation ** 2 / BLOCK + noise[name].resolution ** 2 / 12.0
-            )
-    commands = np.zeros((count, 2))
-    command_names = [f"{COMMANDS}{m}" for m in rig.joints[joint].muscles]
-    torque = recording.values.get(f"{JOINTS}{rig.joints[joint].name}.effort")
-    is_shut = recording.mounting == SHUT
-    has_commands = is_shut or all(recording.has(name) for name in command_names)
-    if has_commands and not is_shut:
-        for i, name in enumerate(command_names):
-            commands[:, i] = recording.values[name]
-    return Channels(
-        recording, commands, measured, known, deviation, block_deviation, has_commands, torque
-    )
-
-
 def as_mounted(values: Array, mounting: str) -> Array:
     """Parameter vectors (lanes, n_parameters) of a rig mounted for one recording."""
     if not mounting:
@@ -197,7 +111,9 @@ def initial_state(constants: Array, sensors: Array, tables: object, data: Channe
     y = np.zeros(N_STATES)
     y[Y_RESERVOIR] = constants[C_SUPPLY]
     y[Y_POSITION] = (
-        float(data.measured[start, 2].mean()) - sensors[6] if data.known[:, 2].any() else 0.0
+        float(data.measured[start, POSITION].mean()) - sensors[6]
+        if data.known[:, POSITION].any()
+        else 0.0
     )
     for i in range(2):
         m = AGONIST + i * N_MUSCLE_CONSTANTS
@@ -213,9 +129,10 @@ def restart_values(measured: Array, sample_time: float) -> Array:
     """Pressures, position and its rate at every sample by local polynomials, shape (N, 4)."""
     width = max(3, round(0.012 / sample_time) // 2 * 2 + 1)
     wide = 3 * width
-    pressures = savgol_filter(measured[:, :2], wide, 2, axis=0)
-    position = savgol_filter(measured[:, 2:3], width, 1, axis=0)
-    rate = savgol_filter(measured[:, 2:3], 2 * width + 1, 2, deriv=1, delta=sample_time, axis=0)
+    pressures = savgol_filter(measured[:, BOTH_PRESSURES], wide, 2, axis=0)
+    angle = measured[:, POSITION : POSITION + 1]
+    position = savgol_filter(angle, width, 1, axis=0)
+    rate = savgol_filter(angle, 2 * width + 1, 2, deriv=1, delta=sample_time, axis=0)
     result: Array = np.concatenate([pressures, position, rate], axis=1)
     return result
 
@@ -231,8 +148,8 @@ class PredictionProblem:
         Which of its joints.
     recordings : sequence of Recording
         Of the same rig.
-    horizon : float
-        Time in which a pressure error fades [s].
+    rules : Rules
+        Hand-set constants of the diagnosis.
     threads : int
         Lanes run at once.
     """
@@ -243,15 +160,16 @@ class PredictionProblem:
         joint: int,
         recordings: Sequence[Recording],
         *,
-        horizon: float = HORIZON,
+        rules: Rules = DEFAULT,
         threads: int = 1,
     ) -> None:
         self.rig = rig
         self.joint = joint
         self.names = channel_names(rig, joint)
-        self.data = tuple(joint_channels(recording, rig, joint) for recording in recordings)
+        self.rules = rules
+        self.block = rules.prediction.block
+        self.data = tuple(joint_channels(r, rig, joint, rules) for r in recordings)
         self.base = PlantParameters.from_rig(rig, joint)
-        self.horizon = horizon
         self.threads = threads
         self.has_commands = all(data.has_commands for data in self.data)
         self.tables = tuple(for_kernel(table) for table in self.base.tables)
@@ -261,16 +179,16 @@ class PredictionProblem:
         self.recorded = self.present.copy()
         if not self.has_commands:
             # Without commands the pressures are inputs: they follow the measured ones.
-            self.present[:2] = False
-        rows = [len(data.measured) // BLOCK for data in self.data]
+            self.present[BOTH_PRESSURES] = False
+        rows = [len(data.measured) // self.block for data in self.data]
         self.offsets = np.concatenate(([0], np.cumsum(rows)))
         self.row_time = np.concatenate(
             [
-                (np.arange(count) + 0.5) * BLOCK * data.recording.sample_time
+                (np.arange(count) + 0.5) * self.block * data.recording.sample_time
                 for count, data in zip(rows, self.data, strict=True)
             ]
         )
-        self.counted = self.row_time > SETTLING
+        self.counted = self.row_time > rules.prediction.settling
         self.simulations = 0.0
 
     @property
@@ -299,7 +217,8 @@ class PredictionProblem:
         """
         parts = []
         followed = settings.follow_pressures or not self.has_commands
-        horizon = self.horizon if settings.horizon is None else settings.horizon
+        rules = self.rules.prediction
+        horizon = rules.horizon if settings.horizon is None else settings.horizon
         window = 0
         if followed:
             window = FOLLOW_BOTH if settings.follow_motion else FOLLOW_PRESSURES
@@ -330,7 +249,7 @@ class PredictionProblem:
                 data.known,
                 initial,
                 sample_time=sample_time,
-                step=STEP,
+                step=rules.step,
                 horizon=np.inf if followed else horizon,
                 position_bandwidth=settings.position_bandwidth,
                 window=window if window else round(settings.window_time / sample_time),
@@ -339,7 +258,9 @@ class PredictionProblem:
                 else None,
                 external=data.external,
                 shut=followed or data.recording.mounting == SHUT,
-                block=BLOCK,
+                block=self.block,
+                catch_time=rules.catch_time,
+                catch_bandwidth=rules.catch_bandwidth,
                 threads=self.threads,
             )
             parts.append(error / data.block_deviation)

@@ -12,17 +12,16 @@ import numpy as np
 
 from pam_gap.recordings.noise_floor import channel_noise
 from pam_gap.recordings.recording import JOINTS, MUSCLES, PRESSURES, Recording
+from pam_gap.rules import DEFAULT
+from pam_gap.rules.recording_rules import RecordingRules
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 
-EQUAL = 1e-2
-"""Median difference over the pull's own span up to which it may be computed."""
-OWN_NOISE = 0.5
-"""Noise of the difference over that of the pull below which the pull has none of its own."""
 
-
-def without_computed(recording: Recording, rig: Rig) -> Recording:
-    """The recording without pulls that are the nominal model's own answer."""
+def without_computed(
+    recording: Recording, rig: Rig, rules: RecordingRules = DEFAULT.recording
+) -> Recording:
+    """The recording without forces that are the nominal model's own answer."""
     computed = []
     for joint in rig.joints:
         position_name = f"{JOINTS}{joint.name}.position"
@@ -41,9 +40,11 @@ def without_computed(recording: Recording, rig: Rig) -> Recording:
             pull = recording.values[channel]
             span = float(np.ptp(pull))
             off = np.maximum(np.asarray(force, dtype=np.float64), 0.0) - pull
-            # A load cell has noise of its own; a computed pull has that of its inputs.
-            has_own_noise = channel_noise(off).deviation > OWN_NOISE * channel_noise(pull).deviation
-            if float(np.median(np.abs(off))) < EQUAL * span and not has_own_noise:
+            # A load cell has noise of its own; a computed force has that of its inputs.
+            own_noise = channel_noise(off, rules=rules).deviation
+            noise = channel_noise(pull, rules=rules).deviation
+            is_equal = float(np.median(np.abs(off))) < rules.computed_difference * span
+            if is_equal and not own_noise > rules.computed_noise * noise:
                 computed.append(channel)
     if not computed:
         return recording

@@ -15,16 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_gap.recordings.recording import COMMANDS, Array, Mask, Recording
+from pam_gap.rules import DEFAULT
+from pam_gap.rules.recording_rules import RecordingRules
 
 _THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 _FIFTH = np.array([1.0, -5.0, 10.0, -10.0, 5.0, -1.0])
-_STRETCH = 64
-SMOOTHED = 0.5
-"""White noise shows alike in differences of any order; below this ratio a filter has been there."""
-CLEANEST = 1e-5
-"""Of a channel's span: no sensor is as quiet."""
-SMOOTHED_SHARE = 1e-3
-"""Of a filtered channel's span: taken for its noise, which cannot be seen any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,26 +31,29 @@ class ChannelNoise:
     is_smoothed: bool = False
 
 
-def quantisation(values: Array) -> float:
-    """The step every value is a whole multiple of, or 0 when there is none."""
+def quantisation(values: Array, rules: RecordingRules = DEFAULT.recording) -> float:
+    """The step of which every value is a whole multiple, or 0 when there is none."""
     steps = np.abs(np.diff(values))
     steps = steps[steps > 1e-12 * (float(np.max(np.abs(values))) + 1e-300)]
     if steps.size < 20:
         return 0.0
     step = float(np.min(steps))
     few = np.unique(np.round(steps / step, 6)).size
-    if few > 0.2 * steps.size:
+    if few > rules.few_values * steps.size:
         return 0.0
     step = float(np.median(steps[steps < 1.5 * step]))
     near = steps[steps < 8.5 * step]
     whole = np.round(near / step)
     # Rounded decimals of a table move each value by up to half their last digit.
-    if float(np.mean(np.abs(near / step - whole) < 0.15)) < 0.9:
+    is_whole = np.abs(near / step - whole) < rules.whole_step
+    if float(np.mean(is_whole)) < rules.whole_step_share:
         return 0.0
     return float(np.sum(near) / np.sum(whole))
 
 
-def channel_noise(values: Array, valid: Mask | None = None) -> ChannelNoise:
+def channel_noise(
+    values: Array, valid: Mask | None = None, rules: RecordingRules = DEFAULT.recording
+) -> ChannelNoise:
     """White noise of one channel.
 
     Parameters
@@ -64,17 +62,19 @@ def channel_noise(values: Array, valid: Mask | None = None) -> ChannelNoise:
         The channel, any unit.
     valid : ndarray of bool, shape (N,), optional
         True samples; differences across others are left out.
+    rules : RecordingRules
+        Constants of the estimate.
     """
-    resolution = quantisation(values if valid is None else values[valid])
-    series = values if valid is None or valid.mean() > 0.9 else values[valid]
+    resolution = quantisation(values if valid is None else values[valid], rules)
+    series = values if valid is None or valid.mean() > rules.valid_share else values[valid]
     difference = np.convolve(series, _THIRD, mode="valid") / np.sqrt(float(_THIRD @ _THIRD))
     higher = np.convolve(series, _FIFTH, mode="valid") / np.sqrt(float(_FIFTH @ _FIFTH))
-    if valid is not None and valid.mean() > 0.9:
+    if valid is not None and valid.mean() > rules.valid_share:
         whole = np.convolve(valid.astype(np.float64), np.ones(4), mode="valid") > 3.5
         difference = difference[whole]
-    count = difference.size // _STRETCH
+    count = difference.size // rules.stretch
     if count >= 4:
-        stretches = difference[: count * _STRETCH].reshape(count, _STRETCH)
+        stretches = difference[: count * rules.stretch].reshape(count, rules.stretch)
         deviation = float(np.sqrt(np.median(np.mean(stretches**2, axis=1))))
     else:
         deviation = float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
@@ -82,19 +82,24 @@ def channel_noise(values: Array, valid: Mask | None = None) -> ChannelNoise:
     scale = 1e-9 * (float(np.ptp(series)) if series.size else 0.0)
     lower, upper = float(np.median(np.abs(difference))), float(np.median(np.abs(higher)))
     span = float(np.subtract(*np.percentile(series, [95, 5]))) if series.size else 0.0
-    is_filtered = resolution < 0.3 * deviation and upper < SMOOTHED * lower
-    if is_filtered or deviation < CLEANEST * span:
-        return ChannelNoise(max(deviation, SMOOTHED_SHARE * span, scale), resolution, True)
+    # White noise shows alike in differences of any order; a filter makes the higher ones smaller.
+    is_coarse = resolution >= rules.visible_resolution * deviation
+    is_filtered = not is_coarse and upper < rules.smoothed_ratio * lower
+    if is_filtered or deviation < rules.cleanest_share * span:
+        deviation = max(deviation, rules.smoothed_share * span, scale)
+        return ChannelNoise(deviation, resolution, True)
     return ChannelNoise(max(deviation, floor, scale, 1e-12), resolution)
 
 
-def noise_floor(recording: Recording) -> Mapping[str, ChannelNoise]:
+def noise_floor(
+    recording: Recording, rules: RecordingRules = DEFAULT.recording
+) -> Mapping[str, ChannelNoise]:
     """Noise of every measured channel of a recording (commands are known, not measured)."""
     samples = recording.samples
     return {
-        name: channel_noise(samples[name])
+        name: channel_noise(samples[name], rules=rules)
         if name in samples
-        else channel_noise(values, recording.valid[name])
+        else channel_noise(values, recording.valid[name], rules)
         for name, values in recording.values.items()
         if not name.startswith(COMMANDS)
     }

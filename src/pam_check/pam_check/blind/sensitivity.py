@@ -1,0 +1,372 @@
+"""How much the verdicts depend on the hand-set constants: each one changed by -30 % and +30 %.
+
+Constants that act after the search are decided again from the evidence that every diagnosis of a
+campaign kept (`blind --keep-evidence`), which takes milliseconds. Constants that act earlier need
+the recordings to be diagnosed again; this is done for as many cases as asked for. Before anything
+is changed, the decisions are repeated with the constants in use and must give the stored verdicts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pam_check.blind.cases import LABELS
+from pam_check.blind.score import score
+from pam_gap.diagnose import EVIDENCE, diagnose
+from pam_gap.inference.evidence import KeptEvidence, decide_again
+from pam_gap.rules import DEFAULT, RuleEntry, Rules, changed, table
+from pam_gap.rules.rule import DECISION, PROPOSAL
+from pam_model.command_line import Arguments, Outcome, progress
+from pam_model.errors import PamError
+
+FACTORS = (0.7, 1.3)
+COUNTED = (
+    "top1",
+    "truth_in_set",
+    "stage",
+    "false_name_on_clean",
+    "unknown_recall",
+    "false_unknown",
+    "both_of_two",
+    "one_of_two",
+    "closed_interval_covers",
+)
+HEADINGS = (
+    "named first",
+    "in the set",
+    "stage",
+    "false name",
+    "`unknown` found",
+    "false `unknown`",
+    "both of two",
+    "one of two",
+    "interval covers",
+)
+
+COLUMNS = ("constant", "in use", "changed to", "cases", "verdicts moved")
+
+Answers = Mapping[str, Mapping[str, Any]]
+SAME = ("verdict", "stage", "effects", "indistinguishable")
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """A finished campaign whose diagnoses kept their evidence.
+
+    Attributes
+    ----------
+    folder : Path
+        Of the campaign.
+    labels : list of mapping
+        What is hidden in each case.
+    answers : mapping
+        Case -> diagnosis.json.
+    evidence : mapping
+        Case -> what its diagnosis kept.
+    """
+
+    folder: Path
+    labels: list[dict[str, Any]]
+    answers: Answers
+    evidence: Mapping[str, KeptEvidence]
+
+    @classmethod
+    def read(cls, folder: Path) -> Campaign:
+        """Read a campaign, labels included.
+
+        Raises
+        ------
+        PamError
+            When the folder holds no finished campaign, a case kept no evidence, or the labels are
+            not those that were sealed.
+        """
+        labels_file, score_file = folder / "sealed" / LABELS, folder / "score.json"
+        if not labels_file.exists() or not score_file.exists():
+            raise PamError(
+                f"{folder}: no finished campaign; expected the --out folder of "
+                "`blind --keep-evidence`"
+            )
+        text = labels_file.read_text()
+        sealed = json.loads(score_file.read_text())["labels_sha256"]
+        if hashlib.sha256(text.encode()).hexdigest() != sealed:
+            raise PamError(f"{labels_file}: not the labels that were sealed for {score_file}")
+        answers, evidence = {}, {}
+        for label in json.loads(text):
+            place = folder / "answers" / label["case"]
+            if not (place / "diagnosis.json").exists():
+                continue  # a crash: counts as wrong whatever the constants are
+            if not (place / EVIDENCE).exists():
+                raise PamError(
+                    f"{place}: no {EVIDENCE}; run the campaign again with --keep-evidence"
+                )
+            answers[label["case"]] = json.loads((place / "diagnosis.json").read_text())
+            evidence[label["case"]] = KeptEvidence.load(place / EVIDENCE)
+        stored = json.loads(score_file.read_text()).get("untouched", {})
+        for case, share in stored.items():
+            if answers.get(case, {}).get("closed"):
+                answers[case]["closed"]["untouched"] = share
+        return cls(folder, json.loads(text), answers, evidence)
+
+    def decided(self, rules: Rules) -> tuple[dict[str, dict[str, Any]], int]:
+        """Every verdict decided again; and in how many cases that is not exact."""
+        answers: dict[str, dict[str, Any]] = {}
+        inexact = 0
+        for case, kept in self.evidence.items():
+            again = decide_again(kept, rules)
+            answers[case] = dict(again.answer)
+            inexact += not again.is_exact
+            before = self.answers[case]
+            # Measured with the rig that was found: it holds while the same effects are found.
+            share = (before.get("closed") or {}).get("untouched")
+            if share is not None and answers[case]["closed"] and same(answers[case], before):
+                answers[case]["closed"] = answers[case]["closed"] | {"untouched": share}
+        return answers, inexact
+
+    def check(self) -> None:
+        """Repeat every decision with the constants in use.
+
+        Raises
+        ------
+        PamError
+            When a verdict differs from the stored one: the evidence would prove nothing.
+        """
+        answers, _ = self.decided(DEFAULT)
+        off = [case for case, answer in answers.items() if not same(answer, self.answers[case])]
+        if off:
+            raise PamError(
+                f"{self.folder}: with the constants in use, the kept evidence gives other verdicts "
+                f"for {', '.join(off)}; the campaign was made with other constants or versions"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What one change of one constant does.
+
+    Attributes
+    ----------
+    entry : RuleEntry
+        The constant.
+    value : float
+        Its value after the change.
+    how : str
+        "decided again", "diagnosed again", "changes no verdict" or "not run".
+    cases : int
+        On how many cases.
+    counts : mapping
+        Figure -> (hits, cases), as the blind check counts them.
+    before : mapping
+        The same with the constants in use, on the same cases.
+    moved : int
+        Cases whose verdict, stage, effects or sets differ.
+    inexact : int
+        Cases in which deciding again would have needed a fit that was never made.
+    """
+
+    entry: RuleEntry
+    value: float
+    how: str
+    cases: int = 0
+    counts: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    before: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    moved: int = 0
+    inexact: int = 0
+
+
+def same(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
+    """Whether two answers have the same verdict, stage, effects and sets."""
+    return all(first[key] == second[key] for key in SAME)
+
+
+def counts_of(labels: Sequence[Mapping[str, Any]], answers: Answers) -> dict[str, tuple[int, int]]:
+    """The blind check's counts."""
+    shares = score(labels, answers)["shares"]
+    return {name: (shares[name]["hits"], shares[name]["of"]) for name in COUNTED}
+
+
+def diagnosed_again(task: tuple[Path, str, Rules, Path]) -> dict[str, Any]:
+    """Diagnose one case anew with other rules; its answer."""
+    folder, case, rules, out = task
+    place = folder / "cases" / case
+    found = diagnose(
+        [place / "recording.csv.gz"],
+        place / "rig.yaml",
+        out,
+        threads=1,
+        show_progress=False,
+        rules=rules,
+    )
+    return found[0].to_json()
+
+
+def sensitivity(
+    campaign: Campaign,
+    *,
+    rediagnose: int = 0,
+    workers: int = 1,
+    only: Sequence[str] = (),
+    tell: Callable[[Row], None] = lambda row: None,
+) -> list[Row]:
+    """Change every constant by each of FACTORS.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        With its evidence.
+    rediagnose : int
+        Cases, the first ones, that are diagnosed again for constants that act before the decision.
+    workers : int
+        Diagnoses at once.
+    only : sequence of str
+        Constants ("group.name") to change; all when empty.
+    tell : callable
+        Given every row as soon as it is known.
+
+    Raises
+    ------
+    PamError
+        When the evidence does not give the stored verdicts, or a constant is not in the table.
+    """
+    campaign.check()
+    known = {entry.path: entry for entry in table()}
+    for path in only:
+        if path not in known:
+            raise PamError(f"no rule {path!r}; the rules are {', '.join(known)}")
+    entries = [known[path] for path in only] if only else list(known.values())
+    rows = []
+    for entry in entries:
+        for factor in FACTORS:
+            value = entry.scaled(factor)
+            rules = changed(entry.path, value)
+            if entry.acts == PROPOSAL:
+                row = Row(entry, value, "changes no verdict")
+            elif entry.acts == DECISION:
+                answers, inexact = campaign.decided(rules)
+                row = _row(campaign, entry, value, "decided again", answers, inexact)
+            elif rediagnose > 0:
+                cases = sorted(campaign.answers)[:rediagnose]
+                out = campaign.folder / "sensitivity" / f"{entry.path}_{factor:g}"
+                tasks = [(campaign.folder, case, rules, out / case) for case in cases]
+                with ProcessPoolExecutor(workers) as pool:
+                    found = dict(zip(cases, pool.map(diagnosed_again, tasks), strict=True))
+                row = _row(campaign, entry, value, "diagnosed again", found)
+            else:
+                row = Row(entry, value, "not run")
+            rows.append(row)
+            tell(row)
+    return rows
+
+
+def _row(
+    campaign: Campaign,
+    entry: RuleEntry,
+    value: float,
+    how: str,
+    answers: Answers,
+    inexact: int = 0,
+) -> Row:
+    labels = [label for label in campaign.labels if label["case"] in answers]
+    before = {case: campaign.answers[case] for case in answers}
+    moved = sum(not same(answers[case], before[case]) for case in answers)
+    return Row(
+        entry,
+        value,
+        how,
+        len(answers),
+        counts_of(labels, answers),
+        counts_of(labels, before),
+        moved,
+        inexact,
+    )
+
+
+def to_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """The rows as plain data."""
+    return [
+        {
+            "constant": row.entry.path,
+            "in_use": row.entry.value,
+            "changed_to": row.value,
+            "how": row.how,
+            "cases": row.cases,
+            "verdicts_moved": row.moved,
+            "inexact": row.inexact,
+            "counts": {name: list(pair) for name, pair in row.counts.items()},
+            "before": {name: list(pair) for name, pair in row.before.items()},
+        }
+        for row in rows
+    ]
+
+
+def _cell(after: tuple[int, int], before: tuple[int, int]) -> str:
+    """One count: a dot where nothing changed."""
+    if after == before:
+        return "·"
+    return f"{after[0]}/{after[1]} (was {before[0]}/{before[1]})"
+
+
+def to_markdown(rows: Sequence[Row]) -> str:
+    """The table of the constants that were run, and the list of those that were not."""
+    lines = [
+        "| constant | in use | changed to | cases | verdicts moved | "
+        + " | ".join(HEADINGS)
+        + " |",
+        "|---" * (len(COLUMNS) + len(HEADINGS)) + "|",
+    ]
+    for row in rows:
+        if not row.cases:
+            continue
+        inexact = f" ({row.inexact} not exact)" if row.inexact else ""
+        again = " *" if row.how == "diagnosed again" else ""
+        cells = [_cell(row.counts[name], row.before[name]) for name in COUNTED]
+        lines.append(
+            f"| `{row.entry.path}`{again} | {row.entry.value:g} | {row.value:.4g} | {row.cases} | "
+            f"{row.moved}{inexact} | " + " | ".join(cells) + " |"
+        )
+    for how in ("not run", "changes no verdict"):
+        left = dict.fromkeys(f"`{row.entry.path}`" for row in rows if row.how == how)
+        if left:
+            lines += ["", f"{how[0].upper()}{how[1:]}: {', '.join(left)}."]
+    return "\n".join(lines) + "\n"
+
+
+def run(given: Arguments) -> Outcome:
+    """Make the table of a campaign; the command of `pam_check.__main__`.
+
+    Writes `sensitivity.md` and `sensitivity.json` into the campaign's folder.
+
+    Raises
+    ------
+    PamError
+        When the folder holds no campaign with evidence, or the evidence is of another version.
+    """
+    campaign = Campaign.read(given.folder)
+    rows: list[Row] = []
+    total = len(FACTORS) * (len(given.only) or len(table()))
+    with progress(total, "changing constants") as bar:
+
+        def tell(row: Row) -> None:
+            rows.append(row)
+            bar.show(len(rows))
+
+        sensitivity(
+            campaign,
+            rediagnose=given.rediagnose,
+            workers=given.workers,
+            only=given.only,
+            tell=tell,
+        )
+    document = to_json(rows)
+    (given.folder / "sensitivity.json").write_text(json.dumps(document, indent=1) + "\n")
+    (given.folder / "sensitivity.md").write_text(to_markdown(rows))
+    print(f"{len(campaign.answers)} cases; the kept evidence gives every stored verdict again")
+    for how in ("decided again", "diagnosed again", "not run", "changes no verdict"):
+        print(f"{how}: {len({row.entry.path for row in rows if row.how == how})} constants")
+    print(f"written: {given.folder / 'sensitivity.md'}, {given.folder / 'sensitivity.json'}")
+    return Outcome(document)

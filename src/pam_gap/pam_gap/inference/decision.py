@@ -1,0 +1,238 @@
+"""The decision from held-out scores: which hypothesis, which rivals beside it, which verdict.
+
+Everything here is a function of scores and rules alone, so that a diagnosis can be decided again
+with other rules from the scores it kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+
+from pam_gap.inference.score import Score
+from pam_gap.inference.selection import bootstrap_weights, confidence_set, contains
+from pam_gap.inference.verdict import (
+    Evidence,
+    accepts_further,
+    closed_by_channel,
+    decide,
+    has_gap,
+    is_rival,
+    prefers_simple,
+)
+from pam_gap.prediction.fit import Array
+from pam_gap.rules.decision_rules import DecisionRules
+
+
+@dataclass(frozen=True, slots=True)
+class Decision[S: Score]:
+    """What was decided.
+
+    Attributes
+    ----------
+    verdict : str
+        none, named, ambiguous or unknown.
+    chosen : Score or None
+        The accepted hypothesis.
+    rivals : tuple of Score
+        Those that the data cannot tell from it.
+    tried : tuple of Score
+        All scores as they stood in the end.
+    """
+
+    verdict: str
+    chosen: S | None
+    rivals: tuple[S, ...]
+    tried: tuple[S, ...]
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the verdict names effects."""
+        return self.verdict in ("named", "ambiguous")
+
+
+class Judge:
+    """Decides by one set of rules.
+
+    Parameters
+    ----------
+    floor : ndarray, shape (channels,)
+        Mean square that noise alone leaves.
+    present : ndarray of bool, shape (channels,)
+        Channels that count.
+    rules : DecisionRules
+        Constants.
+    """
+
+    def __init__(self, floor: Array, present: np.ndarray, rules: DecisionRules) -> None:
+        self.floor = floor
+        self.present = present
+        self.rules = rules
+
+    def level(self, score: Score) -> float:
+        """Level of a held-out score."""
+        return score.level(self.floor, self.present)
+
+    def priced_level(self, score: Score) -> float:
+        """Level with what the free numbers cost: of two that leave the same, the simpler leads."""
+        return self.level(score) + self.rules.price * score.free_numbers
+
+    def choose[S: Score](self, nominal: Score, scores: Sequence[S]) -> S | None:
+        """The accepted hypothesis: the smallest that no larger one clearly beats."""
+        before = self.level(nominal)
+        accepted: S | None = None
+        for size in count(1):
+            rivals = [s for s in scores if s.size == size]
+            if not rivals:
+                break
+            best = min(rivals, key=self.priced_level)
+            for simple in sorted(rivals, key=self.level):
+                if contains(best.effects, simple.effects) and prefers_simple(
+                    self.level(simple), self.level(best), before, self.rules
+                ):
+                    best = simple
+                    break
+            if accepted is not None:
+                first = self.level(accepted)
+                others = [s for s in rivals if set(s.effects) != set(best.effects)]
+                runner_up = min((self.level(s) for s in others), default=first)
+                if not accepts_further(first, self.level(best), before, runner_up, self.rules):
+                    break
+            accepted = best
+        return accepted
+
+    def rivals[S: Score](self, chosen: S, scores: Sequence[S], nominal: Score) -> list[S]:
+        """Hypotheses of the chosen one's size that the data cannot tell from it.
+
+        A rival must bring a fair part of what the chosen one's last effect brings. A richer law
+        that the chosen one is a form of is a rival where it leaves less, though not clearly.
+        """
+        level = self.level(chosen)
+        smaller: list[Score] = [nominal, *(s for s in scores if s.size < chosen.size)]
+        part = self.rules.rival_part
+        limit = part * level + (1.0 - part) * min(self.level(s) for s in smaller)
+        alike = [
+            s
+            for s in scores
+            if s.size == chosen.size
+            and self.level(s) < limit
+            and set(s.effects) != set(chosen.effects)
+            and (
+                not contains(s.effects, chosen.effects)
+                or level - self.level(s) > self.rules.no_gain
+            )
+        ]
+        inside = confidence_set([chosen, *alike], self.floor, self.present, self.rules)[1:]
+        before = self.level(nominal)
+        return [
+            s
+            for s, tied in zip(alike, inside, strict=True)
+            if is_rival(level, self.level(s), before, tied, self.rules)
+        ]
+
+    def decide[S: Score](
+        self, nominal: Score, tried: Sequence[S], settle: Callable[[S], S]
+    ) -> Decision[S]:
+        """Choose, settle what is close, choose again, and give the verdict.
+
+        Parameters
+        ----------
+        nominal : Score
+            Of the re-tuned plant without effects.
+        tried : sequence of Score
+            Of the hypotheses.
+        settle : callable
+            Gives the score of a hypothesis that is fitted to its end.
+        """
+        chosen = self.choose(nominal, tried)
+        if chosen is not None:
+            close = [chosen, *self.rivals(chosen, tried, nominal)]
+            others = [score for score in tried if not any(score is one for one in close)]
+            tried = [*map(settle, close), *others]
+            chosen = self.choose(nominal, tried)
+        before = self.level(nominal)
+        channels = int(self.present.sum())
+        if chosen is None or not has_gap(before, channels, self.rules):
+            return Decision("none", chosen, (), tuple(tried))
+        evidence = Evidence(
+            chosen.effects,
+            before,
+            self.level(chosen),
+            channels,
+            closed_by_channel(
+                nominal.over_floor(self.floor, self.present),
+                chosen.over_floor(self.floor, self.present),
+                self.rules,
+            ),
+        )
+        rivals = self.rivals(chosen, tried, nominal)
+        verdict = decide(evidence, [r.label for r in rivals], self.rules)
+        return Decision(verdict, chosen, tuple(rivals), tuple(tried))
+
+    def weights[S: Score](
+        self, decision: Decision[S], singles: Sequence[str]
+    ) -> tuple[tuple[str, float], ...]:
+        """Every candidate with its weight: bootstrap shares of hypotheses of the accepted size.
+
+        Parameters
+        ----------
+        decision : Decision
+            Whose effects come first where it names any.
+        singles : sequence of str
+            All effects in the order of what each explains alone.
+        """
+        chosen = decision.chosen if decision.is_named else None
+        size = chosen.size if chosen is not None else 1
+        same = [s for s in decision.tried if s.size == size]
+        weight: dict[str, float] = {}
+        if same:
+            shares = bootstrap_weights(same, self.floor, self.present, self.rules)
+            for score, share in zip(same, shares, strict=True):
+                for effect in score.effects:
+                    weight[effect] = weight.get(effect, 0.0) + float(share)
+        first = strongest_first(chosen.effects, singles) if chosen is not None else ()
+        for effect in singles:
+            weight.setdefault(effect, 0.0)
+        order = list(singles)
+        names = sorted(
+            weight, key=lambda e: (e not in first, first.index(e) if e in first else 0,
+                                   -weight[e], order.index(e))
+        )  # fmt: skip
+        return tuple((name, min(weight[name], 1.0)) for name in names)
+
+
+def strongest_first(effects: Sequence[str], singles: Sequence[str]) -> tuple[str, ...]:
+    """Effects in the order of what each explains alone."""
+    return tuple(sorted(dict.fromkeys(effects), key=list(singles).index))
+
+
+def named_effects[S: Score](
+    decision: Decision[S], singles: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    """The effects that a decision names, and the sets that the data cannot tell apart."""
+    if decision.chosen is None or not decision.is_named:
+        return (), ()
+    own = strongest_first(decision.chosen.effects, singles)
+    others: list[str] = []
+    groups: list[tuple[str, ...]] = []
+    for rival in decision.rivals:
+        missing = [e for e in own if e not in rival.effects]
+        new = [e for e in rival.effects if e not in own]
+        others += new
+        groups.append((*missing, *new))
+    return tuple(dict.fromkeys((*own, *others))), merged_groups(groups)
+
+
+def merged_groups(groups: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
+    """Sets that share a member, joined."""
+    merged: list[list[str]] = []
+    for group in groups:
+        home = next((m for m in merged if set(m) & set(group)), None)
+        if home is None:
+            merged.append(list(dict.fromkeys(group)))
+        else:
+            home += [e for e in group if e not in home]
+    return tuple(tuple(group) for group in merged)

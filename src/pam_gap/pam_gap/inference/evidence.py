@@ -1,0 +1,194 @@
+"""What a diagnosis keeps so that its verdict can be decided again with other rules.
+
+The evidence holds the held-out scores of every finalist, as they came from the search and as they
+stood after the last fit, but no recording. Constants that act after the search can be changed and
+the decision repeated in milliseconds. Where the other decision would have needed a fit that was
+never made, the repeated decision says that it is not exact.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pam_gap.inference.confidence import Interval, for_another_motion, gap_closed
+from pam_gap.inference.decision import Decision, Judge, named_effects
+from pam_gap.inference.score import Score
+from pam_gap.inference.search_growth import GrowthStep, grows
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.locate import StageGap, worst_stage
+from pam_gap.rules import Rules
+from pam_model.effects import EFFECTS
+from pam_model.errors import PamError
+
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class KeptEvidence:
+    """The evidence of one joint's diagnosis.
+
+    Attributes
+    ----------
+    floor : ndarray, shape (channels,)
+        Mean square that noise alone leaves.
+    present : ndarray of bool, shape (channels,)
+        Channels that count.
+    written, nominal : Score
+        Of the plant as written and of the plant re-tuned without effects.
+    tried : tuple of Score
+        Of the finalists, as they came from the search.
+    settled : mapping
+        Place in `tried` -> score after the last fit, for the hypotheses that had one.
+    singles : tuple of str
+        All effects in the order of what each explains alone.
+    stages : tuple of StageGap
+        Where the gap arises.
+    growth : tuple of (GrowthStep, bool)
+        Each time the search asked whether to seek one more effect, and whether it did.
+    """
+
+    floor: Array
+    present: np.ndarray
+    written: Score
+    nominal: Score
+    tried: tuple[Score, ...]
+    settled: Mapping[int, Score]
+    singles: tuple[str, ...]
+    stages: tuple[StageGap, ...]
+    growth: tuple[tuple[GrowthStep, bool], ...]
+
+    def save(self, path: Path) -> None:
+        """Write the evidence to one NPZ file (arrays and one JSON text, no pickles)."""
+        places = sorted(self.settled)
+        scores = [self.written, self.nominal, *self.tried, *(self.settled[k] for k in places)]
+        about = {
+            "format": FORMAT,
+            "scores": [[list(s.effects), s.label, s.free_numbers] for s in scores],
+            "tried": len(self.tried),
+            "settled": places,
+            "singles": list(self.singles),
+            "stages": [[s.stage, s.inputs, s.gap_over_floor, s.note] for s in self.stages],
+            "growth": [[*step.to_list(), went_on] for step, went_on in self.growth],
+        }
+        np.savez_compressed(
+            path,
+            about=np.array(json.dumps(about)),
+            floor=self.floor,
+            present=self.present,
+            sums=np.array([s.sums for s in scores]),
+            counts=np.array([s.counts for s in scores]),
+        )
+
+    @classmethod
+    def load(cls, path: Path) -> KeptEvidence:
+        """Read evidence that `save` wrote.
+
+        Raises
+        ------
+        PamError
+            When the file cannot be read or is of another format.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                about = json.loads(str(file["about"]))
+                floor, present = file["floor"], file["present"]
+                sums, counts = file["sums"], file["counts"]
+        except (OSError, KeyError, ValueError) as error:
+            raise PamError(f"{path}: no evidence of a diagnosis ({error})") from error
+        if about.get("format") != FORMAT:
+            raise PamError(
+                f"{path}: evidence of format {about.get('format')}; expected {FORMAT}: run the "
+                "diagnosis again with --keep-evidence"
+            )
+        scores = [
+            Score(tuple(effects), label, free, sums[k], counts[k])
+            for k, (effects, label, free) in enumerate(about["scores"])
+        ]
+        end = 2 + about["tried"]
+        return cls(
+            floor,
+            present,
+            scores[0],
+            scores[1],
+            tuple(scores[2:end]),
+            dict(zip(about["settled"], scores[end:], strict=True)),
+            tuple(about["singles"]),
+            tuple(StageGap(*entry) for entry in about["stages"]),
+            tuple((GrowthStep(*entry[:-1]), bool(entry[-1])) for entry in about["growth"]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class DecidedAgain:
+    """A decision repeated from kept evidence.
+
+    Attributes
+    ----------
+    answer : mapping
+        The part of diagnosis.json that the decision determines.
+    is_exact : bool
+        Whether a diagnosis with these rules would have used the same scores: the search would have
+        stopped at the same size, and every hypothesis that is close was fitted to its end.
+    """
+
+    answer: Mapping[str, Any]
+    is_exact: bool
+
+
+def contract_answer(
+    evidence: KeptEvidence, decision: Decision[Score], judge: Judge, rules: Rules
+) -> dict[str, Any]:
+    """The part of diagnosis.json that a decision determines."""
+    effects, groups = named_effects(decision, evidence.singles)
+    stage: str | None = EFFECTS[effects[0]].stage if effects else None
+    if decision.verdict == "unknown":
+        stage = worst_stage(evidence.stages, rules.prediction.stage_from)
+    closed: Interval | None = None
+    if decision.is_named and decision.chosen is not None:
+        on_data = gap_closed(
+            evidence.written, decision.chosen, evidence.floor, evidence.present, rules.decision
+        )
+        closed = for_another_motion(
+            on_data, evidence.written, evidence.floor, evidence.present, rules.decision
+        )
+    return {
+        "verdict": decision.verdict,
+        "stage": stage,
+        "effects": list(effects),
+        "candidates": [list(pair) for pair in judge.weights(decision, evidence.singles)],
+        "indistinguishable": [list(group) for group in groups],
+        "closed": None
+        if closed is None
+        else {"value": closed.value, "low": closed.low, "high": closed.high},
+    }
+
+
+def decide_again(evidence: KeptEvidence, rules: Rules) -> DecidedAgain:
+    """Repeat the decision of a diagnosis, with these rules."""
+    is_exact = all(
+        grows(step, rules.search, rules.decision) == went_on for step, went_on in evidence.growth
+    )
+    missing: list[Score] = []
+
+    def settle(score: Score) -> Score:
+        place = _place(score, evidence.tried)
+        if place not in evidence.settled:
+            missing.append(score)
+            return score
+        return evidence.settled[place]
+
+    judge = Judge(evidence.floor, evidence.present, rules.decision)
+    decision = judge.decide(evidence.nominal, evidence.tried, settle)
+    answer = contract_answer(evidence, decision, judge, rules)
+    return DecidedAgain(answer, is_exact and not missing)
+
+
+def _place(score: Score, scores: Sequence[Score]) -> int:
+    """Which of the scores this very one is."""
+    return next(k for k, one in enumerate(scores) if one is score)

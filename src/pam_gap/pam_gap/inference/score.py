@@ -1,0 +1,64 @@
+"""The held-out score of a hypothesis: all that a decision needs to know of it.
+
+The level of a score is the sum over channels of the logarithm of the mean squared error over the
+noise floor, never below 0 in a channel. A difference of levels is twice the log likelihood ratio
+per observation of two Gaussian models whose variances are not known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_gap.prediction.fit import Array
+
+
+def levels(sums: Array, counts: Array, floor: Array, present: np.ndarray) -> Array:
+    """Level from sums of squares and counts, shape (..., channels); leading axes are kept."""
+    mean = sums / np.maximum(counts, 1.0) / floor
+    value: Array = np.log(np.maximum(mean, 1.0))[..., present].sum(axis=-1)
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What one hypothesis leaves on data it was not fitted to.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        Of the hypothesis; none for the nominal plant.
+    label : str
+        The effects with the side where they have one.
+    free_numbers : int
+        Numbers that the effects let the fit move.
+    sums, counts : ndarray, shape (n_blocks, channels)
+        Sum of squared whitened errors of each score block, and number of rows.
+    """
+
+    effects: tuple[str, ...]
+    label: str
+    free_numbers: int
+    sums: Array
+    counts: Array
+
+    @property
+    def size(self) -> int:
+        """Number of effects."""
+        return len(self.effects)
+
+    @property
+    def mean_square(self) -> Array:
+        """Mean squared whitened error on held-out data, shape (channels,)."""
+        mean: Array = self.sums.sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0)
+        return mean
+
+    def over_floor(self, floor: Array, present: np.ndarray) -> Array:
+        """RMS error over floor of each channel that is there."""
+        ratio: Array = np.sqrt(self.mean_square / floor)[present]
+        return ratio
+
+    def level(self, floor: Array, present: np.ndarray) -> float:
+        """Level over all blocks."""
+        return float(levels(self.sums.sum(0), self.counts.sum(0), floor, present))

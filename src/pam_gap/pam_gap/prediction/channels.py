@@ -1,0 +1,121 @@
+"""The channels of one joint: their order, and one recording picked apart into them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.observer import N_CHANNELS
+from pam_gap.recordings.noise_floor import ChannelNoise, noise_floor
+from pam_gap.recordings.recording import (
+    COMMANDS,
+    JOINTS,
+    MUSCLES,
+    PRESSURES,
+    SHUT,
+    Recording,
+    RecordingError,
+)
+from pam_gap.rules import DEFAULT, Rules
+from pam_model.rig import Rig
+
+AGONIST_PRESSURE, ANTAGONIST_PRESSURE, POSITION, AGONIST_FORCE, ANTAGONIST_FORCE = range(5)
+"""Places of the channels in every array of measurements or errors."""
+BOTH_PRESSURES = slice(AGONIST_PRESSURE, ANTAGONIST_PRESSURE + 1)
+BOTH_FORCES = slice(AGONIST_FORCE, ANTAGONIST_FORCE + 1)
+UNITS = ("Pa", "Pa", "rad", "N", "N")
+
+
+@dataclass(frozen=True, slots=True)
+class Channels:
+    """One recording as the observer takes it.
+
+    Attributes
+    ----------
+    recording : Recording
+        Where it came from.
+    commands : ndarray, shape (N, 2)
+        Valve commands, 0 where the recording has none.
+    measured, known : ndarray, shape (N, N_CHANNELS)
+        Pressures, position, forces; whether each is a true sample.
+    deviation : ndarray, shape (N_CHANNELS,)
+        White noise of one sample, channel's unit; NaN for a channel that is not there.
+    block_deviation : ndarray, shape (N_CHANNELS,)
+        Noise of a block's mean: quantisation does not average out while the joint is at rest.
+    has_commands : bool
+        Whether valve commands were recorded, or are known since the valves were shut.
+    external : ndarray, shape (N,) or None
+        Torque on the joint from outside [N m], where recorded.
+    """
+
+    recording: Recording
+    commands: Array
+    measured: Array
+    known: npt.NDArray[np.bool_]
+    deviation: Array
+    block_deviation: Array
+    has_commands: bool
+    external: Array | None = None
+
+
+def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:
+    """The N_CHANNELS channels of one joint by contract name, in the order of the arrays."""
+    entry = rig.joints[joint]
+    return (
+        *(f"{PRESSURES}{m}" for m in entry.muscles),
+        f"{JOINTS}{entry.name}.position",
+        *(f"{MUSCLES}{m}.effort" for m in entry.muscles),
+    )
+
+
+def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DEFAULT) -> Channels:
+    """Pick one joint's channels out of a recording.
+
+    Raises
+    ------
+    RecordingError
+        When the pressures are missing.
+    """
+    names = channel_names(rig, joint)
+    missing = [name for name in names[BOTH_PRESSURES] if not recording.has(name)]
+    if missing:
+        raise RecordingError(
+            f"{recording.source}: no channel {', '.join(missing)} [Pa gauge]; a diagnosis needs "
+            "both pressures"
+        )
+    count = recording.time.size
+    measured = np.zeros((count, N_CHANNELS))
+    known = np.zeros((count, N_CHANNELS), dtype=np.bool_)
+    noise: dict[str, ChannelNoise] = dict(noise_floor(recording, rules.recording))
+    deviation = np.full(N_CHANNELS, np.nan)
+    block_deviation = np.full(N_CHANNELS, np.nan)
+    for i, name in enumerate(names):
+        if recording.has(name):
+            measured[:, i] = recording.values[name]
+            known[:, i] = recording.valid[name]
+            deviation[i] = noise[name].deviation
+            block_deviation[i] = np.sqrt(
+                noise[name].deviation ** 2 / rules.prediction.block
+                + noise[name].resolution ** 2 / 12.0
+            )
+    commands = np.zeros((count, 2))
+    command_names = [f"{COMMANDS}{m}" for m in rig.joints[joint].muscles]
+    torque = recording.values.get(f"{JOINTS}{rig.joints[joint].name}.effort")
+    is_shut = recording.mounting == SHUT
+    has_commands = is_shut or all(recording.has(name) for name in command_names)
+    if has_commands and not is_shut:
+        for i, name in enumerate(command_names):
+            commands[:, i] = recording.values[name]
+    return Channels(
+        recording, commands, measured, known, deviation, block_deviation, has_commands, torque
+    )
+
+
+def block_means(values: Array, block: int) -> Array:
+    """Means of `block` samples in a row, shape (N // block, ...); a rest is left out."""
+    rows = len(values) // block
+    means: Array = values[: rows * block].reshape(rows, block, *values.shape[1:]).mean(axis=1)
+    return means

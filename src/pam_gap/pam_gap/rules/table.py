@@ -1,0 +1,115 @@
+"""All rules together: the values in use, other values, and the table of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+from pam_gap.rules.decision_rules import DecisionRules
+from pam_gap.rules.experiment_rules import ExperimentRules
+from pam_gap.rules.prediction_rules import PredictionRules
+from pam_gap.rules.recording_rules import RecordingRules
+from pam_gap.rules.search_rules import SearchRules
+from pam_model.errors import PamError
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """Every hand-set constant of the diagnosis, in the order in which they act."""
+
+    recording: RecordingRules = field(default_factory=RecordingRules)
+    prediction: PredictionRules = field(default_factory=PredictionRules)
+    search: SearchRules = field(default_factory=SearchRules)
+    decision: DecisionRules = field(default_factory=DecisionRules)
+    experiment: ExperimentRules = field(default_factory=ExperimentRules)
+
+
+DEFAULT = Rules()
+"""The values in use."""
+
+
+@dataclass(frozen=True, slots=True)
+class RuleEntry:
+    """One row of the table.
+
+    Attributes
+    ----------
+    group, name : str
+        Where the value stands in `Rules`.
+    value : float or int
+        In use.
+    unit, decides, trades, origin : str
+        What it is; see `pam_gap.rules.rule.rule`.
+    acts : str
+        From which step on a change has an effect.
+    """
+
+    group: str
+    name: str
+    value: float
+    unit: str
+    decides: str
+    trades: str
+    origin: str
+    acts: str
+
+    @property
+    def path(self) -> str:
+        """Group and name, as `changed` takes it."""
+        return f"{self.group}.{self.name}"
+
+    def scaled(self, factor: float) -> float:
+        """The value times a factor; a whole number stays whole, changes, and is at least 1."""
+        if not isinstance(self.value, int):
+            return self.value * factor
+        moved = round(self.value * factor)
+        if moved == self.value:
+            moved += 1 if factor > 1.0 else -1
+        return max(moved, 1)
+
+
+def table(rules: Rules = DEFAULT) -> tuple[RuleEntry, ...]:
+    """Every rule with its value and what there is to know of it."""
+    entries = []
+    for group in fields(rules):
+        part: Any = getattr(rules, group.name)
+        for one in fields(part):
+            about = one.metadata
+            entries.append(
+                RuleEntry(
+                    group.name,
+                    one.name,
+                    getattr(part, one.name),
+                    about["unit"],
+                    about["decides"],
+                    about["trades"],
+                    about["origin"],
+                    about["acts"],
+                )
+            )
+    return tuple(entries)
+
+
+def changed(path: str, value: float, rules: Rules = DEFAULT) -> Rules:
+    """A copy of the rules with one value changed.
+
+    Parameters
+    ----------
+    path : str
+        "group.name", as in `RuleEntry.path`.
+    value : float
+        The new value.
+    rules : Rules
+        What is copied.
+
+    Raises
+    ------
+    PamError
+        When there is no rule of that name.
+    """
+    entry = next((one for one in table(rules) if one.path == path), None)
+    if entry is None:
+        known = ", ".join(one.path for one in table(rules))
+        raise PamError(f"no rule {path!r}; the rules are {known}")
+    part: Any = getattr(rules, entry.group)
+    return replace(rules, **{entry.group: replace(part, **{entry.name: value})})
