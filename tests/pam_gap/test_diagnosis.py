@@ -13,9 +13,10 @@ import pandas as pd
 import pytest
 
 from pam_gap.__main__ import main
-from pam_gap.answer.write_answer import merged_groups
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import candidates_for
+from pam_gap.inference.decision import merged_groups
+from pam_gap.inference.evidence import decide_again
 from pam_gap.inference.held_out import score_held_out
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.gap_figures import noise_level
@@ -23,6 +24,7 @@ from pam_gap.prediction.locate import locate
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.recording import Recording
+from pam_gap.rules import DEFAULT
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.rig import Rig, load_rig, save_rig
 
@@ -81,15 +83,21 @@ def test_the_gap_is_located(
 def test_effects_are_named(
     rig: Rig, record: Maker, changes: dict[str, float], effects: tuple[str, ...]
 ) -> None:
-    diagnosis = JointDiagnosis(rig, 0, [record(changes)]).run()
+    engine = JointDiagnosis(rig, 0, [record(changes)])
+    diagnosis = engine.run()
     assert diagnosis.verdict == ("named" if effects else "none")
+    assert engine.evidence is not None
+    again = decide_again(engine.evidence, DEFAULT)
+    assert again.is_exact
+    whole = diagnosis.to_json()
+    assert again.answer == {key: whole[key] for key in again.answer}
     assert set(diagnosis.effects) == set(effects)
     if effects:
         assert diagnosis.closed is not None
         assert diagnosis.closed.value > 0.95
         assert diagnosis.improved is not None
-        again = PredictionProblem(diagnosis.improved, 0, [record(changes)])
-        left = mean_squares(again.errors(again.base.values[None])[0], again.counted)
+        improved = PredictionProblem(diagnosis.improved, 0, [record(changes)])
+        left = mean_squares(improved.errors(improved.base.values[None])[0], improved.counted)
         assert (left[:3] < 2.0).all()
 
 
@@ -133,9 +141,9 @@ def test_what_is_reported_is_fitted_from_the_written_numbers(rig: Rig, record: M
     caught = engine.fitter.fit((payload,), np.array([*ends, 0.3, 0.3]), max_iterations=1)
     score = score_held_out(engine.fitter, engine.folds, caught)
     settled = engine.settled(score)
-    assert engine.held_out_level(settled) < engine.held_out_level(score) - 1.0
+    assert engine.judge.level(settled) < engine.judge.level(score) - 1.0
     again = engine.settled(settled)
-    assert engine.held_out_level(again) <= engine.held_out_level(settled)
+    assert engine.judge.level(again) <= engine.judge.level(settled)
 
 
 @needs_numba

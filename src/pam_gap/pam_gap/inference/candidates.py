@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pam_gap.prediction.fit import Array, FreeParameter
+from pam_gap.rules import DEFAULT
+from pam_gap.rules.search_rules import SearchRules
 from pam_model.effects import EFFECTS, Effect, Range, RigScales
 from pam_model.plant.force_table import closed_form
 from pam_model.rig import Joint, Muscle, Rig
@@ -185,8 +187,10 @@ class Nuisance:
     is_factor: bool
 
 
-def nuisances_for(rig: Rig, joint: Joint) -> tuple[Nuisance, ...]:
-    """The nominal parameters that may be off within the rig's tolerance; none for 0."""
+def nuisances_for(
+    rig: Rig, joint: Joint, rules: SearchRules = DEFAULT.search
+) -> tuple[Nuisance, ...]:
+    """The nuisance parameters: nominal values that may be off within the tolerance; none for 0."""
     tolerance = rig.parameter_tolerance
     if tolerance <= 0.0:
         return ()
@@ -205,10 +209,10 @@ def nuisances_for(rig: Rig, joint: Joint) -> tuple[Nuisance, ...]:
         Nuisance(
             FreeParameter(
                 name,
-                1.0 - 1.05 * tolerance,
-                1.0 + 1.05 * tolerance,
-                0.3 * tolerance,
-                prior=tolerance / math.sqrt(3.0),
+                1.0 - rules.tolerance_reach * tolerance,
+                1.0 + rules.tolerance_reach * tolerance,
+                rules.tolerance_size * tolerance,
+                prior=tolerance / math.sqrt(3.0),  # the standard deviation of a uniform range
                 centre=1.0,
             ),
             (name,),
@@ -218,10 +222,13 @@ def nuisances_for(rig: Rig, joint: Joint) -> tuple[Nuisance, ...]:
     )
 
 
-def transport_time(sample_time: float, written: float) -> Nuisance:
-    """What stamps of messages leave open: on its way a command is for part of a sample.
+def transport_time(
+    sample_time: float, written: float, rules: SearchRules = DEFAULT.search
+) -> Nuisance:
+    """The transport time of a command, which the stamps of messages do not show.
 
-    Commands are stamped when they are sent, measurements when they arrive.
+    Commands are stamped when they are sent and measurements when they arrive, so that a command may
+    act up to one sample later than its stamp says. That is a property of the log and no effect.
 
     Parameters
     ----------
@@ -229,12 +236,14 @@ def transport_time(sample_time: float, written: float) -> Nuisance:
         Of the recording [s].
     written : float
         Delay of commands that the rig file has already [s].
+    rules : SearchRules
+        Constants.
     """
     free = FreeParameter(
         "transport time",
         written,
         written + sample_time,
-        0.3 * sample_time,
+        rules.tolerance_size * sample_time,
         prior=sample_time / math.sqrt(3.0),
         centre=written,
     )

@@ -60,12 +60,14 @@ class HypothesisFitter:
         self.problem = problem
         self.floor = floor
         self.rules = problem.rules
-        self.nuisances = nuisances_for(problem.rig, problem.rig.joints[problem.joint])
+        self.nuisances = nuisances_for(
+            problem.rig, problem.rig.joints[problem.joint], self.rules.search
+        )
         stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
         written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}
         # delays written apart for the two muscles are known, transport included
         if stamped and problem.has_commands and len(written) == 1:
-            self.nuisances += (transport_time(max(stamped), written.pop()),)
+            self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
         self.nominal: Hypothesis | None = None
 
     def problem_parts(

@@ -14,6 +14,20 @@ _COUNT = "Fewer: the true effect can be dropped after a bad start. More: time."
 class SearchRules:
     """How many hypotheses are tried, and how hard."""
 
+    tolerance_reach: float = rule(
+        1.05,
+        unit="of the tolerance",
+        decides="How far re-tuning may move a nominal parameter.",
+        trades="Smaller: a parameter that is off by the whole tolerance looks like an effect. "
+        "Larger: small effects are re-tuned away.",
+    )
+    tolerance_size: float = rule(
+        0.3,
+        unit="of the tolerance",
+        decides="What counts as a sizeable change of a nominal parameter; sets the difference step "
+        "and the damping of its fit.",
+        trades="Numerical: the fit takes other steps.",
+    )
     behind: float = rule(
         6.0,
         unit="level",

@@ -1,0 +1,129 @@
+"""The sensitivity table of a campaign, made from evidence that its diagnoses kept."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pam_check.__main__ import main
+from pam_check.blind.sensitivity import Campaign, sensitivity, to_markdown
+from pam_gap.inference.evidence import KeptEvidence, decide_again
+from pam_gap.inference.score import Score
+from pam_gap.rules import DEFAULT, table
+from pam_gap.rules.rule import DECISION
+from pam_model.errors import PamError
+
+
+def score(effects: tuple[str, ...], rms: float) -> Score:
+    counts = np.full((12, 3), 40.0)
+    return Score(effects, " + ".join(effects), len(effects), counts * rms**2, counts)
+
+
+def kept(nominal: float, best: float) -> KeptEvidence:
+    """Creep leaves `best` of an RMS error of `nominal` floors."""
+    creep = score(("creep",), best)
+    return KeptEvidence(
+        np.ones(3),
+        np.ones(3, dtype=bool),
+        score((), nominal + 1.0),
+        score((), nominal),
+        (creep, score(("leakage",), nominal)),
+        {0: creep},
+        ("creep", "leakage"),
+        (),
+        (),
+    )
+
+
+CASES = {
+    # RMS error of 1.23 floors: a level of 0.41 per channel, named at 0.35 and none at 0.455
+    "000": ("one", ["creep"], kept(1.23, 1.0)),
+    "001": ("one", ["creep"], kept(8.0, 1.1)),
+    "002": ("none", [], kept(1.05, 1.0)),
+    "003": ("outside", ["backlash"], kept(8.0, 4.6)),
+}
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    """The folder of a finished campaign."""
+    labels = []
+    for name, (kind, effects, evidence) in CASES.items():
+        place = tmp_path / "answers" / name
+        place.mkdir(parents=True)
+        answer = decide_again(evidence, DEFAULT).answer
+        (place / "diagnosis.json").write_text(json.dumps(answer))
+        evidence.save(place / "evidence.npz")
+        labels.append(
+            {"case": name, "kind": kind, "effects": effects, "stages": ["muscle"] * len(effects),
+             "gap_over_floor": 10.0}
+        )  # fmt: skip
+    (tmp_path / "sealed").mkdir()
+    text = json.dumps(labels)
+    (tmp_path / "sealed" / "labels.json").write_text(text)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (tmp_path / "score.json").write_text(json.dumps({"labels_sha256": digest}))
+    return tmp_path
+
+
+def test_the_constants_in_use_give_every_stored_verdict_again(campaign: Path) -> None:
+    read = Campaign.read(campaign)
+    read.check()
+    answers, inexact = read.decided(DEFAULT)
+    assert inexact == 0
+    verdicts = [answers[name]["verdict"] for name in sorted(answers)]
+    assert verdicts == ["named", "named", "none", "unknown"]
+
+
+def test_a_verdict_that_the_evidence_does_not_give_is_refused(campaign: Path) -> None:
+    place = campaign / "answers" / "001" / "diagnosis.json"
+    place.write_text(json.dumps(json.loads(place.read_text()) | {"verdict": "unknown"}))
+    with pytest.raises(PamError, match="other verdicts for 001"):
+        sensitivity(Campaign.read(campaign))
+
+
+def test_a_change_is_counted_as_the_blind_check_counts(campaign: Path) -> None:
+    rows = sensitivity(
+        Campaign.read(campaign), only=["decision.no_gap", "decision.closed_at_least"]
+    )
+    down, up, looser, stricter = rows
+    assert [row.value for row in rows] == pytest.approx([0.245, 0.455, 0.42, 0.78])
+    assert down.moved == stricter.moved == 0
+    assert (up.moved, up.before["top1"], up.counts["top1"]) == (1, (2, 2), (1, 2))
+    # more than 0.42 of the gap outside the table is closed, less than 0.6: it gets a name
+    assert (looser.before["unknown_recall"], looser.counts["unknown_recall"]) == ((1, 1), (0, 1))
+    assert "1/2 (was 2/2)" in to_markdown(rows)
+
+
+def test_every_constant_has_its_rows_and_the_table_says_how(campaign: Path) -> None:
+    assert main(["sensitivity", str(campaign)]) == 0
+    rows = json.loads((campaign / "sensitivity.json").read_text())
+    assert len(rows) == 2 * len(table())
+    decided = {row["constant"] for row in rows if row["how"] == "decided again"}
+    assert decided == {entry.path for entry in table() if entry.acts == DECISION}
+    assert {row["how"] for row in rows} == {"decided again", "not run", "changes no verdict"}
+    page = (campaign / "sensitivity.md").read_text()
+    assert "Not run: " in page
+    assert "`decision.no_gap`" in page
+
+
+def test_a_folder_without_evidence_is_a_mistake_of_the_user(
+    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (campaign / "answers" / "002" / "evidence.npz").unlink()
+    assert main(["sensitivity", str(campaign)]) == 2
+    assert "--keep-evidence" in capsys.readouterr().err
+    (tmp_path / "empty").mkdir()
+    assert main(["sensitivity", str(tmp_path / "empty")]) == 2
+    assert "no finished campaign" in capsys.readouterr().err
+
+
+def test_labels_that_were_not_sealed_are_refused(campaign: Path) -> None:
+    labels = campaign / "sealed" / "labels.json"
+    labels.write_text(labels.read_text().replace("creep", "leakage"))
+    with pytest.raises(PamError, match="not the labels that were sealed"):
+        Campaign.read(campaign)

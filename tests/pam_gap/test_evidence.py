@@ -1,0 +1,121 @@
+"""Verdicts decided again from kept evidence, with the same constants and with others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pam_gap.inference.evidence import KeptEvidence, decide_again
+from pam_gap.inference.score import Score
+from pam_gap.inference.search_growth import GrowthStep
+from pam_gap.prediction.locate import StageGap
+from pam_gap.rules import DEFAULT, changed
+from pam_model.errors import PamError
+
+BLOCKS, CHANNELS = 20, 3
+
+
+def score(effects: tuple[str, ...], rms: float) -> Score:
+    """A score with this RMS error over floor in every channel."""
+    generator = np.random.default_rng(len(effects) + round(10 * rms))
+    spread = np.exp(0.05 * generator.standard_normal((BLOCKS, CHANNELS)))
+    counts = np.full((BLOCKS, CHANNELS), 40.0)
+    sums = counts * rms**2 * spread / spread.mean(axis=0)
+    return Score(effects, " + ".join(effects), len(effects), sums, counts)
+
+
+def evidence(**changes: object) -> KeptEvidence:
+    """Creep explains what is left; coupled with a leak it explains a little more."""
+    tried = (
+        score(("creep",), 1.2),
+        score(("hysteresis",), 3.0),
+        score(("leakage",), 4.0),
+        score(("creep", "leakage"), 1.15),
+    )
+    kept = KeptEvidence(
+        floor=np.ones(CHANNELS),
+        present=np.array([True, True, True]),
+        written=score((), 9.0),
+        nominal=score((), 6.0),
+        tried=tried,
+        settled={0: score(("creep",), 1.1)},
+        singles=("creep", "hysteresis", "leakage"),
+        stages=(StageGap("valve", "commands", 1.1), StageGap("muscle", "pressures", 4.0)),
+        growth=((GrowthStep(1, 2.0, 10.0, 0.9), False),),
+    )
+    return replace(kept, **changes)
+
+
+def test_evidence_read_back_gives_the_same_decision(tmp_path: Path) -> None:
+    kept = evidence()
+    kept.save(tmp_path / "evidence.npz")
+    read = KeptEvidence.load(tmp_path / "evidence.npz")
+    first, second = decide_again(kept, DEFAULT), decide_again(read, DEFAULT)
+    assert first == second
+    assert first.is_exact
+    assert first.answer["verdict"] == "named"
+    assert first.answer["effects"] == ["creep"]
+    assert first.answer["stage"] == "muscle"
+    assert 0.9 < first.answer["closed"]["value"] <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "verdict", "effects"),
+    [
+        ("decision.no_gap", 5.0, "none", []),
+        ("decision.closed_at_least", 0.999, "unknown", []),
+        ("decision.rival_gap", 9.0, "ambiguous", ["creep", "hysteresis", "leakage"]),
+        ("decision.motion_spread", 0.9, "named", ["creep"]),
+    ],
+)
+def test_another_constant_gives_another_verdict(
+    path: str, value: float, verdict: str, effects: list[str]
+) -> None:
+    rules = changed(path, value, changed("decision.rival_part", 0.01))
+    answer = decide_again(evidence(), rules).answer
+    assert answer["verdict"] == verdict
+    assert answer["effects"] == effects
+
+
+def test_a_wider_spread_widens_the_interval_alone() -> None:
+    plain = decide_again(evidence(), DEFAULT).answer
+    wide = decide_again(evidence(), changed("decision.motion_spread", 0.9)).answer
+    assert wide["closed"]["low"] < plain["closed"]["low"]
+    assert wide | {"closed": 0} == plain | {"closed": 0}
+
+
+def test_the_stage_of_unknown_needs_a_gap() -> None:
+    unknown = changed("decision.closed_at_least", 0.999)
+    assert decide_again(evidence(), unknown).answer["stage"] == "muscle"
+    deaf = changed("prediction.stage_from", 5.0, unknown)
+    assert decide_again(evidence(), deaf).answer["stage"] is None
+
+
+def test_a_fit_that_was_never_made_is_told() -> None:
+    """The rival was not fitted to its end, since with the constants in use it was none."""
+    near = changed("decision.rival_gap", 9.0, changed("decision.rival_part", 0.01))
+    assert not decide_again(evidence(), near).is_exact
+    assert not decide_again(evidence(settled={}), DEFAULT).is_exact
+
+
+def test_a_search_that_would_have_gone_on_is_told() -> None:
+    kept = evidence(growth=((GrowthStep(1, 2.6, 10.0, 5.0), True),))
+    assert decide_again(kept, DEFAULT).is_exact
+    assert not decide_again(kept, changed("search.left_to_explain", 3.0)).is_exact
+    further = (GrowthStep(2, 4.0, 10.0, 5.0, previous=7.0, runner_up=6.9), True)
+    assert decide_again(evidence(growth=(further,)), DEFAULT).is_exact
+    assert not decide_again(
+        evidence(growth=(further,)), changed("decision.further_gain", 2.5)
+    ).is_exact
+
+
+def test_a_file_that_is_no_evidence_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "evidence.npz"
+    path.write_bytes(b"nothing")
+    with pytest.raises(PamError, match="no evidence of a diagnosis"):
+        KeptEvidence.load(path)
+    with pytest.raises(PamError, match="no evidence of a diagnosis"):
+        KeptEvidence.load(tmp_path / "missing.npz")
