@@ -20,7 +20,8 @@ from pam_driver.boards.pam_board.codec import BoardCodec, BoardState, FrameError
 from pam_driver.safety.states import TRANSITIONS, SafetyState
 from pam_driver.safety.states_page import diagram_as_mermaid
 from pam_model.errors import PamError
-from pam_sim.boards.pam_board import BoardValve, SimulatedBoard
+from pam_sim.boards.pam_board_twin import SimulatedPamBoard
+from pam_sim.boards.protocol import BoardValve
 from pam_sim.faults import injection as fault_injection
 from pam_sim.faults import rig_faults
 from pam_sim.faults.frame_faults import FrameFault, FrameFaults
@@ -162,10 +163,10 @@ def test_ends_of_a_range_are_drawn_often():
 
 def test_a_board_whose_turn_is_early_by_rounding_sends_each_frame_once():
     """Two heartbeats in a row, overtaking each other, would look like a restart."""
-    board = SimulatedBoard(0, BoardCodec.from_dbc())
-    board.poll(0.0, (0.0, 0.0), 0.0, 7e5)
-    first = board.poll(0.1 - 5e-10, (0.0, 0.0), 0.0, 7e5)
-    again = board.poll(0.101, (0.0, 0.0), 0.0, 7e5)
+    board = SimulatedPamBoard(0, BoardCodec.from_dbc())
+    board.poll(0.0, (0.0, 0.0), (0.0,), 7e5)
+    first = board.poll(0.1 - 5e-10, (0.0, 0.0), (0.0,), 7e5)
+    again = board.poll(0.101, (0.0, 0.0), (0.0,), 7e5)
     assert 0x700 in [frame_id for frame_id, _ in first]
     assert 0x700 not in [frame_id for frame_id, _ in again]
 
@@ -244,12 +245,12 @@ def test_sensor_faults_change_what_is_shown():
     faults.sensors[0, 0] = rig_faults.stuck()
     faults.sensors[0, 1] = rig_faults.drifting(10.0, 1.0)
     faults.sensors[0, POSITION] = rig_faults.offset(0.5)
-    assert faults.readings(0, [1.0, 2.0], 0.1, 2.0) == ([1.0, 12.0], 0.6)
-    assert faults.readings(0, [5.0, 2.0], 0.1, 3.0) == ([1.0, 22.0], 0.6)
-    assert faults.readings(1, [5.0, 2.0], 0.1, 3.0) == ([5.0, 2.0], 0.1)
+    assert faults.readings(0, [1.0, 2.0], [0.1], 2.0) == ([1.0, 12.0], [0.6])
+    assert faults.readings(0, [5.0, 2.0], [0.1], 3.0) == ([1.0, 22.0], [0.6])
+    assert faults.readings(1, [5.0, 2.0], [0.1], 3.0) == ([5.0, 2.0], [0.1])
     faults.clear()
     faults.swapped.add(0)
-    assert faults.readings(0, [5.0, 2.0], 0.1, 3.0) == ([2.0, 5.0], 0.1)
+    assert faults.readings(0, [5.0, 2.0], [0.1], 3.0) == ([2.0, 5.0], [0.1])
 
 
 def test_a_stuck_valve_ignores_its_board():

@@ -92,7 +92,7 @@ class ExactBench:
     def __init__(self, rig: Rig, codec: BoardCodec, judge: Judge | None = None) -> None:
         self.codec = codec
         self.port = RecordingPort(codec)
-        self.driver = Driver(rig, codec, self.port, SETTINGS, judge)
+        self.driver = Driver(rig, self.port, SETTINGS, judge)
         self.boards = list(self.driver.boards)
         self.now = 16.0
         self.counter = 0

@@ -7,7 +7,8 @@ import math
 import pytest
 
 from pam_driver.boards.pam_board.codec import BoardFault, BoardState, Heartbeat, Measurement, Status
-from pam_driver.boards.pam_board.monitor import BoardMonitor, Condition, Sample
+from pam_driver.boards.pam_board.monitor import BoardMonitor
+from pam_driver.boards.protocol import Condition, Sample
 
 # halves and quarters, so that a limit can be met exactly
 TIMEOUT, SENSOR_TIMEOUT = 0.5, 0.25
@@ -43,13 +44,16 @@ def test_a_condition_names_who_is_concerned_if_anyone_is() -> None:
 
 
 def test_samples_keep_both_times(board: BoardMonitor) -> None:
-    assert board.pressures == [Sample(1e5, 8.0, 1008.0), Sample(2e5, 8.0, 1008.0)]
+    assert list(board.pressures.values()) == [Sample(1e5, 8.0, 1008.0), Sample(2e5, 8.0, 1008.0)]
     assert board.position == Sample(0.1, 8.0, 1008.0)
 
 
 def test_a_value_that_is_not_available_leaves_the_one_before(board: BoardMonitor) -> None:
     board.hear_measurement(Measurement((math.nan, 3e5), math.nan, 101), 8.002, 1008.002)
-    assert board.pressures == [Sample(1e5, 8.0, 1008.0), Sample(3e5, 8.002, 1008.002)]
+    assert list(board.pressures.values()) == [
+        Sample(1e5, 8.0, 1008.0),
+        Sample(3e5, 8.002, 1008.002),
+    ]
     assert board.position == Sample(0.1, 8.0, 1008.0)
 
 
@@ -126,9 +130,9 @@ def test_what_is_silent_is_named_after_the_timeout() -> None:
     assert board.silent(8.0, TIMEOUT) == ["measurement", "status", "heartbeat"]
     board.hear_measurement(measurement(1), 8.0, 1008.0)
     board.hear_status(status(), 8.25)
-    assert not board.present(8.25, TIMEOUT)
+    assert board.silent(8.25, TIMEOUT)
     board.hear_heartbeat(Heartbeat(1.0, 1, 1), 8.5)
-    assert board.present(8.5, TIMEOUT)
+    assert not board.silent(8.5, TIMEOUT)
     assert found(board, 8.5) == []
     text = "no measurement for 0.5 s"
     assert found(board, 8.625) == [Condition("board_lost", "board 3", text)]

@@ -40,7 +40,7 @@ class Bench:
     def __init__(self, rig: Rig, codec: BoardCodec, ports: tuple[CanPort, CanPort]) -> None:
         self.port, self.board_port = ports
         self.codec = codec
-        self.driver = Driver(rig, codec, self.port, SETTINGS)
+        self.driver = Driver(rig, self.port, SETTINGS)
         self.board = FakeBoard(self.board_port, codec)
         self.now = 100.0
         self.snapshot: Snapshot | None = None
@@ -401,7 +401,7 @@ class RefusingPort:
 )
 def test_a_bus_that_takes_nothing_is_a_fault(outcome: SendOutcome, kind: str, bench: Bench) -> None:
     bench.start()
-    bench.driver._port = RefusingPort(bench.port, outcome)
+    bench.driver._boards.ports[""] = RefusingPort(bench.port, outcome)
     bench.step(SETTINGS.command_timeout + CYCLE, (0.1, 0.1))
     assert kind in bench.kinds()
     # the host could not say so: the board's own watchdog has vented
@@ -436,7 +436,7 @@ def test_two_joints_on_two_boards(rig: Rig, codec: BoardCodec) -> None:
     both = replace(rig, joints=(*rig.joints, joint), muscles=rig.muscles + others)
     channel = uuid.uuid4().hex
     ends = [open_bus("virtual", channel) for _ in range(3)]
-    driver = Driver(both, codec, ends[0], SETTINGS)
+    driver = Driver(both, ends[0], SETTINGS)
     elbow, wrist = FakeBoard(ends[1], codec, 0), FakeBoard(ends[2], codec, 4)
     names = (*NAMES, "wrist_a", "wrist_b")
     now = 1.0
@@ -484,7 +484,7 @@ def test_a_rig_that_is_not_wired_is_refused(
 ) -> None:
     wrong = rig.with_muscle(replace(rig.muscles[0], **{field: value}))
     with pytest.raises(PamError, match=expected):
-        RigWiring(wrong, codec.board_count)
+        RigWiring(wrong)
 
 
 def test_a_regulator_takes_pascal(rig: Rig, codec: BoardCodec, ports: tuple) -> None:
@@ -528,7 +528,7 @@ def test_physics_begins_anew_after_a_stall(
     """A host that stood still must not take the gas that went on for a leak."""
     bench = Bench(rig, codec, ports)
     judge = SeenPressures()
-    bench.driver = Driver(rig, codec, bench.port, SETTINGS, judge)
+    bench.driver = Driver(rig, bench.port, SETTINGS, judge)
     bench.step(0.2)
     assert not any(math.isnan(value) for value in judge.seen[-1])
     bench.now += 0.1

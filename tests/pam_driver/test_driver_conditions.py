@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from pam_driver.boards.pam_board.codec import BoardCodec, ValveCommand
-from pam_driver.boards.pam_board.monitor import Condition
+from pam_driver.boards.protocol import Condition
 from pam_driver.bus import BusState, SendOutcome
 from pam_driver.driver import ActivationError
 from pam_driver.safety.command_intake import CommandError, NamedCommand
@@ -60,7 +60,7 @@ def test_another_driver_is_remembered_for_a_second(bench: ExactBench) -> None:
     expected = Condition("foreign_command", "", "another driver commands boards on this bus")
     assert bench.driver.faults == (expected,)
     assert bench.driver.frame_errors == {"foreign_command": 2}
-    assert bench.driver.last_frame_error == {"foreign_command": "frame 0x100 for board 0"}
+    assert bench.driver.last_frame_error == {"foreign_command": "frame 0x100: a command to board 0"}
     bench.step(510)  # it came a cycle before it was heard
     assert bench.driver.conditions == (expected,)
     bench.step(1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from pam_driver.boards.pam_board.codec import BoardCodec
-from pam_driver.boards.pam_board.monitor import Condition
+from pam_driver.boards.protocol import Condition
 from pam_driver.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
@@ -22,10 +22,10 @@ def status_of(diagnostics: DriverDiagnostics, name: str) -> DiagnosticStatus:
 def test_a_suspicion_is_a_warning_by_name(
     rig: Rig, codec: BoardCodec, ports: tuple[CanPort, CanPort]
 ) -> None:
-    driver = Driver(rig, codec, ports[0], DriverSettings())
+    driver = Driver(rig, ports[0], DriverSettings())
     diagnostics = DriverDiagnostics(driver, ports[0], 1e6)
     assert status_of(diagnostics, "safety").level == DiagnosticStatus.OK
-    driver.suspicions = (Condition("sensor_noise", "elbow_flexor", "noise 7000 Pa"),)
+    driver._judge.suspicions = (Condition("sensor_noise", "elbow_flexor", "noise 7000 Pa"),)
     status = status_of(diagnostics, "safety")
     assert status.level == DiagnosticStatus.WARN
     assert "elbow_flexor: noise 7000 Pa" in status.message
@@ -34,7 +34,7 @@ def test_a_suspicion_is_a_warning_by_name(
 def test_a_second_commander_is_a_warning(
     rig: Rig, codec: BoardCodec, ports: tuple[CanPort, CanPort]
 ) -> None:
-    diagnostics = DriverDiagnostics(Driver(rig, codec, ports[0], DriverSettings()), ports[0], 1e6)
+    diagnostics = DriverDiagnostics(Driver(rig, ports[0], DriverSettings()), ports[0], 1e6)
     diagnostics.commanders = 1
     assert status_of(diagnostics, "valve_commands").level == DiagnosticStatus.OK
     diagnostics.commanders = 2

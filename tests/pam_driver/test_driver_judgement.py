@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
-from pam_driver.boards.pam_board.monitor import Condition
+from pam_driver.boards.protocol import Condition
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Plausibility, Rig

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pam_driver.boards.pam_board.monitor import Sample
+from pam_driver.boards.protocol import Sample
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_driver.safety.sensor_checks import SensorChecks, _noise_of
 from pam_model.rig import Plausibility, Rig

@@ -19,7 +19,8 @@ from pam_driver.boards.pam_board.codec import (
     ValveCommand,
 )
 from pam_model.errors import PamError
-from pam_sim.boards.pam_board import BoardSettings, BoardValve, SimulatedBoard
+from pam_sim.boards.pam_board_twin import SimulatedPamBoard
+from pam_sim.boards.protocol import BoardSettings, BoardValve
 
 VENTED = (-1.0, -1.0)
 
@@ -29,7 +30,7 @@ class Bench:
 
     def __init__(self, settings=None, number=3, **keys):
         self.codec = BoardCodec.from_dbc()
-        self.board = SimulatedBoard(number, self.codec, settings, **keys)
+        self.board = SimulatedPamBoard(number, self.codec, settings, **keys)
         self.now, self.counter, self.heard = 0.0, 0, []
         self.pressures, self.position = (1e5, 1e5), 0.25
         self.wait(0.1)
@@ -39,7 +40,7 @@ class Bench:
             self.now += 0.001
             if feed is not None:
                 self.command(*feed)
-            for frame in self.board.poll(self.now, self.pressures, self.position, 7e5):
+            for frame in self.board.poll(self.now, self.pressures, (self.position,), 7e5):
                 self.heard.append((self.now, *self.codec.decode(*frame)))
 
     def command(self, valves=(0.0, 0.0), enable=(True, True), counter=None):
@@ -171,7 +172,7 @@ def test_vent_command_needs_arming_again():
 
 
 def test_over_pressure_latches_until_it_is_gone():
-    bench = Bench(BoardSettings(max_pressures=(6e5, 6e5)))
+    bench = Bench(valves=(BoardValve(max_pressure=6e5), BoardValve(max_pressure=6e5)))
     bench.arm()
     bench.pressures = (1e5, 6.1e5)
     bench.wait(0.002)
@@ -220,7 +221,7 @@ def test_rates_counters_and_news_at_once():
 
 def test_a_late_caller_gets_no_burst():
     bench = Bench()
-    frames = bench.board.poll(bench.now + 0.5, (1e5, 1e5), 0.0, 7e5)
+    frames = bench.board.poll(bench.now + 0.5, (1e5, 1e5), (0.0,), 7e5)
     assert len(frames) == 3
 
 
@@ -251,8 +252,8 @@ def test_bad_settings_are_named(settings):
 def test_every_turn_has_its_measurement_however_long_it_runs():
     """Sums of periods drift by rounding, after an hour far enough to miss a turn."""
     codec, start = BoardCodec.from_dbc(), 2.0e6
-    board = SimulatedBoard(3, codec, BoardSettings(measurement_rate=500.0), now=start)
+    board = SimulatedPamBoard(3, codec, BoardSettings(measurement_rate=500.0), now=start)
     for turn in range(20_000):
-        frames = board.poll(start + turn * 0.002, (1e5, 1e5), 0.25, 7e5)
+        frames = board.poll(start + turn * 0.002, (1e5, 1e5), (0.25,), 7e5)
         told = [codec.decode(*frame)[-1] for frame in frames]
         assert sum(isinstance(one, Measurement) for one in told) == 1, turn

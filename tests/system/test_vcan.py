@@ -21,7 +21,7 @@ from pathlib import Path
 import can
 import pytest
 
-from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
+from pam_driver.boards.pam_board.codec import BoardState
 from pam_driver.bus import BusState, open_bus
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
@@ -53,10 +53,10 @@ class Chain:
     def __init__(
         self, rig_path: Path, channel: str, settings: DriverSettings | None = None
     ) -> None:
-        rig, codec = load_rig(rig_path), BoardCodec.from_dbc()
+        rig = load_rig(rig_path)
         self.ports = [open_bus("socketcan", channel) for _ in range(2)]
-        self.rig = SimulatedRig(rig, codec=codec, rate=1.0 / PERIOD, step=0.001)
-        self.driver = Driver(rig, codec, self.ports[0], settings or DriverSettings())
+        self.rig = SimulatedRig(rig, rate=1.0 / PERIOD, step=0.001)
+        self.driver = Driver(rig, self.ports[0], settings or DriverSettings())
         self.rig_is_heard = True
         self.now = 0.0
 

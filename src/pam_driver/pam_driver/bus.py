@@ -13,13 +13,14 @@ import os
 import socket
 import sys
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import can
 
+from pam_driver.boards.frame_errors import EXTENDED
 from pam_model.errors import PamError
 
 DEFAULT_BITRATE: Final = 1_000_000
@@ -65,7 +66,10 @@ class SendOutcome(IntEnum):
 
 
 class ReceivedFrame(NamedTuple):
-    """A classic data frame with 11 bit identifier; `stamp` is wall-clock time [s]."""
+    """A classic data frame; `stamp` is wall-clock time [s].
+
+    The identifier has 11 bits, or 29 and the bit `EXTENDED`.
+    """
 
     frame_id: int
     data: bytes
@@ -85,12 +89,15 @@ class CanPort:
         Bits seen on the bus, sent and received, without stuff bits: for its load.
     """
 
-    def __init__(self, options: dict[str, Any], bus: can.BusABC) -> None:
+    def __init__(
+        self, options: dict[str, Any], bus: can.BusABC, extended: Collection[int] = ()
+    ) -> None:
         self.counts: Counter[str] = Counter()
         self.last_offender: dict[str, str] = {}
         self.bits = 0
         self._options = options
         self._bus: can.BusABC | None = bus
+        self._extended = frozenset(extended)
         # a multicast group also hears its own frames
         self._hears_itself = options["interface"] == "udp_multicast"
         self._sent_ids: set[int] = set()
@@ -140,18 +147,20 @@ class CanPort:
                 self._error_frame(message)
                 continue
             data = bytes(message.data)
-            if message.arbitration_id in self._sent_ids and self._is_echo(
-                (message.arbitration_id, data)
-            ):
+            frame_id = message.arbitration_id
+            if message.is_extended_id:
+                frame_id |= EXTENDED
+            if frame_id in self._sent_ids and self._is_echo((frame_id, data)):
                 continue
             self.bits += 47 + 8 * len(data)
-            if message.is_extended_id or message.is_remote_frame or message.is_fd:
-                kind = "extended_id" if message.is_extended_id else "remote_or_fd"
+            foreign = message.is_extended_id and frame_id not in self._extended
+            if foreign or message.is_remote_frame or message.is_fd:
+                kind = "extended_id" if foreign else "remote_or_fd"
                 self._count(kind, f"0x{message.arbitration_id:X}")
                 continue
             if self._controller is BusState.BUS_OFF:  # who hears frames is back on the bus
                 self._controller = BusState.ERROR_ACTIVE
-            frames.append(ReceivedFrame(message.arbitration_id, data, message.timestamp))
+            frames.append(ReceivedFrame(frame_id, data, message.timestamp))
         else:
             self.counts["receive_backlog"] += 1
         return frames
@@ -162,7 +171,12 @@ class CanPort:
         if bus is None or self._gone:
             self.counts["send_bus_down"] += 1
             return SendOutcome.BUS_DOWN
-        message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=False)
+        extended = frame_id >= EXTENDED
+        message = can.Message(
+            arbitration_id=frame_id & ~EXTENDED if extended else frame_id,
+            data=data,
+            is_extended_id=extended,
+        )
         try:
             bus.send(message, timeout=0.0)
         except (can.CanError, OSError, ValueError) as error:
@@ -253,6 +267,7 @@ def open_bus(
     *,
     bitrate: int = DEFAULT_BITRATE,
     accept: Sequence[int] = (),
+    extended: Collection[int] = (),
     **options: Any,
 ) -> CanPort:
     """Open a CAN bus by python-can.
@@ -267,6 +282,8 @@ def open_bus(
         [bit/s]; SocketCAN has its own from `ip link` and ignores it.
     accept : sequence of int
         Identifiers to hear where the kernel can filter (SocketCAN); all if empty.
+    extended : collection of int
+        Identifiers of 29 bits, with `EXTENDED`, that `receive_all` gives; others are counted.
     **options
         Further options of that interface, as python-can names them.
 
@@ -282,11 +299,16 @@ def open_bus(
         if accept:
             # python-can filters in software elsewhere, and `recv(0)` then ends at a foreign frame
             arguments["can_filters"] = [
-                {"can_id": frame_id, "can_mask": 0x7FF, "extended": False} for frame_id in accept
+                {
+                    "can_id": frame_id & ~EXTENDED,
+                    "can_mask": 0x1FFF_FFFF if frame_id & EXTENDED else 0x7FF,
+                    "extended": bool(frame_id & EXTENDED),
+                }
+                for frame_id in accept
             ]
     else:
         arguments["bitrate"] = bitrate
-    return CanPort(arguments, _open(arguments))
+    return CanPort(arguments, _open(arguments), extended)
 
 
 def _bus_name(arguments: dict[str, Any]) -> str:

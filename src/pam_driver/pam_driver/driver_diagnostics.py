@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from pam_driver.boards.pam_board.monitor import BoardMonitor
+from pam_driver.boards.protocol import Board, Promises
 from pam_driver.bus import BusState, CanPort
 from pam_driver.driver import Driver
 from pam_driver.safety.states import SafetyState
@@ -131,30 +131,18 @@ class DriverDiagnostics:
         level = WARN if new > 50 else OK
         return diagnostic_status("pam_driver: loop", level, text, loop_values(loop))
 
-    def _board(self, board: BoardMonitor) -> Any:
+    def _board(self, board: Board) -> Any:
         wrong = [found for found in self._driver.conditions if found.subject == board.name]
-        values: dict[str, object] = {
-            "measurements lost": board.frames_lost,
-            "measurements repeated": board.frames_repeated,
-            "measurements out of order": board.frames_reordered,
-            "restarts": board.restarts,
-        }
-        text = "not heard"
-        if board.status is not None:
-            text = board.status.state.name.lower()
-            faults = ", ".join(str(fault.name).lower() for fault in board.status.faults)
-            values |= {
-                "state": text,
-                "faults": faults or "none",
-                "supply pressure [Pa absolute]": board.status.supply_pressure,
-                "rejected frames": board.status.rejected_frames,
-            }
-        if board.heartbeat is not None:
-            values |= {
-                "uptime [s]": board.heartbeat.uptime,
-                "firmware version": board.heartbeat.firmware_version,
-            }
+        report = board.report()
+        values = {**report.values, **_promised(board.promises)}
+        text = report.text
         if wrong:
             text = "; ".join(found.text for found in wrong)
         level = ERROR if wrong else OK
         return diagnostic_status(f"pam_driver: {board.name}", level, text, values, board.name)
+
+
+def _promised(promises: Promises) -> dict[str, object]:
+    """What a board does for safety by itself, for the diagnostics."""
+    seconds = promises.watchdog
+    return {"vents by itself without commands after [s]": "never" if seconds is None else seconds}

@@ -12,26 +12,25 @@ import signal
 import sys
 import time
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import rclpy
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rcl
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from pam_driver.boards.pam_board.codec import BoardCodec, Heartbeat, Measurement, Status
+from pam_driver.boards.frame_errors import EXTENDED
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import CanPort, open_bus
 from pam_driver.driver import Driver, Snapshot
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
+from pam_driver.driver_topics import DriverTopics
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
@@ -39,6 +38,7 @@ from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import diagnostic_array
 from pam_ros.errors import ParameterError
+from pam_ros.lifecycle import refuse_impossible_transitions
 from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
@@ -74,15 +74,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._active = False
         self._activate_until: float | None = None
         self._fault_reported = False
-        self._refuse_impossible_transitions()
+        refuse_impossible_transitions(self)
 
-        self._pressure_states = self.create_publisher(JointState, "pressure_states", 10)
-        self._joint_states = self.create_publisher(JointState, "joint_states", 10)
-        self._sent_commands = self.create_publisher(JointState, "sent_valve_commands", 10)
-        self._fluid_pressures = [
-            self.create_publisher(FluidPressure, f"{name}/pressure", 10)
-            for name in self._rig.muscle_names
-        ]
+        self._topics = DriverTopics(self, self._rig)
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(
             JointState, "valve_commands", self._on_valve_commands, QoSProfile(depth=1)
@@ -106,10 +100,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Open the bus and start to measure; every valve vents."""
         try:
-            dbc = str(self._values["bus.dbc"])
-            codec = BoardCodec.from_dbc(Path(dbc) if dbc else None)
-            wiring = RigWiring(self._rig, codec.board_count)
-            port = self._open_bus(codec, wiring)
+            wiring = RigWiring(self._rig, {"dbc": str(self._values["bus.dbc"])})
+            port = self._open_bus(wiring)
         except PamError as error:
             return self._fail(str(error))
         self._port = port
@@ -119,7 +111,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
                 period = 1.0 / self._values.number("rate")
                 plausibility = PressurePlausibility(self._rig, period)
             settings = settings_of(self._values)
-            self._driver = Driver(self._rig, codec, port, settings, plausibility)
+            self._driver = Driver(self._rig, port, settings, plausibility, wiring)
         except PamError as error:
             self._close()
             return self._fail(str(error))
@@ -185,29 +177,27 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._loop is not None:
             self._loop.check()
 
-    def _open_bus(self, codec: BoardCodec, wiring: RigWiring) -> CanPort:
+    def _open_bus(self, wiring: RigWiring) -> CanPort:
         values = self._values
         interface = str(values["bus.interface"])
         options = bus_options(str(values["bus.options"]))
         if interface == "udp_multicast":
             options["port"] = values["bus.port"]
-        accept = [
-            codec.frame_id(kind, board)
-            for board in wiring.boards
-            for kind in (Measurement, Status, Heartbeat)
-        ]
+        boards = [board.identifiers for board in wiring.make_boards().values()]
+        answers = [frame_id for board in boards for frame_id in board.answers]
+        commands = [frame_id for board in boards for frame_id in board.commands]
         return open_bus(
             interface,
             str(values["bus.channel"]),
             bitrate=int(values.number("bus.bitrate")),
-            accept=accept if values["bus.filter"] else (),
+            accept=answers if values["bus.filter"] else (),
+            extended=[each for each in (*answers, *commands) if each & EXTENDED],
             **options,
         )
 
     def _fail(self, reason: str) -> TransitionCallbackReturn:
         self.failure = reason
-        if not self._values["autostart"] or self._activate_until is not None:
-            self.get_logger().error(reason)
+        self.get_logger().error(reason)
         return _FAILURE
 
     def _close(self) -> None:
@@ -237,22 +227,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         snapshot = driver.cycle(now, wall_now)
         sent_at = time.time()
         self._snapshot = snapshot
-        message = JointState(name=self._rig.muscle_names, effort=snapshot.pressures)
-        message.header.stamp = _stamp(snapshot.pressure_stamp or wall_now)
-        self._pressure_states.publish(message)
-        if snapshot.positions:
-            message = JointState(
-                name=self._rig.joint_names,
-                position=snapshot.positions,
-                velocity=snapshot.velocities,
-            )
-            message.header.stamp = _stamp(snapshot.joint_stamp or wall_now)
-            self._joint_states.publish(message)
-        if snapshot.sent:
-            position, effort = driver.intake.in_units(snapshot.sent)
-            message = JointState(name=self._rig.muscle_names, position=position, effort=effort)
-            message.header.stamp = _stamp(sent_at)
-            self._sent_commands.publish(message)
+        self._topics.publish(snapshot, driver.intake, wall_now, sent_at)
 
     def _on_valve_commands(self, message: Any) -> None:
         driver = self._driver
@@ -269,22 +244,6 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             driver.set_commands(command, time.monotonic())
         except CommandError as error:
             self.get_logger().warning(f"valve_commands refused: {error}", throttle_duration_sec=1.0)
-
-    def _refuse_impossible_transitions(self) -> None:
-        """Answer no to a transition that the state does not have; rclpy's node would end by it."""
-        service = self._service_change_state
-        change_state = service.callback
-
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                return change_state(request, response)
-            except _rcl.RCLError:
-                asked = request.transition.label or request.transition.id
-                self.get_logger().warning(f"transition {asked} refused: not possible now")
-                response.success = False
-                return response
-
-        service.callback = answer
 
     def _on_vent(self, request: Any, response: Any) -> Any:
         if self._driver is None:
@@ -333,18 +292,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
                 self._activate_until = None
 
     def _publish_fluid_pressures(self) -> None:
-        snapshot = self._snapshot
-        if snapshot is None:
-            return
-        stamp = _stamp(snapshot.pressure_stamp or time.time())
-        ambient = self._rig.gas.ambient_pressure
-        for muscle, publisher, pressure in zip(
-            self._rig.muscle_names, self._fluid_pressures, snapshot.pressures, strict=True
-        ):
-            message = FluidPressure(fluid_pressure=pressure + ambient)
-            message.header.stamp = stamp
-            message.header.frame_id = muscle
-            publisher.publish(message)
+        if self._snapshot is not None:
+            self._topics.publish_fluid_pressures(self._snapshot)
 
     def _publish_diagnostics(self) -> None:
         if self._diagnostics is None or self._loop is None:
@@ -354,11 +303,6 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._diagnostics_topic.publish(
             diagnostic_array(self.get_clock().now().to_msg(), *statuses)
         )
-
-
-def _stamp(seconds: float) -> Any:
-    whole = int(seconds)
-    return Time(sec=whole, nanosec=int((seconds - whole) * 1e9))
 
 
 def main(arguments: list[str] | None = None) -> int:

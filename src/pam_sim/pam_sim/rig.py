@@ -12,13 +12,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.bus import open_bus
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
 from pam_model.rig import load_rig
-from pam_sim.boards.pam_board import BoardSettings
+from pam_sim.boards.protocol import BoardSettings
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.rig_loop import RigLoop
 from pam_sim.simulated_rig import SimulatedRig
@@ -61,7 +60,7 @@ def _make_loop(given: Arguments) -> RigLoop:
         rig,
         truth=load_rig(given.true_rig) if given.true_rig else None,
         effects=dict(given.effect),
-        codec=BoardCodec.from_dbc(given.dbc),
+        options={"dbc": given.dbc or ""},
         board=board,
         quality=SensorQuality(**{n: value for n, value in named.items() if value is not None}),
         rate=given.rate,

@@ -19,7 +19,6 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.bus import open_bus
 from pam_driver.driver_parameters import bus_options
 from pam_model.errors import PamError
@@ -29,7 +28,7 @@ from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
-from pam_sim.boards.pam_board import BoardSettings
+from pam_sim.boards.protocol import BoardSettings
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.rig import parse_effects
 from pam_sim.rig_loop import RigLoop
@@ -80,7 +79,7 @@ def _simulated_rig(rig: Rig, values: NodeParameters[Rig]) -> SimulatedRig:
         effects=parse_effects(
             str(values["hidden_effects"]).replace(",", " ").split(), "hidden_effects"
         ),
-        codec=BoardCodec.from_dbc(dbc or None),
+        options={"dbc": dbc},
         board=BoardSettings(
             measurement_rate=number("measurement_rate"),
             watchdog_period=number("watchdog") or None,

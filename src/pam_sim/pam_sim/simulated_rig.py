@@ -6,28 +6,28 @@ plant: the same file with effects, or another file) may differ; that is what a d
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
 
-from pam_driver.boards.pam_board.codec import BoardCodec
-from pam_driver.boards.wiring import RigWiring
+from pam_driver.boards.protocol import Address, Frame, KindOptions, WiredBoard
+from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError, RigError
 from pam_model.plant.layout import MUSCLES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import DEFAULT_STEP, Plant, initial_state
-from pam_model.rig import Muscle, Rig
-from pam_sim.boards.pam_board import BoardSettings, BoardValve, Frame, SimulatedBoard
+from pam_model.rig import Rig
+from pam_sim.boards.protocol import BoardSettings, SimulatedBoard, TwinKind
+from pam_sim.boards.register import twin_called
 from pam_sim.boards.sensors import BoardSensors, SensorQuality
 from pam_sim.faults.rig_faults import RigFaults
 
 Array = npt.NDArray[np.float64]
 
-OVER_PRESSURE_SHARE = 1.1  # a board's own limit over the muscle's max_pressure
 FULLEST_CATCH_UP = 1.0  # s; a host that stood still longer loses the rest
 
 
@@ -66,8 +66,8 @@ class SimulatedRig:
         The rig as it really is; default the same, with the effects it names.
     effects : mapping of str to float, optional
         Further effects, see `apply_effects`.
-    codec : BoardCodec, optional
-        Meaning of the bytes.
+    options : mapping of str to str, optional
+        What the kinds of board are told beside the rig file, such as `dbc`.
     board : BoardSettings, optional
         Rates and watchdog; limits come from the rig.
     quality : SensorQuality, optional
@@ -98,7 +98,7 @@ class SimulatedRig:
         *,
         truth: Rig | None = None,
         effects: Mapping[str, float] | None = None,
-        codec: BoardCodec | None = None,
+        options: KindOptions | None = None,
         board: BoardSettings | None = None,
         quality: SensorQuality | None = None,
         rate: float = 1000.0,
@@ -106,8 +106,6 @@ class SimulatedRig:
         seed: int = 0,
         now: float = 0.0,
     ) -> None:
-        codec = codec or BoardCodec.from_dbc()
-        self._codec = codec
         self.faults = RigFaults()
         if not (10.0 <= rate <= 10_000.0):
             raise PamError(f"rate = {rate:g} Hz must be from 10 to 10000 Hz")
@@ -115,32 +113,23 @@ class SimulatedRig:
             raise PamError(f"step = {step:g} s must be above 0 and at most 0.002 s")
         _check_same(rig, truth)
         self.rig = rig
-        self._wiring = RigWiring(rig, codec.board_count)
+        self.wired: Mapping[Address, WiredBoard] = RigWiring(rig, options).boards
         self.parameters = apply_effects(rig, truth or rig, effects or {})
         self._plants = [Plant(p, step, _at_rest(p)) for p in self.parameters]
         self._period = 1.0 / rate
         self._now = now
         self.lost_time = 0.0
-        self._boards: dict[int, SimulatedBoard] = {}
-        self._sensors: dict[int, BoardSensors] = {}
-        for number, channels in self._wiring.boards.items():
-            valves = [BoardValve(), BoardValve()]
-            limits = [math.inf, math.inf]
-            for channel, index in channels:
-                muscle = rig.muscles[index]
-                valves[channel] = _valve_of(muscle)
-                limits[channel] = OVER_PRESSURE_SHARE * muscle.max_pressure
-            given = board or BoardSettings()
-            settings = BoardSettings(
-                given.measurement_rate,
-                given.status_rate,
-                given.heartbeat_rate,
-                given.watchdog_period,
-                (limits[0], limits[1]),
-                given.boot_time,
+        self._boards: dict[Address, SimulatedBoard] = {}
+        self._sensors: dict[Address, BoardSensors] = {}
+        twins: dict[str, TwinKind] = {}
+        for address, wired in self.wired.items():
+            kind = kind_name(wired)
+            if kind not in twins:
+                twins[kind] = twin_called(kind)(options or {})
+            self._boards[address] = twins[kind].make(wired, board or BoardSettings(), now)
+            self._sensors[address] = BoardSensors(
+                quality or SensorQuality(), (seed, _seed_of(address))
             )
-            self._boards[number] = SimulatedBoard(number, codec, settings, valves, now)
-            self._sensors[number] = BoardSensors(quality or SensorQuality(), (seed, number))
         # By joint: its two muscles' places in the rig's order.
         order = {name: index for index, name in enumerate(rig.muscle_names)}
         self._muscles_of = [[order[name] for name in joint.muscles] for joint in rig.joints]
@@ -148,8 +137,8 @@ class SimulatedRig:
         self._pressures = [0.0] * len(rig.muscles)
 
     @property
-    def boards(self) -> Mapping[int, SimulatedBoard]:
-        """The boards by number."""
+    def boards(self) -> Mapping[Address, SimulatedBoard]:
+        """The boards, as the rig file names them."""
         return self._boards
 
     def on_frame(self, frame_id: int, data: bytes, now: float, age: float = 0.0) -> None:
@@ -168,8 +157,8 @@ class SimulatedRig:
         """
         whole = self._whole_steps(now)
         self._go_on(min(round((now - age - self._now) / self._period), whole))
-        for number, board in self._boards.items():
-            if number not in self.faults.frozen:
+        for address, board in self._boards.items():
+            if address not in self.faults.frozen:
                 board.on_frame(frame_id, data, now)
 
     def begin(self, now: float) -> None:
@@ -180,10 +169,9 @@ class SimulatedRig:
         self._now = now - self._period
         self._go_on(1)
 
-    def restart_board(self, number: int, now: float) -> None:
+    def restart_board(self, address: Address, now: float) -> None:
         """Power-up of a board at `now` [s], as after a brown-out."""
-        old = self._boards[number]
-        self._boards[number] = SimulatedBoard(number, self._codec, old.settings, old.valves, now)
+        self._boards[address] = self._boards[address].restarted(now)
 
     def open_leak(self, muscle: int, conductance: float) -> None:
         """From now on a muscle leaks through C [m^3/(s Pa)]; 0 mends it."""
@@ -206,21 +194,18 @@ class SimulatedRig:
         dropped and added to `lost_time`.
         """
         self._go_on(self._whole_steps(now))
-        for number in self.faults.reset_by_watchdog(now):
-            self.restart_board(number, now)
+        for address in self.faults.reset_by_watchdog(now):
+            self.restart_board(address, now)
         frames: list[Frame] = []
-        for number, board in self._boards.items():
-            if number in self.faults.frozen:
+        for address, board in self._boards.items():
+            if address in self.faults.frozen:
                 continue
-            sensors = self._sensors[number]
-            pressures = [0.0, 0.0]
-            for channel, index in self._wiring.boards[number]:
-                pressures[channel] = sensors.pressure(self._pressures[index])
-            joint = self._wiring.joint_of_board.get(number)
-            position = 0.0 if joint is None else sensors.position(self._positions[joint])
+            sensors, wired = self._sensors[address], self.wired[address]
+            pressures = [sensors.pressure(self._pressures[w.place]) for w in wired.pressures]
+            angles = [sensors.position(self._positions[w.place]) for w in wired.angles]
             if self.faults.sensors or self.faults.swapped:
-                pressures, position = self.faults.readings(number, pressures, position, now)
-            frames += board.poll(now, pressures, position, self._supply(number))
+                pressures, angles = self.faults.readings(address, pressures, angles, now)
+            frames += board.poll(now, pressures, angles, self._supply(wired))
         return frames
 
     def ground_truth(self) -> GroundTruth:
@@ -256,12 +241,12 @@ class SimulatedRig:
 
     def _move(self, steps: int) -> None:
         commands = [0.0] * len(self.rig.muscles)
-        for number, channels in self._wiring.boards.items():
-            valves = self._boards[number].valve_commands
+        for address, board in self._boards.items():
+            valves = board.valve_commands
             if self.faults.valves:
-                valves = self.faults.spools(number, valves, self._boards[number].valves)
-            for channel, index in channels:
-                commands[index] = valves[channel]
+                valves = self.faults.spools(address, valves, board.valves)
+            for wire, command in zip(self.wired[address].valves, valves, strict=True):
+                commands[wire.place] = command
         for joint, plant in enumerate(self._plants):
             first, second = self._muscles_of[joint]
             pair = (commands[first], commands[second])
@@ -270,10 +255,10 @@ class SimulatedRig:
             self._positions[joint] = shown[0]
             self._pressures[first], self._pressures[second] = shown[1], shown[2]
 
-    def _supply(self, number: int) -> float:
-        for _, index in self._wiring.boards[number]:
+    def _supply(self, wired: WiredBoard) -> float:
+        for wire in wired.valves:
             for joint, muscles in enumerate(self._muscles_of):
-                if index in muscles:
+                if wire.place in muscles:
                     return self._plants[joint].reservoir_pressure
         return self.rig.supply_pressure
 
@@ -341,12 +326,9 @@ def _check_same(rig: Rig, truth: Rig | None) -> None:
         )
 
 
-def _valve_of(muscle: Muscle) -> BoardValve:
-    if muscle.valve.kind == "flow":
-        return BoardValve()
-    if muscle.valve.full_scale is None:
-        raise RigError(f"{muscle.name}.valve.full_scale is missing [Pa gauge]")
-    return BoardValve(True, muscle.valve.full_scale)
+def _seed_of(address: Address) -> int:
+    """A number of its own for the noise of each board."""
+    return address if isinstance(address, int) else crc32(address.encode())
 
 
 def _at_rest(parameters: PlantParameters) -> Array:

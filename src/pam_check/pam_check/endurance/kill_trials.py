@@ -15,7 +15,6 @@ import statistics
 import time
 
 from pam_check.chain import BusChoice, multicast_bus
-from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
 from pam_driver.bus import open_bus
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
@@ -35,9 +34,8 @@ HOST_PERIOD, BOARD_PERIOD = 0.002, 0.001
 
 def drive_for_ever(rig: Rig, bus: BusChoice) -> None:
     """Activate as soon as the boards answer, and command air until killed."""
-    codec = BoardCodec.from_dbc()
     port = open_bus(bus.interface, bus.channel, port=bus.port)
-    driver = Driver(rig, codec, port, DriverSettings())
+    driver = Driver(rig, port, DriverSettings())
     little = [0.1 if kind == FLOW else 1e4 for kind in rig.valve_kinds.values()]
     position, effort = ValveCommandFormat(rig.valve_kinds).pack(little)
     command = NamedCommand(rig.muscle_names, position, (), effort)
@@ -94,16 +92,17 @@ def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
                 sim.on_frame(frame.frame_id, frame.data, now)
             for sent in sim.advance(now):
                 port.send(*sent, now)
-            states = {board.state for board in sim.boards.values()}
-            if active_at is None and states == {BoardState.ACTIVE}:
+            active = {board.active for board in sim.boards.values()}
+            if active_at is None and active == {True}:
                 active_at = now
-            if killed_at is not None and BoardState.ACTIVE not in states:
+            if killed_at is not None and True not in active:
                 return time.monotonic() - killed_at, longest
             if active_at is not None and killed_at is None and now - active_at > moving_for:
                 killed_at = time.monotonic()
                 os.kill(child, signal.SIGKILL)
             if now - start > PATIENCE:
-                raise PamError(f"boards are {', '.join(s.name.lower() for s in states)} for ever")
+                told = "vented" if active_at is None else "active"
+                raise PamError(f"the boards stay {told} for more than {PATIENCE:g} s")
             time.sleep(max(0.0, now + BOARD_PERIOD - time.monotonic()))
     finally:
         os.kill(child, signal.SIGKILL)

@@ -21,12 +21,13 @@ from pam_check.endurance.process_use import Use, use_of
 from pam_check.faults.chain import AMPLITUDE, FaultChain
 from pam_control.controller import Controller
 from pam_control.controller_parameters import create_controller, parameter_table
-from pam_driver.boards.pam_board.codec import BoardCodec, BoardState, Heartbeat
+from pam_driver.boards.pam_board.board import PamBoard
+from pam_driver.boards.pam_board.codec import BoardCodec, Heartbeat
 from pam_driver.safety.states import SafetyState
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig, load_rig
-from pam_sim.boards.pam_board import BoardSettings
+from pam_sim.boards.protocol import BoardSettings
 
 PERIOD: Final = 0.002  # s
 MODEL_CYCLES: Final = 5  # between two estimates
@@ -169,8 +170,8 @@ def widened(rig: Rig, joints: int) -> Rig:
 class SoakChain(FaultChain):
     """The chain in steps of the driver's cycle, on clocks that do not gather rounding errors."""
 
-    def __init__(self, rig: Rig, codec: BoardCodec, controller: Controller) -> None:
-        super().__init__(rig, codec, controller)
+    def __init__(self, rig: Rig, controller: Controller) -> None:
+        super().__init__(rig, controller)
         self._cycles = 0
 
     def step(self) -> None:
@@ -200,11 +201,16 @@ class _Interrupted:
         signal.signal(signal.SIGINT, self._before)
 
 
+def _pam_boards(chain: FaultChain) -> list[PamBoard]:
+    """The driver's boards: `widened` makes no others."""
+    return [board for board in chain.driver.boards.values() if isinstance(board, PamBoard)]
+
+
 class _Heartbeats:
     """Counts what the driver hears of each board."""
 
     def __init__(self, chain: FaultChain) -> None:
-        self._boards = chain.driver.boards.values()
+        self._boards = _pam_boards(chain)
         self._last: list[Heartbeat | None] = [board.heartbeat for board in self._boards]
         self._at = [chain.now] * len(self._last)
         self.heard = 0
@@ -244,21 +250,21 @@ def soak(
     """
     names = rig.joint_names
     values = {entry.name: entry.default for entry in parameter_table(names)}
-    chain = SoakChain(rig, BoardCodec.from_dbc(), create_controller(rig, values, names))
+    chain = SoakChain(rig, create_controller(rig, values, names))
     chain.start()
     cycles = max(round(seconds / PERIOD), 100)
     start = time.process_time()
     stamps, times, beats = Lag(), Lag(), _Heartbeats(chain)
     worst, stopped, done = 0.0, "", 0
     before = use_of()
-    driver = chain.driver
+    driver, driven = chain.driver, _pam_boards(chain)
     interrupted = _Interrupted()
     for done in range(1, cycles + 1):
         chain.step()
         seen = chain.snapshot
         assert seen is not None
         stamps.add(chain.wall - min(seen.joint_stamp, seen.pressure_stamp))
-        times.add(chain.now - min(board.position.time for board in driver.boards.values()))
+        times.add(chain.now - min(board.position.time for board in driven))
         beats.look(chain.now)
         worst = max(worst, *(abs(angle - chain.reference) for angle in seen.positions))
         if driver.state is not SafetyState.ACTIVE:
@@ -274,7 +280,7 @@ def soak(
     interrupted.end()
     beats.look(chain.now, end=True)
     boards = chain.sim.boards.values()
-    if not stopped and any(board.state is not BoardState.ACTIVE for board in boards):
+    if not stopped and not all(board.active for board in boards):
         stopped = "a board is not active"
     return SoakResult(
         seconds=done * PERIOD,
@@ -286,7 +292,7 @@ def soak(
         heartbeats=beats.heard,
         missed_heartbeats=beats.missed,
         refused=chain.noticed.total() + sum(board.rejected_frames for board in boards),
-        frames_lost=sum(board.frames_lost for board in driver.boards.values()),
+        frames_lost=sum(board.frames_lost for board in driven),
         worst_error=worst,
         stopped=stopped,
         interrupted=interrupted.yes,

@@ -19,7 +19,6 @@ from pam_check.faults.chain import FaultChain
 from pam_check.faults.report import as_markdown, write_report
 from pam_check.faults.trial import Trial, draw_values, run_trial
 from pam_control.controller_parameters import create_controller, parameter_table
-from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
@@ -40,7 +39,7 @@ def make_chain(rig: Rig, seed: int = 0) -> FaultChain:
     """
     names = rig.joint_names
     values = {entry.name: entry.default for entry in parameter_table(names)}
-    chain = FaultChain(rig, BoardCodec.from_dbc(), create_controller(rig, values, names), seed)
+    chain = FaultChain(rig, create_controller(rig, values, names), seed)
     chain.start()
     return chain
 

@@ -18,7 +18,6 @@ import can
 
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
-from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.bus import CanPort
 from pam_driver.driver import Driver, Snapshot
 from pam_driver.driver_settings import DriverSettings
@@ -90,8 +89,6 @@ class FaultChain:
     ----------
     rig : Rig
         Simulated, driven and controlled.
-    codec : BoardCodec
-        Meaning of the bytes.
     controller : Controller
         A law for this rig; taken over anew.
     seed : int
@@ -122,17 +119,15 @@ class FaultChain:
     def __init__(
         self,
         rig: Rig,
-        codec: BoardCodec,
         controller: Controller,
         seed: int = 0,
         effects: dict[str, float] | None = None,
         settings: DriverSettings | None = None,
     ) -> None:
         self.rig = rig
-        self.codec = codec
         self.now = 0.0
         self.wall = 1000.0
-        self.sim = SimulatedRig(rig, codec=codec, seed=seed, effects=effects)
+        self.sim = SimulatedRig(rig, seed=seed, effects=effects)
         self.frames = FrameFaults(seed)
         self.can = VirtualCan()
         self.port = CanPort({"interface": "simulated", "channel": "faults"}, self.can)
@@ -158,7 +153,7 @@ class FaultChain:
     def make_driver(self, port: CanPort | None = None) -> Driver:
         """Another driver on the same bus."""
         plausibility = PressurePlausibility(self.rig, 1.0 / 500.0)
-        return Driver(self.rig, self.codec, port or self.port, self.settings, plausibility)
+        return Driver(self.rig, port or self.port, self.settings, plausibility)
 
     @property
     def truth(self) -> GroundTruth:

@@ -111,9 +111,7 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
 def _counts(chain: FaultChain) -> Counter[str]:
     counts: Counter[str] = Counter()
     for board in chain.driver.boards.values():
-        counts["frames_lost"] += board.frames_lost
-        counts["frames_repeated"] += board.frames_repeated
-        counts["frames_reordered"] += board.frames_reordered
+        counts.update(board.counts())
     counts["frame_errors"] = sum(chain.driver.frame_errors.values())
     return counts + chain.port.counts + chain.noticed
 
@@ -125,8 +123,7 @@ def _look(chain: FaultChain, seen: set[str]) -> None:
     if driver.suspicions:
         seen.update(f"suspected {suspicion.kind}" for suspicion in driver.suspicions)
     for board in chain.sim.boards.values():
-        if board.faults:
-            seen.update(str(fault.name) for fault in board.faults)
+        seen.update(board.fault_names)
     if chain.reason:
         seen.add("controller")
     if chain.estimate.problems:

@@ -161,7 +161,7 @@ class _DriverRun:
         self.port.allowed = self._may_move
         self.settings = DriverSettings()
         plausibility = PressurePlausibility(_rig(), PERIOD)
-        self.driver = Driver(_rig(), _codec(), self.port, self.settings, plausibility)
+        self.driver = Driver(_rig(), self.port, self.settings, plausibility)
         self.now = 100.0
         self.armed = False  # activated since the last fault, vent or deactivation
         self.commanded = -math.inf

@@ -44,7 +44,7 @@ from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
-from pam_sim.boards.pam_board import SimulatedBoard
+from pam_sim.boards.pam_board_twin import SimulatedPamBoard
 from pam_sim.faults.injection import parse_injection
 
 Target = Callable[[random.Random], None]
@@ -154,7 +154,7 @@ def driver_target(rig: Rig) -> Target:
     """A driver that hears garbage, vented or about to be activated: it never lets air move."""
     codec = BoardCodec.from_dbc()
     port = _Port(codec)
-    driver = Driver(rig, codec, port, DriverSettings(), PressurePlausibility(rig, 0.002))
+    driver = Driver(rig, port, DriverSettings(), PressurePlausibility(rig, 0.002))
     clock = [100.0]
 
     def target(draw: random.Random) -> None:
@@ -178,13 +178,13 @@ def driver_target(rig: Rig) -> Target:
 def board_target(rig: Rig) -> Target:
     """A board that hears garbage: only a frame whose checksum holds lets air move."""
     codec = BoardCodec.from_dbc()
-    board = SimulatedBoard(0, codec)
+    board = SimulatedPamBoard(0, codec)
     own = {codec.frame_id(ValveCommand, 0), codec.frame_id(BoardCommand, 0)}
     clock = [0.0]
 
     def target(draw: random.Random) -> None:
         clock[0] += 0.001
-        board.poll(clock[0], (1e5, 1e5), 0.0, 7e5)
+        board.poll(clock[0], (1e5, 1e5), (0.0,), 7e5)
         before = board.state
         identifier, data = frame(codec, draw)
         board.on_frame(identifier, data, clock[0])

@@ -1,74 +1,172 @@
-"""Which board and channel each muscle and joint of a rig is wired to."""
+"""Which board and channel each muscle and joint of a rig is wired to, checked by the kinds."""
 
 from __future__ import annotations
 
-from pam_driver.boards.pam_board.codec import CHANNELS
+from collections.abc import Mapping
+from difflib import get_close_matches
+
+from pam_driver.boards.frame_errors import shown
+from pam_driver.boards.protocol import (
+    Address,
+    Board,
+    BoardKind,
+    Channel,
+    JointWire,
+    KindOptions,
+    MakeKind,
+    MuscleWire,
+    WiredBoard,
+)
+from pam_driver.boards.register import DEFAULT_KIND, board_kinds
 from pam_model.errors import RigError
 from pam_model.rig import Rig
 
+Place = tuple[Address, Channel]
+
 
 class RigWiring:
-    """The rig's wiring, checked against what the boards have.
+    """The rig's wiring, checked against what its kinds of board have.
+
+    Parameters
+    ----------
+    rig : Rig
+        Every muscle needs board and channel, every joint an encoder.
+    options : mapping of str to str, optional
+        What the kinds are told beside the rig file, such as `dbc`.
+    kinds : mapping of str to MakeKind, optional
+        By name; default all that are installed.
 
     Attributes
     ----------
-    muscles : tuple of (int, int)
-        Board and channel by muscle, in the rig's order.
-    joints : tuple of int
-        Board of the encoder by joint, in the rig's order.
-    boards : dict
-        By board: pairs of channel and index of the muscle.
-    joint_of_board : dict
-        By board: index of the joint whose angle it measures.
+    muscles, joints : tuple of (address, channel)
+        By muscle and by joint, in the rig's order.
+    boards : dict of address to WiredBoard
+        What is wired to each board, in the order in which the rig file names them.
+    kinds : dict of str to BoardKind
+        The kinds in use, by name.
 
     Raises
     ------
     RigError
-        With one line for everything that is not wired, out of range or wired twice.
+        With one line for everything that is not wired, unknown, out of range or wired twice.
     """
 
-    def __init__(self, rig: Rig, board_count: int) -> None:
-        problems = []
-        muscles: list[tuple[int, int]] = []
-        self.boards: dict[int, list[tuple[int, int]]] = {}
-        self.joint_of_board: dict[int, int] = {}
-        taken: dict[tuple[int, int], str] = {}
-        for index, muscle in enumerate(rig.muscles):
-            board, channel = muscle.board, muscle.channel
-            if board is None or channel is None:
-                problems.append(f"{muscle.name}: board and channel are missing")
-                continue
-            if not (0 <= board < board_count and 0 <= channel < CHANNELS):
-                problems.append(
-                    f"{muscle.name}: board {board} channel {channel}, expected board 0 to "
-                    f"{board_count - 1} and channel 0 to {CHANNELS - 1}"
-                )
-                continue
-            other = taken.setdefault((board, channel), muscle.name)
-            if other != muscle.name:
-                problems.append(
-                    f"{muscle.name}: board {board} channel {channel} is {other}'s already"
-                )
-            muscles.append((board, channel))
-            self.boards.setdefault(board, []).append((channel, index))
-        joints: list[int] = []
-        for index, joint in enumerate(rig.joints):
-            encoder = joint.encoder
-            if encoder is None:
-                problems.append(f"{joint.name}.encoder: board and channel are missing")
-                continue
-            if not 0 <= encoder.board < board_count or encoder.channel != 0:
-                problems.append(
-                    f"{joint.name}.encoder: board {encoder.board} channel {encoder.channel}, "
-                    f"expected board 0 to {board_count - 1} and channel 0"
-                )
-            elif self.joint_of_board.setdefault(encoder.board, index) != index:
-                problems.append(f"{joint.name}.encoder: board {encoder.board} has another joint's")
-            joints.append(encoder.board)
-            self.boards.setdefault(encoder.board, [])
+    def __init__(
+        self,
+        rig: Rig,
+        options: KindOptions | None = None,
+        kinds: Mapping[str, MakeKind] | None = None,
+    ) -> None:
+        problems: list[str] = []
+        muscles = _muscle_places(rig, problems)
+        joints = _joint_places(rig, problems)
         if not rig.muscles:
             problems.append("the rig has no muscle")
+        self.boards = _wired_boards(rig, muscles, joints)
+        known = board_kinds() if kinds is None else kinds
+        self.kinds: dict[str, BoardKind] = {}
+        for board in self.boards.values():
+            problem = _kind_problem(rig, board, known)
+            if problem:
+                problems.append(problem)
+            else:
+                name = kind_name(board)
+                if name not in self.kinds:
+                    self.kinds[name] = known[name](options or {})
+        for name, kind in self.kinds.items():
+            problems += kind.problems([b for b in self.boards.values() if kind_name(b) == name])
         if problems:
             raise RigError("\n".join(problems))
-        self.muscles = tuple(muscles)
-        self.joints = tuple(joints)
+        self.muscles = tuple(muscles.values())
+        self.joints = tuple(joints.values())
+
+    def make_boards(self) -> dict[Address, Board]:
+        """Boards of their own for one driver, by address.
+
+        Raises
+        ------
+        RigError
+            If two boards of one bus would use the same identifier.
+        """
+        made = {
+            address: self.kinds[kind_name(wired)].make(wired)
+            for address, wired in self.boards.items()
+        }
+        taken: dict[tuple[str, int], str] = {}
+        problems = []
+        for address, board in made.items():
+            for frame_id in (*board.identifiers.answers, *board.identifiers.commands):
+                other = taken.setdefault((self.boards[address].bus, frame_id), board.name)
+                if other != board.name:
+                    problems.append(f"{board.name}: identifier {shown(frame_id)} is {other}'s too")
+        if problems:
+            raise RigError("\n".join(problems))
+        return made
+
+
+def kind_name(board: WiredBoard) -> str:
+    """The name of a board's kind: what its section says, else that of a numbered board."""
+    return str(board.settings.get("kind", DEFAULT_KIND))
+
+
+def _muscle_places(rig: Rig, problems: list[str]) -> dict[int, Place]:
+    places: dict[int, Place] = {}
+    taken: dict[Place, str] = {}
+    for index, muscle in enumerate(rig.muscles):
+        board, channel = muscle.board, muscle.channel
+        if board is None or channel is None:
+            problems.append(f"{muscle.name}: board and channel are missing")
+            continue
+        other = taken.setdefault((board, channel), muscle.name)
+        if other != muscle.name:
+            problems.append(f"{muscle.name}: board {board} channel {channel} is {other}'s already")
+        places[index] = (board, channel)
+    return places
+
+
+def _joint_places(rig: Rig, problems: list[str]) -> dict[int, Place]:
+    places: dict[int, Place] = {}
+    taken: dict[Place, str] = {}
+    for index, joint in enumerate(rig.joints):
+        encoder = joint.encoder
+        if encoder is None:
+            problems.append(f"{joint.name}.encoder: board and channel are missing")
+            continue
+        place = (encoder.board, encoder.channel)
+        if taken.setdefault(place, joint.name) != joint.name:
+            problems.append(f"{joint.name}.encoder: board {encoder.board} has another joint's")
+        places[index] = place
+    return places
+
+
+def _wired_boards(
+    rig: Rig, muscles: Mapping[int, Place], joints: Mapping[int, Place]
+) -> dict[Address, WiredBoard]:
+    valves: dict[Address, list[MuscleWire]] = {}
+    angles: dict[Address, list[JointWire]] = {}
+    for index, (board, channel) in muscles.items():
+        valves.setdefault(board, []).append(MuscleWire(channel, index, rig.muscles[index]))
+    for index, (board, channel) in joints.items():
+        angles.setdefault(board, []).append(JointWire(channel, index, rig.joints[index]))
+    return {
+        address: WiredBoard(
+            address,
+            rig.boards.get(str(address), {}) if isinstance(address, str) else {},
+            valves=tuple(valves.get(address, ())),
+            pressures=tuple(valves.get(address, ())),
+            angles=tuple(angles.get(address, ())),
+        )
+        for address in dict.fromkeys((*valves, *angles))
+    }
+
+
+def _kind_problem(rig: Rig, board: WiredBoard, known: Mapping[str, MakeKind]) -> str:
+    if isinstance(board.address, str) and board.address not in rig.boards:
+        names = ", ".join(rig.boards) or "none"
+        return f"{board.name}: boards has no section of this name (there are {names})"
+    name = kind_name(board)
+    if name in known:
+        return ""
+    close = get_close_matches(name, known, 1)
+    hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
+    return f"boards.{board.address}.kind = {name}: unknown kind of board; {hint}"

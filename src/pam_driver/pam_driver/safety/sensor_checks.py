@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from pam_driver.boards.pam_board.monitor import NEVER, Sample
+from pam_driver.boards.protocol import NEVER, Sample
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_model.rig import Rig
 

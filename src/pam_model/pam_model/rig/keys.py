@@ -169,15 +169,29 @@ class Section:
             return key.default
         return self.check(name, value, key)
 
-    def integer(self, name: str, count: int, default: int | None = None) -> int | None:
-        """A whole number from 0 to below `count`, its default, or None with a problem noted."""
+    def place(self, name: str, default: int | None = None) -> int | str | None:
+        """A board or channel: a whole number from 0 on, or a name; None with a problem noted."""
         value = self.get(name)
         if value is None:
             return default
-        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < count:
-            self.add(name, f" = {value!r}: must be a whole number from 0 to {count - 1}")
+        if isinstance(value, str) and _NAME.fullmatch(value):
+            return value
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            self.add(name, f" = {value!r}: must be a whole number from 0 on, or a name")
             return None
         return value
+
+    def named_sections(self) -> dict[str, dict[str, Any]]:
+        """Every key as a section of somebody else's keys; a problem noted for what is none."""
+        found: dict[str, dict[str, Any]] = {}
+        for name, tree in self.tree.items():
+            if not isinstance(name, str) or not _NAME.fullmatch(name):
+                self.add(str(name), ": is no name (letters, digits and _, a letter first)")
+            elif not isinstance(tree, Mapping) or not isinstance(tree.get("kind"), str):
+                self.add(name, f" = {tree!r}: must be a section with the key kind, a text")
+            else:
+                found[name] = dict(tree)
+        return found
 
     def names(self, name: str) -> list[str] | None:
         """A list of names, or None with a problem noted."""

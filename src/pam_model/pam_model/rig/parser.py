@@ -13,9 +13,7 @@ from pam_model.muscles.force_model import ForceModel, registered_models
 from pam_model.rig.keys import NUMBERS, TURN, Key, Problems, Section
 from pam_model.rig.types import Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
 
-_BOARDS = 16
-_CHANNELS = 2
-_TOP = ("gas", "joints", "bench_muscles", "effects", "plausibility", *NUMBERS[""])
+_TOP = ("gas", "joints", "bench_muscles", "boards", "effects", "plausibility", *NUMBERS[""])
 
 
 def _effects(owner: Section, scope: Scope) -> dict[str, dict[str, float]]:
@@ -77,7 +75,7 @@ def _muscle(section: Section, name: str, max_pressure: float) -> Muscle | None:
     limit = section.number("max_pressure", NUMBERS["muscle"]["max_pressure"], optional=True)
     numbers["max_pressure"] = max_pressure if limit is None else limit
     valve = _valve(section.section("valve"), numbers["max_pressure"])
-    board, channel = section.integer("board", _BOARDS), section.integer("channel", _CHANNELS)
+    board, channel = section.place("board"), section.place("channel")
     if ("board" in section.tree) != ("channel" in section.tree):
         section.add("board", ": board and channel belong together; one of them is missing")
     constants_of = section.section("model_parameters")
@@ -132,10 +130,10 @@ def _joint(section: Section, name: str) -> tuple[Joint | None, list[str]]:
     encoder = None
     if section.get("encoder") is not None:
         where = section.section("encoder")
-        board = where.integer("board", _BOARDS)
-        channel = where.integer("channel", _CHANNELS, 0)
+        board = where.place("board")
+        channel = where.place("channel", 0)
         if "board" not in where.tree:
-            where.add("board", ": missing; the number of a valve board is needed")
+            where.add("board", ": missing; the number or the name of a board is needed")
         where.finish()
         if board is not None and channel is not None:
             encoder = Encoder(board, channel)
@@ -195,7 +193,7 @@ def _check_reach(rig: Rig, problems: Problems) -> None:
 
 def _check_wiring(rig: Rig, problems: Problems) -> None:
     """No two muscles, and no two encoders, on one input."""
-    used: dict[tuple[str, int, int], str] = {}
+    used: dict[tuple[str, int | str, int | str], str] = {}
     inputs = [
         ("board", muscle.board, muscle.channel, muscle.name)
         for muscle in rig.muscles
@@ -320,6 +318,7 @@ def parse_rig(tree: Mapping[str, Any], source: str, other_keys: Collection[str] 
     muscles = _muscles(top, wanted, [joint.name for joint in joints], gauge)
     effects = _effects(top, "rig")
     plausibility = _plausibility(top.section("plausibility"))
+    boards = top.section("boards").named_sections()
     top.finish(other_keys)
     if not problems.lines and gas is not None:
         rig = Rig(
@@ -329,6 +328,7 @@ def parse_rig(tree: Mapping[str, Any], source: str, other_keys: Collection[str] 
             muscles=tuple(sorted(muscles, key=lambda muscle: muscle.name in bench)),
             effects=effects,
             plausibility=plausibility,
+            boards=boards,
             **numbers,
         )
         _check_reach(rig, problems)

@@ -61,10 +61,10 @@ class Valve:
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
-    """Where a joint's angle is measured: a valve board's number, and the input on it."""
+    """Where a joint's angle is measured: a board, and the input on it, see `Muscle.board`."""
 
-    board: int
-    channel: int = 0
+    board: int | str
+    channel: int | str = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +93,10 @@ class Muscle:
         t_k [m].
     dead_volume : float
         Gas volume beside the braid's own [m^3].
-    board, channel : int or None
-        Which valve board and channel drive and measure it; a rig for offline use needs none.
+    board, channel : int, str or None
+        Which board and channel drive and measure it: a board's number, or the name of its section
+        in `Rig.boards`. What numbers and channels there are is known to the kind of board, not
+        here. A rig for offline use needs none.
     model_parameters : mapping
         Constants of the force model.
     effects : mapping
@@ -111,8 +113,8 @@ class Muscle:
     max_pressure: float
     wall_thickness: float = 0.0
     dead_volume: float = 0.0
-    board: int | None = None
-    channel: int | None = None
+    board: int | str | None = None
+    channel: int | str | None = None
     model_parameters: Mapping[str, float] = field(default_factory=dict)
     effects: EffectValues = field(default_factory=dict)
 
@@ -238,6 +240,9 @@ class Rig:
         Those that the whole rig shares.
     plausibility : Plausibility
         Limits of the driver's checks.
+    boards : mapping of str to mapping
+        The sections of boards that have a name: `kind`, `bus`, and what the kind of board reads.
+        Only the driver looks into them.
     """
 
     gas: Gas
@@ -247,6 +252,7 @@ class Rig:
     parameter_tolerance: float = 0.02
     effects: EffectValues = field(default_factory=dict)
     plausibility: Plausibility = Plausibility()
+    boards: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     _models: dict[str, ForceModel] = field(
         init=False, repr=False, compare=False, default_factory=dict
     )
@@ -326,6 +332,8 @@ class Rig:
             tree["effects"] = _effects(self.effects)
         if self.plausibility != Plausibility():
             tree["plausibility"] = _fields(self.plausibility)
+        if self.boards:
+            tree["boards"] = {name: dict(section) for name, section in self.boards.items()}
         for joint in self.joints:
             tree[joint.name] = _fields(joint)
         for muscle in self.muscles:

@@ -11,6 +11,7 @@ import random
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from pam_driver.boards.protocol import Address
 from pam_model.errors import PamError
 from pam_sim.faults import rig_faults
 from pam_sim.faults.frame_faults import Direction, FrameFault, FrameFaults
@@ -44,8 +45,16 @@ def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
     return inject
 
 
-def _board(stage: Stage, draw: random.Random) -> int:
+def _board(stage: Stage, draw: random.Random) -> Address:
     return draw.choice(list(stage.sim.boards))
+
+
+def _input(stage: Stage, draw: random.Random, *, encoder: bool = False) -> tuple[Address, int]:
+    """A pressure sensor, or an encoder, of some board that has one."""
+    wired = stage.sim.wired
+    board = draw.choice([name for name, b in wired.items() if b.angles or not encoder])
+    place = rig_faults.POSITION if encoder else draw.choice(range(len(wired[board].pressures)))
+    return board, place
 
 
 def _restart(stage: Stage, values: Values, draw: random.Random) -> None:
@@ -56,21 +65,19 @@ def _freeze(stage: Stage, values: Values, draw: random.Random) -> None:
     stage.sim.faults.frozen[_board(stage, draw)] = stage.now
 
 
-def _jump_counter(stage: Stage, values: Values, draw: random.Random) -> None:
-    stage.sim.boards[_board(stage, draw)].jump_counter(round(values["by"]))
+def _misbehave(fault: str) -> Injection:
+    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+        stage.sim.boards[_board(stage, draw)].misbehave(fault, values.get("by", 0.0))
 
-
-def _stop_counter(stage: Stage, values: Values, draw: random.Random) -> None:
-    stage.sim.boards[_board(stage, draw)].counter_step = 0
+    return inject
 
 
 def _sensor(
     make: Callable[[Values, float, random.Random], rig_faults.Reading], *, encoder: bool
 ) -> Injection:
     def inject(stage: Stage, values: Values, draw: random.Random) -> None:
-        board = _board(stage, draw)
-        place = rig_faults.POSITION if encoder else draw.choice((0, 1))
-        stage.sim.faults.sensors[board, place] = make(values, stage.now, draw)
+        place = _input(stage, draw, encoder=encoder)
+        stage.sim.faults.sensors[place] = make(values, stage.now, draw)
 
     return inject
 
@@ -81,7 +88,7 @@ def _swap(stage: Stage, values: Values, draw: random.Random) -> None:
 
 def _valve(opening: float) -> Injection:
     def inject(stage: Stage, values: Values, draw: random.Random) -> None:
-        stage.sim.faults.valves[_board(stage, draw), draw.choice((0, 1))] = opening
+        stage.sim.faults.valves[_input(stage, draw)] = opening
 
     return inject
 
@@ -120,8 +127,8 @@ INJECTIONS: Mapping[str, Injection] = {
     "frames_foreign": _frames("foreign", "up"),
     "board_restart": _restart,
     "board_frozen": _freeze,
-    "counter_jump": _jump_counter,
-    "counter_frozen": _stop_counter,
+    "counter_jump": _misbehave("counter_jump"),
+    "counter_frozen": _misbehave("counter_frozen"),
     "pressure_stuck": _sensor(lambda v, t, d: rig_faults.stuck(), encoder=False),
     "pressure_noisy": _sensor(
         lambda v, t, d: rig_faults.noisy(v["amplitude"], d.randrange(1 << 30)), encoder=False
@@ -202,4 +209,4 @@ def mend(stage: Stage) -> None:
         stage.sim.open_leak(index, 0.0)
     stage.sim.set_supply_pressure(stage.sim.rig.supply_pressure)
     for board in stage.sim.boards.values():
-        board.counter_step = 1
+        board.misbehave("mended", 0.0)

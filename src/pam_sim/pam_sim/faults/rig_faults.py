@@ -12,14 +12,15 @@ import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from pam_sim.boards.pam_board import BoardValve
+from pam_driver.boards.protocol import Address
+from pam_sim.boards.protocol import BoardValve
 
 # A processor that hangs is reset by a watchdog of its own, apart from the one on commands [s].
 HARDWARE_WATCHDOG = 0.05
 
 Reading = Callable[[float, float], float]
 """(true reading, time) to what is shown."""
-POSITION = -1  # input of a board beside its two pressure channels
+POSITION = -1  # a board's first angle, beside its pressures, which are counted from 0
 
 
 def stuck() -> Reading:
@@ -62,19 +63,19 @@ class RigFaults:
     Attributes
     ----------
     sensors : dict
-        By (board, input): 0 and 1 the pressures, `POSITION` the encoder.
-    swapped : set of int
+        By (board, input): the pressures from 0 on, `POSITION` the encoder.
+    swapped : set of int or str
         Boards whose pressure sensors are plugged the wrong way round.
     valves : dict
-        By (board, channel): the opening a valve is stuck at, -1 to 1, NaN to stay where it is.
-    frozen : dict of int to float
+        By (board, valve): the opening a valve is stuck at, -1 to 1, NaN to stay where it is.
+    frozen : dict of int or str to float
         Boards whose processor hangs, since when [s].
     """
 
-    sensors: dict[tuple[int, int], Reading] = field(default_factory=dict)
-    valves: dict[tuple[int, int], float] = field(default_factory=dict)
-    frozen: dict[int, float] = field(default_factory=dict)
-    swapped: set[int] = field(default_factory=set)
+    sensors: dict[tuple[Address, int], Reading] = field(default_factory=dict)
+    valves: dict[tuple[Address, int], float] = field(default_factory=dict)
+    frozen: dict[Address, float] = field(default_factory=dict)
+    swapped: set[Address] = field(default_factory=set)
 
     def clear(self) -> None:
         """Everything works again."""
@@ -84,35 +85,37 @@ class RigFaults:
         self.swapped.clear()
 
     def readings(
-        self, board: int, pressures: Sequence[float], position: float, now: float
-    ) -> tuple[list[float], float]:
+        self, board: Address, pressures: Sequence[float], angles: Sequence[float], now: float
+    ) -> tuple[list[float], list[float]]:
         """What the sensors of a board show of their readings."""
-        shown = list(pressures)
+        shown, turned = list(pressures), list(angles)
         if board in self.swapped:
             shown.reverse()
-        for channel, value in enumerate(shown):
-            fault = self.sensors.get((board, channel))
+        for place, value in enumerate(shown):
+            fault = self.sensors.get((board, place))
             if fault is not None:
-                shown[channel] = fault(value, now)
+                shown[place] = fault(value, now)
         fault = self.sensors.get((board, POSITION))
-        return shown, position if fault is None else fault(position, now)
+        if fault is not None and turned:
+            turned[0] = fault(turned[0], now)
+        return shown, turned
 
     def spools(
-        self, board: int, commands: tuple[float, float], kinds: Sequence[BoardValve]
-    ) -> tuple[float, float]:
+        self, board: Address, commands: Sequence[float], kinds: Sequence[BoardValve]
+    ) -> Sequence[float]:
         """What the valves of a board do with its commands."""
         done = list(commands)
-        for channel, kind in enumerate(kinds):
-            opening = self.valves.get((board, channel))
+        for place, kind in enumerate(kinds):
+            opening = self.valves.get((board, place))
             if opening is None:
                 continue
             if math.isnan(opening):
-                opening = commands[channel] / kind.full_scale
-                self.valves[board, channel] = opening
-            done[channel] = max(opening, 0.0) * kind.full_scale if kind.is_regulator else opening
-        return done[0], done[1]
+                opening = commands[place] / kind.full_scale
+                self.valves[board, place] = opening
+            done[place] = max(opening, 0.0) * kind.full_scale if kind.is_regulator else opening
+        return tuple(done)
 
-    def reset_by_watchdog(self, now: float) -> list[int]:
+    def reset_by_watchdog(self, now: float) -> list[Address]:
         """Boards whose hardware watchdog fires now; they are frozen no longer."""
         due = [board for board, since in self.frozen.items() if now - since > HARDWARE_WATCHDOG]
         for board in due:

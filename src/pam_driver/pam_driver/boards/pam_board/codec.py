@@ -11,14 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from pam_driver.boards.pam_board.dbc import (
-    PROTOCOL_VERSION,
-    BoardDbc,
-    Layout,
-    default_dbc_path,
-    read_dbc,
-)
-from pam_driver.boards.pam_board.frame_errors import (
+from pam_driver.boards.frame_errors import (
     DbcError,
     EncodeError,
     FrameCrcError,
@@ -26,6 +19,13 @@ from pam_driver.boards.pam_board.frame_errors import (
     FrameLengthError,
     FrameRangeError,
     UnknownFrameError,
+)
+from pam_driver.boards.pam_board.dbc import (
+    PROTOCOL_VERSION,
+    BoardDbc,
+    Layout,
+    default_dbc_path,
+    read_dbc,
 )
 from pam_driver.boards.pam_board.messages import (
     CHANNELS,

@@ -17,10 +17,11 @@ from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal
 from cantools.database.errors import Error
 
-from pam_driver.boards.pam_board.frame_errors import DbcError, EncodeError, FrameRangeError
+from pam_driver.boards.frame_errors import DbcError, EncodeError, FrameRangeError
 from pam_driver.boards.pam_board.messages import BoardCode, BoardFault, BoardState
 
 PROTOCOL_VERSION: Final = 1
+CLASSIC_CAN_BYTES: Final = 8
 _MAX_DBC_BYTES: Final = 1_000_000
 _NOT_AVAILABLE: Final = "not_available"
 
@@ -195,6 +196,11 @@ def _layout(path: Path, message: DbcMessage | None, name: str) -> Layout:
         raise DbcError(f"{path}: message {name} is missing")
     if message.is_extended_frame or message.is_multiplexed():
         raise DbcError(f"{path}: {name} must have an 11 bit identifier and no multiplexing")
+    if message.length > CLASSIC_CAN_BYTES:
+        raise DbcError(
+            f"{path}: {name} has {message.length} bytes, expected at most {CLASSIC_CAN_BYTES}: a "
+            "pam_board speaks classic CAN"
+        )
     signals = {signal.name: signal for signal in message.signals}
     fields = []
     for signal_name, unit in LAYOUT[name].items():

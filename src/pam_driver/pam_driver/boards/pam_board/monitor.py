@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import Final
 
 from pam_driver.boards.pam_board.codec import (
     CHANNELS,
@@ -14,29 +14,10 @@ from pam_driver.boards.pam_board.codec import (
     Measurement,
     Status,
 )
+from pam_driver.boards.protocol import NEVER, Channel, Condition, Sample
 
-NEVER: Final = -math.inf
 # Behind by so little means frames out of order; further behind means another counter.
 _REORDER_WINDOW: Final = 16
-
-
-class Condition(NamedTuple):
-    """Something wrong: its kind, who is concerned, and a line for a person."""
-
-    kind: str
-    subject: str
-    text: str
-
-    def __str__(self) -> str:
-        return f"{self.subject}: {self.text}" if self.subject else self.text
-
-
-class Sample(NamedTuple):
-    """A value with the times it was measured: monotonic for ages, wall clock for stamps [s]."""
-
-    value: float = math.nan
-    time: float = NEVER
-    stamp: float = 0.0
 
 
 class BoardMonitor:
@@ -44,21 +25,19 @@ class BoardMonitor:
 
     Attributes
     ----------
-    pressures : list of Sample
-        By channel [Pa gauge]; the last that was available.
-    position : Sample
-        [rad]; the last that was available.
+    pressures, angles : dict of int to Sample
+        By channel [Pa gauge], [rad]; the last that was available.
     status, heartbeat : message or None
         The last heard.
     frames_lost, frames_repeated, frames_reordered, restarts : int
         Counted from the measurement counter and the uptime.
     """
 
-    def __init__(self, board: int) -> None:
-        self.board = board
-        self.name = f"board {board}"
-        self.pressures = [Sample() for _ in range(CHANNELS)]
-        self.position = Sample()
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.name = f"board {number}"
+        self.pressures: dict[Channel, Sample] = {channel: Sample() for channel in range(CHANNELS)}
+        self.angles: dict[Channel, Sample] = {0: Sample()}
         self.status: Status | None = None
         self.heartbeat: Heartbeat | None = None
         self.frames_lost = 0
@@ -73,6 +52,11 @@ class BoardMonitor:
         self._heartbeat_at = NEVER
         self._echo_at = NEVER
         self._restarted = False
+
+    @property
+    def position(self) -> Sample:
+        """The angle of its only encoder [rad]."""
+        return self.angles[0]
 
     def hear_measurement(self, message: Measurement, time: float, stamp: float) -> None:
         """Take a measurement unless it is a repetition or older than the last."""
@@ -94,7 +78,7 @@ class BoardMonitor:
             if not math.isnan(pressure):
                 self.pressures[channel] = Sample(pressure, time, stamp)
         if not math.isnan(message.position):
-            self.position = Sample(message.position, time, stamp)
+            self.angles[0] = Sample(message.position, time, stamp)
 
     def hear_status(self, message: Status, time: float) -> None:
         """Take a status."""
@@ -115,10 +99,6 @@ class BoardMonitor:
     def acknowledge(self) -> None:
         """Forget a restart that was reported."""
         self._restarted = False
-
-    def present(self, now: float, timeout: float) -> bool:
-        """Whether measurement, status and heartbeat have all been heard of late."""
-        return not self.silent(now, timeout)
 
     def silent(self, now: float, timeout: float) -> list[str]:
         """Kinds of frame that are missing."""

@@ -1,4 +1,4 @@
-"""A valve board as a pure object: frames in, frames out, its own clock and its own latched faults.
+"""The twin of a `pam_board`: frames in, frames out, its own clock and its own latched faults.
 
 It keeps the rules of docs/can_protocol.md. Time is whatever monotonic seconds the caller hands
 in. The watchdog's default is the DBC's 100 ms: fifty cycles at 500 Hz, so that neither one lost
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from pam_driver.boards.pam_board.codec import (
     CHANNELS,
@@ -28,7 +27,9 @@ from pam_driver.boards.pam_board.codec import (
     Status,
     ValveCommand,
 )
-from pam_model.errors import PamError
+from pam_driver.boards.pam_board.kind import PamBoardKind, number_of
+from pam_driver.boards.protocol import Frame, KindOptions, WiredBoard
+from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 
 FIRMWARE_VERSION = 1
 CRC_LIMIT = 10  # frames with a wrong CRC within CRC_WINDOW, while active
@@ -38,67 +39,8 @@ PRESSURE_RANGE = (-1e5, 1.2e6)
 POSITION_RANGE = (-8.38, 8.38)
 SUPPLY_RANGE = (0.0, 1.3e6)
 
-Frame = tuple[int, bytes]
 
-
-@dataclass(frozen=True, slots=True)
-class BoardSettings:
-    """How a board is set up.
-
-    Attributes
-    ----------
-    measurement_rate, status_rate, heartbeat_rate : float
-        Frames per second [Hz].
-    watchdog_period : float or None
-        Without a command that counts for so long while active: fault [s]. None: the DBC's.
-    max_pressures : pair of float
-        The board's own limit per channel [Pa gauge].
-    boot_time : float
-        Self test after power-up [s].
-    """
-
-    measurement_rate: float = 500.0
-    status_rate: float = 50.0
-    heartbeat_rate: float = 10.0
-    watchdog_period: float | None = None
-    max_pressures: tuple[float, float] = (math.inf, math.inf)
-    boot_time: float = 0.05
-
-    def __post_init__(self) -> None:
-        for name in ("measurement_rate", "status_rate", "heartbeat_rate"):
-            rate = getattr(self, name)
-            if not 0.0 < rate <= 10_000.0:
-                raise PamError(f"{name} = {rate:g} Hz must be above 0 and at most 10000 Hz")
-        if self.watchdog_period is not None and not self.watchdog_period > 0.0:
-            raise PamError(f"watchdog_period = {self.watchdog_period:g} s must be above 0")
-
-
-@dataclass(frozen=True, slots=True)
-class BoardValve:
-    """What one valve does with a fraction of full scale.
-
-    Attributes
-    ----------
-    is_regulator : bool
-        A pressure regulator; otherwise a flow valve.
-    full_scale : float
-        Of a regulator [Pa gauge].
-    """
-
-    is_regulator: bool = False
-    full_scale: float = 1.0
-
-    @property
-    def vented(self) -> float:
-        """The command that vents: pressure 0, or the exhaust fully open."""
-        return 0.0 if self.is_regulator else -1.0
-
-    def command(self, fraction: float) -> float:
-        """Plant command: gauge pressure [Pa], or spool -1..1."""
-        return max(fraction, 0.0) * self.full_scale if self.is_regulator else fraction
-
-
-class SimulatedBoard:
+class SimulatedPamBoard:
     """One valve board.
 
     Parameters
@@ -108,16 +50,13 @@ class SimulatedBoard:
     codec : BoardCodec
         Meaning of the bytes.
     settings : BoardSettings, optional
-        Rates, watchdog, limits.
-    valves : pair of BoardValve, optional
+        Rates and watchdog.
+    valves : sequence of BoardValve, optional
         What is on its channels.
+    channels : sequence of int, optional
+        The channel of each valve and of its pressure sensor.
     now : float, optional
         Time of power-up [s].
-
-    Attributes
-    ----------
-    counter_step : int
-        Of the measurements' counter; another than 1 is a fault of the firmware.
     """
 
     def __init__(
@@ -126,6 +65,7 @@ class SimulatedBoard:
         codec: BoardCodec,
         settings: BoardSettings | None = None,
         valves: Sequence[BoardValve] = (BoardValve(), BoardValve()),
+        channels: Sequence[int] = (0, 1),
         now: float = 0.0,
     ) -> None:
         self.number = number
@@ -135,6 +75,7 @@ class SimulatedBoard:
         self.rejected_frames = 0
         self._codec = codec
         self.valves = tuple(valves)
+        self._channels = tuple(channels)
         self._watchdog = self.settings.watchdog_period or codec.watchdog_timeout
         self._valve_id = codec.frame_id(ValveCommand, number)
         self._own_ids = {self._valve_id, codec.frame_id(BoardCommand, number)}
@@ -148,7 +89,7 @@ class SimulatedBoard:
         self._over_pressure = False
         self._sensor_lost = False
         self._samples = 0
-        self.counter_step = 1
+        self._counter_step = 1
         self._told: tuple[BoardState, BoardFault] | None = None
         self._grid = now
         self._turns: dict[type[BoardMessage], int] = {Measurement: 0, Status: 0, Heartbeat: 0}
@@ -159,20 +100,40 @@ class SimulatedBoard:
         }
 
     @property
-    def valve_commands(self) -> tuple[float, float]:
+    def active(self) -> bool:
+        """Whether its valves follow set points."""
+        return self.state is BoardState.ACTIVE
+
+    @property
+    def fault_names(self) -> tuple[str, ...]:
+        """What it has latched."""
+        return tuple(str(fault.name) for fault in self.faults)
+
+    @property
+    def valve_commands(self) -> tuple[float, ...]:
         """What the valves are driven with: spool -1..1 or gauge pressure [Pa]; vented if unsure."""
         active = self.state is BoardState.ACTIVE
-        first, second = (
-            valve.command(fraction) if active and enabled else valve.vented
-            for valve, fraction, enabled in zip(
-                self.valves, self._fractions, self._enabled, strict=True
-            )
+        return tuple(
+            valve.command(self._fractions[channel])
+            if active and self._enabled[channel]
+            else valve.vented
+            for valve, channel in zip(self.valves, self._channels, strict=True)
         )
-        return first, second
 
-    def jump_counter(self, by: int) -> None:
-        """Let the counter of the measurements go on elsewhere, as faulty firmware would."""
-        self._samples = (self._samples + by) & 0xFF
+    def restarted(self, now: float) -> SimulatedBoard:
+        """The board after a power-up at `now` [s]."""
+        return SimulatedPamBoard(
+            self.number, self._codec, self.settings, self.valves, self._channels, now
+        )
+
+    def misbehave(self, fault: str, value: float) -> None:
+        """Let the counter of the measurements jump or stand still, as faulty firmware would."""
+        if fault == "counter_jump":
+            self._samples = (self._samples + round(value)) & 0xFF
+        elif fault == "counter_frozen":
+            self._counter_step = 0
+        elif fault == "mended":
+            self._counter_step = 1
 
     def on_frame(self, frame_id: int, data: bytes, now: float) -> None:
         """Take a frame from the bus; one that is not for this board is not looked at."""
@@ -194,7 +155,7 @@ class SimulatedBoard:
         self,
         now: float,
         pressures: Sequence[float],
-        position: float,
+        angles: Sequence[float],
         supply_pressure: float,
     ) -> list[Frame]:
         """Look at the sensors and the clock; return the frames that are due.
@@ -203,20 +164,23 @@ class SimulatedBoard:
         ----------
         now : float
             [s], not going back.
-        pressures : pair of float
-            What the sensors read [Pa gauge]; NaN for a broken one.
-        position : float
-            What the encoder reads [rad]; NaN for a broken one.
+        pressures : sequence of float
+            What the sensors read, one for each valve [Pa gauge]; NaN for a broken one.
+        angles : sequence of float
+            What the encoder reads [rad], nothing without one; NaN for a broken one.
         supply_pressure : float
             [Pa absolute].
         """
+        position = angles[0] if angles else 0.0
         self._check(now, pressures, position)
         messages: list[BoardMessage] = []
         if self._is_due(Measurement, now):
-            self._samples = (self._samples + self.counter_step) & 0xFF
-            first, second = (_within(value, PRESSURE_RANGE) for value in pressures)
-            shown = _within(position, POSITION_RANGE)
-            messages.append(Measurement((first, second), shown, self._samples))
+            self._samples = (self._samples + self._counter_step) & 0xFF
+            shown = [0.0] * CHANNELS
+            for channel, pressure in zip(self._channels, pressures, strict=True):
+                shown[channel] = _within(pressure, PRESSURE_RANGE)
+            angle = _within(position, POSITION_RANGE)
+            messages.append(Measurement((shown[0], shown[1]), angle, self._samples))
         news = (self.state, self.faults)
         if self._is_due(Status, now) or news != self._told:
             self._told = news
@@ -281,8 +245,10 @@ class SimulatedBoard:
             self.state = BoardState.VENTED
         if self.state is BoardState.ACTIVE and now - self._last_counted > self._watchdog:
             self._fail(BoardFault.WATCHDOG)
-        limits = self.settings.max_pressures
-        self._over_pressure = any(pressures[i] > limits[i] for i in range(CHANNELS))
+        self._over_pressure = any(
+            pressure > valve.max_pressure
+            for pressure, valve in zip(pressures, self.valves, strict=True)
+        )
         self._sensor_lost = any(math.isnan(value) for value in (*pressures, position))
         if self._over_pressure:
             self._fail(BoardFault.OVER_PRESSURE)
@@ -297,6 +263,24 @@ class SimulatedBoard:
         self.state = state
         self._armed = False
         self._enabled = (False, False)
+
+
+class PamBoardTwins:
+    """Makes the twins of the kind `pam_board`; takes the options of that kind."""
+
+    def __init__(self, options: KindOptions) -> None:
+        self._codec = PamBoardKind(options).codec
+
+    def make(self, wired: WiredBoard, settings: BoardSettings, now: float) -> SimulatedBoard:
+        """The twin of one board, powered up at `now` [s]."""
+        return SimulatedPamBoard(
+            number_of(wired),
+            self._codec,
+            settings,
+            [BoardValve.of(wire.muscle) for wire in wired.valves],
+            [int(wire.channel) for wire in wired.valves],
+            now,
+        )
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:

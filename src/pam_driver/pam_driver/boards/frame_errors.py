@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from pam_model.errors import PamError
+
+EXTENDED: Final = 0x8000_0000
+"""This bit in an identifier says that it has 29 bits, as in SocketCAN; without it, 11 bits."""
 
 
 class DbcError(PamError):
@@ -13,24 +18,43 @@ class EncodeError(PamError):
     """A value that has no place in a frame: not finite, out of range, or an unknown board."""
 
 
+def shown(frame_id: int) -> str:
+    """An identifier as people write it: three digits for 11 bits, eight for 29."""
+    if frame_id & EXTENDED:
+        return f"0x{frame_id & ~EXTENDED:08X}"
+    return f"0x{frame_id:03X}"
+
+
 class FrameError(PamError):
     """A frame that is no message of a board; `kind` is the name it is counted under."""
 
     kind = "frame"
 
     def __init__(self, frame_id: int, text: str) -> None:
-        super().__init__(f"frame 0x{frame_id:03X}: {text}")
+        super().__init__(f"frame {shown(frame_id)}: {text}")
         self.frame_id = frame_id
 
 
 class UnknownFrameError(FrameError):
-    """No message of the DBC, for any board, has this identifier."""
+    """No board of the rig, and no other board of their kinds, has this identifier."""
 
     kind = "unknown_id"
 
 
+class UnknownBoardError(FrameError):
+    """A frame of, or to, a board that the rig file does not name."""
+
+    kind = "unknown_board"
+
+
+class ForeignCommandError(FrameError):
+    """A command to one of the rig's boards that this driver has not sent."""
+
+    kind = "foreign_command"
+
+
 class FrameLengthError(FrameError):
-    """The payload is not as long as the DBC says."""
+    """The payload is not as long as the board's protocol says."""
 
     kind = "wrong_length"
 
@@ -42,6 +66,6 @@ class FrameCrcError(FrameError):
 
 
 class FrameRangeError(FrameError):
-    """A signal's raw value is outside the DBC's range."""
+    """A value is outside the range that the board's protocol allows."""
 
     kind = "out_of_range"

@@ -1,0 +1,193 @@
+"""The boards of a rig on their buses: frames to measurements, set points to frames.
+
+Knows the protocol of `boards.protocol` alone. Every identifier has one listener, found by one look
+into a table, so that a kind costs the cycle nothing but its own decoding.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
+
+from pam_driver.boards.frame_errors import ForeignCommandError, FrameError, UnknownFrameError
+from pam_driver.boards.protocol import NEVER, Address, Channel, Frame, Hear, Sample
+from pam_driver.boards.wiring import RigWiring
+from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
+from pam_driver.joint_velocity import JointVelocity
+from pam_model.errors import RigError
+
+
+class Port(Protocol):
+    """What the driver needs of a bus, see `bus.CanPort`."""
+
+    @property
+    def state(self) -> BusState:
+        """State of the bus."""
+
+    def receive_all(self, now: float) -> list[ReceivedFrame]:
+        """Frames that wait."""
+
+    def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
+        """Send or drop."""
+
+
+_Angle = tuple[JointVelocity, Mapping[Channel, Sample], Channel]
+_Route = tuple[Hear, tuple[_Angle, ...]]
+
+
+class BoardSet:
+    """All boards of one rig.
+
+    Parameters
+    ----------
+    wiring : RigWiring
+        Which muscle and joint is on which board.
+    ports : mapping of str to Port
+        Open buses by name.
+    velocities : sequence of JointVelocity
+        By joint; told every angle that is heard.
+
+    Raises
+    ------
+    RigError
+        If a board is on a bus that is not there, or two use one identifier.
+
+    Attributes
+    ----------
+    boards : dict of address to Board
+        In the order of the rig file.
+    ports : dict of str to Port
+        By name of the bus.
+    pressures, angles : tuple of (mapping, channel)
+        Where each muscle's pressure and each joint's angle is kept, in the rig's order.
+    valves : tuple of Board
+        The board of each muscle, in the rig's order.
+    frame_errors : Counter
+        Frames that were no message, by kind; `last_frame_error` has the last of each.
+    foreign_at : float
+        When a command of another driver was heard last, monotonic [s].
+    sent_at : dict of address to float
+        When a board was last told something, monotonic [s].
+    """
+
+    def __init__(
+        self,
+        wiring: RigWiring,
+        ports: Mapping[str, Port],
+        velocities: Sequence[JointVelocity],
+    ) -> None:
+        self.boards = wiring.make_boards()
+        self.ports = dict(ports)
+        self.pressures = tuple(
+            (self.boards[board].pressures, channel) for board, channel in wiring.muscles
+        )
+        self.angles = tuple(
+            (self.boards[board].angles, channel) for board, channel in wiring.joints
+        )
+        self.valves = tuple(self.boards[board] for board, _ in wiring.muscles)
+        self.frame_errors: Counter[str] = Counter()
+        self.last_frame_error: dict[str, str] = {}
+        self.foreign_at = NEVER
+        self.sent_at: dict[Address, float] = dict.fromkeys(self.boards, NEVER)
+        self._kinds = tuple(wiring.kinds.values())
+        self._drained_at = NEVER
+        self._bus_of = {address: wired.bus for address, wired in wiring.boards.items()}
+        self._routes: dict[str, dict[int, _Route]] = {name: {} for name in ports}
+        for address, wired in wiring.boards.items():
+            board = self.boards[address]
+            angles = tuple(
+                (velocities[wire.place], board.angles, wire.channel) for wire in wired.angles
+            )
+            if wired.bus not in self._routes:
+                names = ", ".join(repr(name) for name in ports)
+                raise RigError(f"{board.name}: no bus is called {wired.bus!r} (there is {names})")
+            routes = self._routes[wired.bus]
+            for frame_id, hear in board.listeners.items():
+                measures = frame_id in board.identifiers.answers
+                routes[frame_id] = (hear, angles if measures else ())
+
+    def receive(self, now: float, wall_now: float) -> None:
+        """Take in what the buses brought.
+
+        Parameters
+        ----------
+        now : float
+            Monotonic time [s].
+        wall_now : float
+            The same moment on the clock that stamps frames [s].
+        """
+        # A frame drained now arrived after the last drain: this bounds its age when the wall
+        # clock steps, and gives frames that waited during a stall their true age.
+        longest = now - self._drained_at
+        for name, routes in self._routes.items():
+            for frame_id, data, stamp in self.ports[name].receive_all(now):
+                time = now - min(max(wall_now - stamp, 0.0), longest)
+                try:
+                    hear, angles = routes[frame_id]
+                except KeyError:
+                    self._count(self._stranger(frame_id, data))
+                    continue
+                try:
+                    hear(data, time, stamp)
+                except FrameError as error:
+                    self._count(error)
+                    if isinstance(error, ForeignCommandError):
+                        self.foreign_at = time
+                    continue
+                for velocity, samples, channel in angles:
+                    sample = samples[channel]
+                    velocity.update(sample.value, sample.time)
+        self._drained_at = now
+
+    def command(self, setpoints: Sequence[float] | None, now: float) -> bool:
+        """Command every board; False if a bus did not take one of the frames.
+
+        Parameters
+        ----------
+        setpoints : sequence of float or None
+            Fraction of full scale by muscle; None vents all.
+        now : float
+            Monotonic time [s].
+        """
+        all_told = True
+        for address, board in self.boards.items():
+            if self._send(address, board.command(setpoints, now), now):
+                self.sent_at[address] = now
+            else:
+                all_told = False
+        return all_told
+
+    def vent(self, now: float) -> None:
+        """Tell every board to vent at once, beside what the cycle tells it."""
+        for address, board in self.boards.items():
+            self._send(address, board.vent(), now)
+
+    def clear_faults(self, now: float) -> None:
+        """Tell every board to clear its faults."""
+        for address, board in self.boards.items():
+            self._send(address, board.clear_faults(), now)
+
+    def acknowledge(self) -> None:
+        """Forget what was only to be reported once."""
+        for board in self.boards.values():
+            board.acknowledge()
+
+    def _send(self, address: Address, frames: Iterable[Frame], now: float) -> bool:
+        port = self.ports[self._bus_of[address]]
+        told = True
+        for frame_id, data in frames:
+            told = port.send(frame_id, data, now) is SendOutcome.SENT and told
+        return told
+
+    def _stranger(self, frame_id: int, data: bytes) -> FrameError:
+        """What a frame is that no board of the rig listens to."""
+        for kind in self._kinds:
+            error = kind.stranger(frame_id, data)
+            if error is not None:
+                return error
+        return UnknownFrameError(frame_id, "no board has this identifier")
+
+    def _count(self, error: FrameError) -> None:
+        self.frame_errors[error.kind] += 1
+        self.last_frame_error[error.kind] = str(error)

@@ -1,0 +1,172 @@
+"""One valve board of this project as the driver's core sees it: bytes end here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
+
+from pam_driver.boards.frame_errors import ForeignCommandError
+from pam_driver.boards.pam_board.codec import (
+    BoardCode,
+    BoardCodec,
+    BoardCommand,
+    BoardState,
+    Heartbeat,
+    Measurement,
+    Status,
+    ValveCommand,
+)
+from pam_driver.boards.pam_board.monitor import BoardMonitor
+from pam_driver.boards.protocol import (
+    BoardReport,
+    Frame,
+    Hear,
+    Identifiers,
+    Promises,
+    WiredBoard,
+)
+
+_ANSWERS: Final = (Measurement, Status, Heartbeat)
+_COMMANDS: Final = (ValveCommand, BoardCommand)
+_NO_VALVES: Final = (0.0, 0.0)
+_NO_ENABLE: Final = (False, False)
+
+
+class PamBoard(BoardMonitor):
+    """A board with a number; see docs/can_protocol.md for the rules it relies on.
+
+    Parameters
+    ----------
+    number : int
+        On the bus.
+    wired : WiredBoard
+        Its muscles and joint.
+    codec : BoardCodec
+        Meaning of the bytes.
+    """
+
+    def __init__(self, number: int, wired: WiredBoard, codec: BoardCodec) -> None:
+        super().__init__(number)
+        self.name = wired.name
+        self.promises = promises(codec)
+        self.identifiers = Identifiers(
+            tuple(codec.frame_id(kind, number) for kind in _ANSWERS),
+            tuple(codec.frame_id(kind, number) for kind in _COMMANDS),
+        )
+        self._measurement_id, self._status_id, self._heartbeat_id = self.identifiers.answers
+        self.listeners: Mapping[int, Hear] = {
+            self._measurement_id: self._hear_measurement,
+            self._status_id: self._hear_status,
+            self._heartbeat_id: self._hear_heartbeat,
+            **{frame_id: self._foreign(frame_id) for frame_id in self.identifiers.commands},
+        }
+        self._codec = codec
+        self._counter_sent = 0
+        # by channel the muscle's place in the rig's order, -1 where there is none
+        places = {wire.channel: wire.place for wire in wired.valves}
+        self._places = (places.get(0, -1), places.get(1, -1))
+        self._enable = (0 in places, 1 in places)
+        self._vent = (codec.encode(number, BoardCommand(BoardCode.VENT)),)
+        self._clear = (codec.encode(number, BoardCommand(BoardCode.CLEAR_FAULTS)),)
+
+    @property
+    def supply_pressure(self) -> float:
+        """What the last status told [Pa absolute], NaN before it."""
+        return math.nan if self.status is None else self.status.supply_pressure
+
+    @property
+    def follows(self) -> bool:
+        """Whether the last status said that its valves are active."""
+        return self.status is not None and self.status.state is BoardState.ACTIVE
+
+    def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
+        """One valve command; a channel without a muscle is never enabled."""
+        self._counter_sent = (self._counter_sent + 1) & 0xFF
+        if setpoints is None:
+            message = ValveCommand(_NO_VALVES, _NO_ENABLE, self._counter_sent)
+        else:
+            first, second = self._places
+            valves = (
+                setpoints[first] if first >= 0 else 0.0,
+                setpoints[second] if second >= 0 else 0.0,
+            )
+            message = ValveCommand(valves, self._enable, self._counter_sent)
+        return (self._codec.encode(self.number, message),)
+
+    def vent(self) -> Iterable[Frame]:
+        """The board command `vent`."""
+        return self._vent
+
+    def clear_faults(self) -> Iterable[Frame]:
+        """The board command `clear_faults`."""
+        return self._clear
+
+    def counts(self) -> Mapping[str, int]:
+        """Measurements lost, repeated, out of order; restarts."""
+        return {
+            "frames_lost": self.frames_lost,
+            "frames_repeated": self.frames_repeated,
+            "frames_reordered": self.frames_reordered,
+            "restarts": self.restarts,
+        }
+
+    def report(self) -> BoardReport:
+        """Counts, state, faults, supply and versions."""
+        values: dict[str, object] = {
+            "measurements lost": self.frames_lost,
+            "measurements repeated": self.frames_repeated,
+            "measurements out of order": self.frames_reordered,
+            "restarts": self.restarts,
+        }
+        text = "not heard"
+        if self.status is not None:
+            text = self.status.state.name.lower()
+            faults = ", ".join(str(fault.name).lower() for fault in self.status.faults)
+            values |= {
+                "state": text,
+                "faults": faults or "none",
+                "supply pressure [Pa absolute]": self.status.supply_pressure,
+                "rejected frames": self.status.rejected_frames,
+            }
+        if self.heartbeat is not None:
+            values |= {
+                "uptime [s]": self.heartbeat.uptime,
+                "firmware version": self.heartbeat.firmware_version,
+            }
+        return BoardReport(text, values)
+
+    def _hear_measurement(self, data: bytes, time: float, stamp: float) -> None:
+        _, message = self._codec.decode(self._measurement_id, data)
+        self.hear_measurement(message, time, stamp)  # type: ignore[arg-type]
+
+    def _hear_status(self, data: bytes, time: float, stamp: float) -> None:
+        _, message = self._codec.decode(self._status_id, data)
+        self.hear_status(message, time)  # type: ignore[arg-type]
+
+    def _hear_heartbeat(self, data: bytes, time: float, stamp: float) -> None:
+        _, message = self._codec.decode(self._heartbeat_id, data)
+        self.hear_heartbeat(message, time)  # type: ignore[arg-type]
+
+    def _foreign(self, frame_id: int) -> Hear:
+        def hear(data: bytes, time: float, stamp: float) -> None:
+            self._codec.decode(frame_id, data)
+            raise ForeignCommandError(frame_id, f"a command to {self.name}")
+
+        return hear
+
+
+def promises(codec: BoardCodec) -> Promises:
+    """What a board that speaks this DBC does by itself."""
+    return Promises(
+        watchdog=codec.watchdog_timeout,
+        latches=True,
+        needs_arming=True,
+        tells_state=True,
+        tells_faults=True,
+        echoes_commands=True,
+        counts_samples=True,
+        has_heartbeat=True,
+        has_checksum=True,
+        measures_supply=True,
+    )

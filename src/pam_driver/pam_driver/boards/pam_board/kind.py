@@ -1,0 +1,92 @@
+"""The kind `pam_board`: what it reads of a rig file, and the boards it makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pam_driver.boards.frame_errors import FrameError, UnknownBoardError, UnknownFrameError
+from pam_driver.boards.pam_board.board import PamBoard
+from pam_driver.boards.pam_board.codec import CHANNELS, BoardCodec
+from pam_driver.boards.protocol import Board, KindOptions, WiredBoard
+
+_KEYS = frozenset({"kind", "bus", "number"})
+
+
+class PamBoardKind:
+    """The valve boards of this project, numbered on their bus.
+
+    A board is its number in the rig file (`<muscle>.board: 0`), or a section
+    `boards.<name>: {kind: pam_board, number: 0}` that muscles and joints name.
+
+    Parameters
+    ----------
+    options : mapping of str to str
+        `dbc`: path of another DBC file than the one of this package.
+
+    Raises
+    ------
+    DbcError
+        If the DBC file cannot be used.
+    """
+
+    def __init__(self, options: KindOptions) -> None:
+        path = options.get("dbc", "")
+        self.codec = BoardCodec.from_dbc(Path(path) if path else None)
+
+    def problems(self, wired: Sequence[WiredBoard]) -> list[str]:
+        """Numbers, channels and keys that the boards of this kind do not have."""
+        found: list[str] = []
+        last = self.codec.board_count - 1
+        numbers: dict[tuple[str, int], str] = {}
+        for board in wired:
+            number = _number(board)
+            place = f"board {board.address}"
+            for key in sorted(set(board.settings) - _KEYS):
+                found.append(f"boards.{board.address}.{key}: unknown key of a pam_board")
+            if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number <= last:
+                if isinstance(board.address, str):
+                    found.append(
+                        f"boards.{board.address}.number = {number!r}: expected 0 to {last}"
+                    )
+            else:
+                other = numbers.setdefault((board.bus, number), board.name)
+                if other != board.name:
+                    found.append(f"{board.name}: number {number} is {other}'s already")
+            wrong_number = isinstance(board.address, int) and not 0 <= board.address <= last
+            for wire in board.valves:
+                if wrong_number or wire.channel not in range(CHANNELS):
+                    found.append(
+                        f"{wire.muscle.name}: {place} channel {wire.channel}, expected board 0 "
+                        f"to {last} and channel 0 to {CHANNELS - 1}"
+                    )
+            for angle in board.angles:
+                if wrong_number or angle.channel != 0:
+                    found.append(
+                        f"{angle.joint.name}.encoder: {place} channel {angle.channel}, expected "
+                        f"board 0 to {last} and channel 0"
+                    )
+        return found
+
+    def make(self, wired: WiredBoard) -> Board:
+        """A board of its own for one driver."""
+        return PamBoard(number_of(wired), wired, self.codec)
+
+    def stranger(self, frame_id: int, data: bytes) -> FrameError | None:
+        """A spoilt frame, or one of a board that is not in the rig file."""
+        try:
+            number, _ = self.codec.decode(frame_id, data)
+        except UnknownFrameError:
+            return None
+        except FrameError as error:
+            return error
+        return UnknownBoardError(frame_id, f"board {number}")
+
+
+def number_of(wired: WiredBoard) -> int:
+    """The number of a board that has been checked."""
+    return int(_number(wired))  # type: ignore[call-overload,no-any-return]
+
+
+def _number(wired: WiredBoard) -> object:
+    return wired.address if isinstance(wired.address, int) else wired.settings.get("number")

@@ -1,0 +1,217 @@
+"""What is wrong now: buses, boards, sensors, commands, and what physics says of it all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple, Protocol
+
+from pam_driver.board_set import BoardSet
+from pam_driver.boards.protocol import NEVER, Condition
+from pam_driver.bus import BusState
+from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety.pressure_plausibility import Deviation
+from pam_driver.safety.sensor_checks import SensorChecks
+from pam_model.rig import Rig
+
+# Another driver's command heard so long ago does not matter any more [s].
+_FOREIGN_MEMORY: Final = 1.0
+# Physics cannot be judged across a longer pause [s].
+_STALL: Final = 0.02
+
+
+class Plausibility(Protocol):
+    """Judges measurements by physics, see `pam_driver.safety.pressure_plausibility`."""
+
+    period: float
+
+    def update(
+        self,
+        commands: Sequence[float],
+        pressures: Sequence[float],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+        supply_pressures: Sequence[float],
+    ) -> None:
+        """Go on by one cycle."""
+
+    def deviations(self) -> Iterator[Deviation]:
+        """What is off."""
+
+
+class Readings(NamedTuple):
+    """What was measured, in the rig's order; NaN where it is not fresh."""
+
+    pressures: Sequence[float]
+    positions: Sequence[float]
+    velocities: Sequence[float]
+
+
+class Motion(NamedTuple):
+    """What the driver is doing.
+
+    Attributes
+    ----------
+    active : bool
+        Whether valves follow commands.
+    since : float
+        Since when, monotonic [s]; infinite while they do not.
+    command_time : float
+        When the command in use was computed, monotonic [s].
+    last_rejection : str
+        Why a command was refused last.
+    """
+
+    active: bool
+    since: float
+    command_time: float
+    last_rejection: str
+
+
+class FaultJudge:
+    """Finds what is wrong with a rig that is driven.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its limits.
+    boards : BoardSet
+        What was heard.
+    settings : DriverSettings
+        Limits and time-outs.
+    vents : sequence of float
+        By muscle the fraction of full scale at which its valve vents.
+    plausibility : Plausibility, optional
+        Judges what is measured; without it, numbers are only held against limits.
+
+    Attributes
+    ----------
+    suspicions : tuple of Condition
+        More than the warning share of a plausibility limit.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        boards: BoardSet,
+        settings: DriverSettings,
+        vents: Sequence[float],
+        plausibility: Plausibility | None = None,
+    ) -> None:
+        self.suspicions: tuple[Condition, ...] = ()
+        self._rig = rig
+        self._boards = boards
+        self._settings = settings
+        self._plausibility = plausibility
+        self._checks = None if plausibility is None else SensorChecks(rig)
+        self._implausible: tuple[Condition, ...] = ()
+        self._judged_at = NEVER
+        self._vents = vents
+        self._limits = tuple(
+            muscle.max_pressure + settings.over_pressure_margin for muscle in rig.muscles
+        )
+
+    def judge(self, setpoints: Sequence[float] | None, readings: Readings, now: float) -> None:
+        """Let the sensor checks and the physics see what was measured.
+
+        Parameters
+        ----------
+        setpoints : sequence of float or None
+            What the boards were told last, by muscle; None: to vent.
+        readings : Readings
+            What was measured.
+        now : float
+            Monotonic time [s].
+        """
+        plausibility = self._plausibility
+        if plausibility is None:
+            return
+        boards = self._boards
+        commands, supplies = [], []
+        for index, board in enumerate(boards.valves):
+            if setpoints is not None and board.follows:
+                commands.append(setpoints[index])
+            else:
+                commands.append(self._vents[index])
+            supplies.append(board.supply_pressure)
+        # After a stall of this host or of the bus the physics would be late by it, and see a
+        # fault that is none: it begins anew from what is measured.
+        pressures = [samples[channel] for samples, channel in boards.pressures]
+        oldest = min(sample.time for sample in pressures)
+        stalled = now - min(oldest, self._judged_at) > max(_STALL, 10.0 * plausibility.period)
+        self._judged_at = now
+        unknown = (math.nan,) * len(readings.pressures)
+        plausibility.update(
+            commands,
+            unknown if stalled else readings.pressures,
+            readings.positions,
+            readings.velocities,
+            supplies,
+        )
+        found = list(plausibility.deviations())
+        if self._checks is not None:
+            angles = [samples[channel] for samples, channel in boards.angles]
+            found += self._checks.update(pressures, angles, supplies, now)
+        self.suspicions = tuple(
+            Condition(kind, subject, text) for kind, subject, size, text in found if size < 1.0
+        )
+        self._implausible = tuple(
+            Condition(kind, subject, text) for kind, subject, size, text in found if size >= 1.0
+        )
+
+    def conditions(self, motion: Motion, now: float) -> Iterator[Condition]:
+        """All that is wrong now; while air may move, any of it is a fault."""
+        settings = self._settings
+        boards = self._boards
+        yield from self._bus_conditions(now)
+        moving = now - motion.since > settings.board_timeout
+        for board in boards.boards.values():
+            yield from board.conditions(
+                now, settings.board_timeout, settings.sensor_timeout, moving
+            )
+        yield from self._sensor_conditions(now)
+        yield from self._implausible
+        if not motion.active:
+            return
+        if now - motion.command_time > settings.command_timeout:
+            text = f"no valid command for {settings.command_timeout:g} s"
+            if motion.last_rejection:
+                text += f"; last refused: {motion.last_rejection}"
+            yield Condition("command_timeout", "valve_commands", text)
+        for address, sent_at in boards.sent_at.items():
+            if now - max(sent_at, motion.since) > settings.command_timeout:
+                text = f"nothing could be sent for {settings.command_timeout:g} s"
+                yield Condition("send_blocked", boards.boards[address].name, text)
+
+    def _bus_conditions(self, now: float) -> Iterator[Condition]:
+        for name, port in self._boards.ports.items():
+            state = port.state
+            if state is BusState.DOWN:
+                yield Condition("bus_down", name, "the CAN interface is down")
+            elif state is BusState.BUS_OFF:
+                text = "the CAN controller is bus-off: check wiring and bitrate"
+                yield Condition("bus_off", name, text)
+        if now - self._boards.foreign_at < _FOREIGN_MEMORY:
+            yield Condition("foreign_command", "", "another driver commands boards on this bus")
+
+    def _sensor_conditions(self, now: float) -> Iterator[Condition]:
+        timeout = self._settings.sensor_timeout
+        rig, boards = self._rig, self._boards
+        for index, (samples, channel) in enumerate(boards.pressures):
+            sample = samples[channel]
+            if now - sample.time > timeout:
+                name = rig.muscles[index].name
+                yield Condition("stale_sensor", name, f"no pressure for {timeout:g} s")
+            elif sample.value > self._limits[index]:
+                muscle = rig.muscles[index]
+                text = f"{sample.value:.0f} Pa, max_pressure is {muscle.max_pressure:.0f} Pa"
+                yield Condition("over_pressure", muscle.name, text)
+        for index, (samples, channel) in enumerate(boards.angles):
+            joint, sample = rig.joints[index], samples[channel]
+            low, high = joint.position_limits
+            margin = rig.plausibility.position_margin
+            if now - sample.time > timeout:
+                yield Condition("stale_sensor", joint.name, f"no angle for {timeout:g} s")
+            elif not low - margin <= sample.value <= high + margin:
+                text = f"at {sample.value:.3f} rad, position_limits are {low:g} to {high:g} rad"
+                yield Condition("position_limit", joint.name, text)
