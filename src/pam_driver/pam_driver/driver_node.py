@@ -72,6 +72,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._diagnostics: DriverDiagnostics | None = None
         self._snapshot: Snapshot | None = None
         self._active = False
+        self._starting = False
         self._activate_until: float | None = None
         self._fault_reported = False
         refuse_impossible_transitions(self)
@@ -92,7 +93,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Configure now, and activate when every board has answered; False if that failed."""
         if not self._values["autostart"]:
             return True
-        if self.trigger_configure() != _SUCCESS:
+        self._starting = True
+        configured = self.trigger_configure() == _SUCCESS
+        self._starting = False
+        if not configured:
             return False
         self._activate_until = time.monotonic() + self._values.number("startup_timeout")
         return True
@@ -197,7 +201,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
     def _fail(self, reason: str) -> TransitionCallbackReturn:
         self.failure = reason
-        self.get_logger().error(reason)
+        if not self._starting:  # then `main` prints it and ends
+            self.get_logger().error(reason)
         return _FAILURE
 
     def _close(self) -> None:
