@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 
 import can
 
-from pam_driver.boards.frame_errors import EXTENDED
+from pam_driver.identifiers import EXTENDED
 from pam_model.errors import PamError
 
 DEFAULT_BITRATE: Final = 1_000_000

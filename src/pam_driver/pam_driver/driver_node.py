@@ -24,13 +24,13 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from pam_driver.boards.frame_errors import EXTENDED
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import CanPort, open_bus
 from pam_driver.driver import Driver, Snapshot
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
 from pam_driver.driver_topics import DriverTopics
+from pam_driver.identifiers import EXTENDED
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
-
+from pam_driver.identifiers import shown
 from pam_model.errors import PamError
-
-EXTENDED: Final = 0x8000_0000
-"""This bit in an identifier says that it has 29 bits, as in SocketCAN; without it, 11 bits."""
 
 
 class DbcError(PamError):
@@ -16,13 +12,6 @@ class DbcError(PamError):
 
 class EncodeError(PamError):
     """A value that has no place in a frame: not finite, out of range, or an unknown board."""
-
-
-def shown(frame_id: int) -> str:
-    """An identifier as people write it: three digits for 11 bits, eight for 29."""
-    if frame_id & EXTENDED:
-        return f"0x{frame_id & ~EXTENDED:08X}"
-    return f"0x{frame_id:03X}"
 
 
 class FrameError(PamError):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from difflib import get_close_matches
 
-from pam_driver.boards.frame_errors import shown
 from pam_driver.boards.protocol import (
     Address,
     Board,
@@ -18,6 +17,7 @@ from pam_driver.boards.protocol import (
     WiredBoard,
 )
 from pam_driver.boards.register import DEFAULT_KIND, board_kinds
+from pam_driver.identifiers import shown
 from pam_model.errors import RigError
 from pam_model.rig import Rig
 
