@@ -20,6 +20,7 @@ from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.experiments.files import FOLDER
 from pam_gap.prediction.channels import UNITS, block_means
 from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.belongs_to_rig import joints_recorded, refuse_other_rig
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.noise_floor import noise_floor
@@ -27,7 +28,6 @@ from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
     LOCKED,
-    PRESSURES,
     SHUT,
     TURNED_OVER,
     Recording,
@@ -41,28 +41,6 @@ from pam_model.rig import Rig, load_rig, save_rig
 
 IMPROVED_RIG = "rig_improved.yaml"
 EVIDENCE = "evidence.npz"
-
-
-def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
-    """Numbers of the joints whose pressures all recordings hold.
-
-    Raises
-    ------
-    RecordingError
-        When there is none.
-    """
-    found = [
-        number
-        for number, joint in enumerate(rig.joints)
-        if all(r.has(f"{PRESSURES}{m}") for r in recordings for m in joint.muscles)
-    ]
-    if not found:
-        wanted = ", ".join(f"{PRESSURES}{m}" for joint in rig.joints for m in joint.muscles)
-        raise RecordingError(
-            f"{recordings[0].source}: holds both pressures of none of the rig's joints; "
-            f"expected {wanted or 'a rig with a joint'}"
-        )
-    return found
 
 
 def import_as_mounted(
@@ -240,6 +218,8 @@ def diagnose(
         numbers = [n for n in numbers if rig.joint_names[n] == joint]
         if not numbers:
             raise PamError(f"joint {joint!r}: the recordings hold no pressures of its muscles")
+    for number in numbers:
+        refuse_other_rig(rig, number, read)
     workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
     place = Path(out)
     answers = []

@@ -1,0 +1,117 @@
+"""Whether recordings are of the rig that a file describes: names, and the unit of valve commands.
+
+Asked before any prediction. A recording of another rig would otherwise be searched for minutes,
+and what is found would be nonsense.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pam_gap.recordings.recording import (
+    COMMANDS,
+    JOINTS,
+    MUSCLES,
+    PRESSURES,
+    Recording,
+    RecordingError,
+)
+from pam_model.rig import Rig
+
+LARGEST_OPENING = 10.0
+"""A flow valve's command is from -1 to 1; one far above is a pressure [Pa]."""
+SMALLEST_PRESSURE = 1.0
+"""A regulator's commands that all lie below are the openings of a flow valve [Pa]."""
+
+
+def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
+    """Numbers of the joints whose pressures all recordings hold.
+
+    Raises
+    ------
+    RecordingError
+        When there is none; it names what is recorded and what the rig file has.
+    """
+    found = [
+        number
+        for number, joint in enumerate(rig.joints)
+        if all(r.has(f"{PRESSURES}{m}") for r in recordings for m in joint.muscles)
+    ]
+    if not rig.joints:
+        raise RecordingError("the rig file has no joint; expected one to diagnose")
+    if not found:
+        pairs = " or ".join(" and ".join(joint.muscles) for joint in rig.joints)
+        held = "; ".join(f"{r.source}: {_listed(_named(r, PRESSURES))}" for r in recordings)
+        raise RecordingError(
+            f"{PRESSURES}<muscle>: expected {pairs}, as in the rig file; recorded are {held}"
+        )
+    return found
+
+
+def refuse_other_rig(rig: Rig, joint: int, recordings: Sequence[Recording]) -> None:
+    """Refuse recordings that name other joints and muscles, or command valves of another kind.
+
+    A channel that is missing altogether is no reason: what it leaves undecided is said in the
+    answer.
+
+    Parameters
+    ----------
+    rig : Rig
+        What its owner believes.
+    joint : int
+        Number of the joint to be diagnosed.
+    recordings : sequence of Recording
+        That hold the pressures of its muscles.
+
+    Raises
+    ------
+    RecordingError
+        Naming the recording, the channel and what differs.
+    """
+    entry = rig.joints[joint]
+    for recording in recordings:
+        for prefix, needed, known in (
+            (JOINTS, (entry.name,), rig.joint_names),
+            (COMMANDS, entry.muscles, rig.muscle_names),
+            (MUSCLES, entry.muscles, rig.muscle_names),
+        ):
+            recorded = _named(recording, prefix)
+            missing = [name for name in needed if name not in recorded]
+            strangers = [name for name in recorded if name not in known]
+            if missing and strangers:
+                raise RecordingError(
+                    f"{recording.source}: {prefix}{_listed(missing)} is not recorded, but "
+                    f"{prefix}{_listed(strangers)}, which the rig file does not know; "
+                    f"expected the rig file of the recorded robot"
+                )
+        for name in entry.muscles:
+            _refuse_other_valve(rig, name, recording)
+
+
+def _refuse_other_valve(rig: Rig, muscle: str, recording: Recording) -> None:
+    channel = f"{COMMANDS}{muscle}"
+    if not recording.has(channel):
+        return
+    kind = rig.muscle(muscle).valve.kind
+    # a lone nonsense value is no pressure
+    share = 0.99 if kind == "flow" else 1.0
+    largest = float(np.quantile(np.abs(recording.values[channel]), share))
+    if kind == "flow" and largest > LARGEST_OPENING:
+        told = f"reaches {largest:g}, so it is in Pa; the rig file has a flow valve (-1 to 1)"
+    elif kind == "pressure_regulator" and 0.0 < largest <= SMALLEST_PRESSURE:
+        told = f"stays within {largest:g}, a spool opening; the rig file has a regulator (Pa)"
+    else:
+        return
+    raise RecordingError(f"{recording.source}: {channel} {told}; see {muscle}.valve.kind")
+
+
+def _named(recording: Recording, prefix: str) -> list[str]:
+    """Joints or muscles that a recording has channels of, in alphabetical order."""
+    return sorted({c.removeprefix(prefix).split(".")[0] for c in recording.values
+                   if c.startswith(prefix)})  # fmt: skip
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) or "none"
