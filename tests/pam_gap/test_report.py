@@ -57,7 +57,7 @@ def test_page_is_self_contained() -> None:
     """One file that can be mailed: no address outside it is needed to show it."""
     page = render(data())
     assert not re.search(r'(src|href)="(?!data:)', page)
-    assert "94 % of the gap closes" in page
+    assert "closes 94 % of the gap" in page
     assert page.index("The joint rubs") < page.index("<h2>")
 
 

@@ -49,7 +49,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class RankedCandidate:
-    """What a candidate leaves of the gap on held-out data, with its 90 % interval."""
+    """Share of the gap that a candidate leaves on held-out data, with its 90 % interval."""
 
     effect: str
     weight: float
@@ -61,7 +61,7 @@ class RankedCandidate:
 
 @dataclass(frozen=True)
 class StageGap:
-    """How far a stage, fed its measured inputs, is from its measured outputs."""
+    """Error of a stage that is given its measured inputs."""
 
     stage: str
     gap_over_floor: float | None
@@ -78,7 +78,7 @@ class ReportData:
     """As written to diagnosis.json."""
     stages: Sequence[StageGap]
     regimes: Sequence[tuple[str, float]]
-    """Where the gap is largest: regime and its share of the gap."""
+    """Regime of the motion, and its squared error over the average."""
     traces: Sequence[Trace]
     ranking: Sequence[RankedCandidate]
     horizons: Sequence[tuple[str, str, float, float, float, str]]
@@ -143,7 +143,7 @@ def draw_trace(trace: Trace) -> str:
             axis.axvspan(start, end, color="0.92", zorder=0)
     upper.set_ylabel(f"[{trace.unit}]")
     lower.set_ylabel(f"residual [{trace.unit}]")
-    lower.set_xlabel("time [s]   (grey: held out from fitting)")
+    lower.set_xlabel("time [s]   (grey: not used for fitting)")
     upper.legend(loc="upper right", fontsize=8, ncols=3)
     upper.set_title(trace.channel, fontsize=10, loc="left")
     return _png(figure)
@@ -178,7 +178,7 @@ def draw_stages(stages: Sequence[StageGap], named: str | None) -> str:
 
 
 def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> str:
-    """Draw what each candidate leaves of the held-out gap, with intervals."""
+    """Draw the share of the held-out gap that each candidate leaves, with intervals."""
     shown = list(ranking)[:14]
     figure, axis = plt.subplots(figsize=(9.5, 0.6 + 0.3 * len(shown)), layout="constrained")
     for row, entry in enumerate(shown):
@@ -189,9 +189,7 @@ def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> st
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.set_xscale("log")
     axis.axvline(1.0, color="0.7", lw=1)
-    axis.set_xlabel(
-        "what is left of the gap on held-out data (1: as much as without; 90 % interval)"
-    )
+    axis.set_xlabel("share of the gap that remains on held-out data (1: all of it; 90 % interval)")
     axis.grid(axis="x", color="0.9")
     return _svg(figure)
 
@@ -210,7 +208,7 @@ def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]]) -> str:
     axis.invert_yaxis()
     axis.set_xscale("symlog", linthresh=1.0)
     axis.margins(x=0.25)
-    axis.set_xlabel("gap in floors (red: before, green: after; dashed: what noise alone leaves)")
+    axis.set_xlabel("RMS error over noise floor (red: before, green: after; dashed: noise alone)")
     return _svg(figure)
 
 
@@ -234,12 +232,12 @@ _PAGE = """<!doctype html>
 <div class="verdict">{{ d.verdict_sentence }}
 {% if closed %}<small>{{ closed }}</small>{% endif %}</div>
 
-<h2>Where</h2>
+<h2>Where the gap arises</h2>
 <img alt="stages and their gaps" src="{{ stages }}">
 {% for s in d.stages if s.note %}<p class="quiet">{{ s.stage }}: {{ s.note }}</p>{% endfor %}
-{% if d.regimes %}<p>Largest where:
-{% for name, part in d.regimes %}{{ name }} ({{ '%.0f' % (100 * part) }} % of the gap){{ ', '
-if not loop.last }}{% endfor %}.</p>{% endif %}
+{% if d.regimes %}<p>The gap is largest in these regimes of the motion:
+{% for name, part in d.regimes %}{{ name }} ({{ '%.1f' % part }} times
+the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %}
 
 {% if diagnosis.parameters %}<h2>What was found</h2>
 <table><tr><th>effect</th><th>parameter</th><th>value</th><th>90 % interval</th><th>unit</th></tr>
@@ -249,10 +247,11 @@ if not loop.last }}{% endfor %}.</p>{% endif %}
 <td>{{ '%.4g' % p.low }} … {{ '%.4g' % p.high }}</td><td>{{ p.unit }}</td></tr>
 {% endfor %}{% endfor %}</table>{% endif %}
 
-{% if ranking %}<h2>Which effect</h2><img alt="ranking of candidates" src="{{ ranking }}">
+{% if ranking %}<h2>Which effect explains it</h2>
+<img alt="ranking of candidates" src="{{ ranking }}">
 {% endif %}
 {% if diagnosis.indistinguishable %}
-<p>This recording cannot tell apart:
+<p>This recording cannot distinguish:
 {% for group in diagnosis.indistinguishable %}<br>{{ group | join(', ') }}{% endfor %}</p>
 {% endif %}
 
@@ -270,14 +269,14 @@ if not loop.last }}{% endfor %}.</p>{% endif %}
 <h2>Measured, nominal, improved</h2>
 {% for picture in traces %}<img alt="trace" src="{{ picture }}">{% endfor %}
 
-<h2>What next</h2>
+<h2>What to do next</h2>
 <p>{{ diagnosis.next_experiment or 'Nothing more is needed for this verdict.' }}</p>
 {% if d.improved_rig %}<p>The improved rig file: <code>{{ d.improved_rig }}</code>. Simulation,
 model node and controller read it as they read yours.</p>{% endif %}
 
 <h2>The data</h2>
 <ul>{% for r in d.repairs %}<li>{{ r }}</li>{% else %}<li>Nothing had to be repaired.</li>
-{% endfor %}{% for r in d.left_out %}<li>Left out: {{ r }}</li>{% endfor %}</ul>
+{% endfor %}{% for r in d.left_out %}<li>Not available: {{ r }}</li>{% endfor %}</ul>
 <table>{% for key, value in d.facts.items() %}<tr><td>{{ key }}</td><td>{{ value }}</td></tr>
 {% endfor %}</table>
 </body></html>
@@ -296,8 +295,8 @@ def _closed_sentence(closed: Mapping[str, float] | None) -> str:
     if not closed:
         return ""
     return (
-        f"With it, {100 * closed['value']:.0f} % of the gap closes on data that took no part in "
-        f"the fit (90 % interval {100 * closed['low']:.0f} to {100 * closed['high']:.0f} %)."
+        f"It closes {100 * closed['value']:.0f} % of the gap on data that took no part in the "
+        f"fit (90 % interval {100 * closed['low']:.0f} to {100 * closed['high']:.0f} %)."
     )
 
 

@@ -1,11 +1,12 @@
 """The experiment to run next: the one that best separates what the data could not tell apart.
 
-Every excitation of the menu is simulated with the leading survivor; the others predict that
-recording as a diagnosis would, each with its free parameters and nuisances moved, within what the
-recordings so far allow, to imitate the others as far as a linearised fit can. What no re-fit takes
-away, in units of what the leading survivor itself leaves, is the separation; the excitation whose
-smallest pairwise separation is largest is proposed: T-optimality (Atkinson and Fedorov, Biometrika
-62, 1975), for more than two rivals in its max-min form (Hunter and Reiner, Technometrics 7, 1965).
+Every excitation of the menu is simulated with the leading hypothesis. Every other hypothesis then
+predicts that recording as a diagnosis would. Its free parameters and nuisance parameters are moved
+as far as the recordings so far allow, so that it imitates the simulated recording as closely as a
+linearised fit can. The difference that remains after this re-fit, in units of what the leading
+hypothesis itself leaves unexplained, is the separation. The excitation with the largest smallest
+pairwise separation is proposed: T-optimality (Atkinson and Fedorov, Biometrika 62, 1975), for more
+than two rivals in its max-min form (Hunter and Reiner, Technometrics 7, 1965).
 """
 
 from __future__ import annotations
@@ -37,19 +38,20 @@ from pam_model.plant.simulate import Plant, initial_state
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """What one excitation would tell.
+    """How well one excitation would separate the hypotheses.
 
     Attributes
     ----------
     excitation : Excitation
         Of the menu.
     smallest : float
-        Level (sum over channels of log mean square, both recordings together) by which the less
-        fitting of the two closest survivors would fall behind.
+        Smallest expected difference of the levels of two hypotheses (sum over channels of the log
+        mean square, both recordings together).
     in_noise : float
-        RMS difference between the two closest, re-fitted, in units of the noise floor.
+        RMS difference between the predictions of these two after the re-fit, in units of the noise
+        floor.
     closest : tuple of str
-        Labels of these two.
+        Labels of these two hypotheses.
     decisive : float
         Expected difference of the levels that counts as separating two hypotheses.
     """
@@ -62,14 +64,14 @@ class Separation:
 
     @property
     def is_decisive(self) -> bool:
-        """Whether the closest two are expected to come apart."""
+        """Whether the two closest hypotheses are expected to be told apart."""
         return self.smallest > self.decisive
 
 
 def simulate_excitation(
     problem: PredictionProblem, values: Array, excitation: Excitation, seed: int = 0
 ) -> Recording:
-    """What a plant would record under an excitation, with the channels' noise.
+    """The recording that a plant would give under an excitation, with the noise of the channels.
 
     Parameters
     ----------
@@ -138,7 +140,7 @@ class ExperimentPlanner:
         self.known = [self._information(h) for h in self.survivors]
 
     def _information(self, h: Hypothesis) -> Array:
-        """Curvature about the fitted parameters of the recordings so far, scaled parameters."""
+        """Information of the recordings so far about the fitted (scaled) parameters."""
         free, _, _ = self.fitter.problem_parts(h.members)
         curvature, _ = normal_equations(
             np.nan_to_num(h.result.errors), h.result.jacobian, self.problem.counted, self.weights
@@ -148,7 +150,7 @@ class ExperimentPlanner:
         return result
 
     def separation(self, excitation: Excitation) -> Separation:
-        """What an excitation would tell, the closest pair of survivors counting."""
+        """How well an excitation separates the closest pair of survivors."""
         leading = self.survivors[0]
         recording = simulate_excitation(
             self.problem, self.fitter.vector(leading.members, leading.result.values), excitation
@@ -189,7 +191,7 @@ class ExperimentPlanner:
     def _after_imitation(
         self, apart: Array, jacobian: Array, rows: np.ndarray, known: Array
     ) -> Array:
-        """What is left of a difference when the imitating survivor is re-fitted, linearised."""
+        """What is left of a difference after the imitating survivor is re-fitted (linearised)."""
         apart = np.where(np.isfinite(apart), apart, np.nan)
         hessian, slope = normal_equations(apart, jacobian, rows, self.weights)
         total = hessian / self.rules.correlation + known
@@ -198,7 +200,7 @@ class ExperimentPlanner:
         return left
 
     def choose(self, menu: Sequence[Excitation]) -> tuple[Separation, ...]:
-        """Every excitation with what it would tell, the best first; those that fail left out."""
+        """Every excitation with its separation, the best first; those that fail are left out."""
         found = []
         for excitation in menu:
             separation = self.separation(excitation)
@@ -209,12 +211,12 @@ class ExperimentPlanner:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """The experiment proposed, and how the rest of the menu compares.
+    """The proposed experiment, and how the rest of the menu compares with it.
 
     Attributes
     ----------
     problem : PredictionProblem
-        What it is proposed for.
+        The rig and recordings that it is proposed for.
     ranking : tuple of Separation
         The whole menu, best first.
     """
@@ -224,20 +226,20 @@ class Proposal:
 
     @property
     def best(self) -> Separation:
-        """What is proposed."""
+        """The excitation that is proposed."""
         return self.ranking[0]
 
     def sentence(self) -> str:
-        """What to do, in words."""
+        """The instruction in words."""
         best = self.best
         words = (
             f"{best.excitation.name}: {best.excitation.instruction} "
-            f"({best.excitation.duration:.0f} s; files in {FOLDER}/). {best.closest[0]} and "
-            f"{best.closest[1]}, the closest of what is left, should then differ by "
-            f"{best.in_noise:.3g} times the noise, each re-fitted."
+            f"({best.excitation.duration:.0f} s; files in {FOLDER}/). The predictions of "
+            f"{best.closest[0]} and {best.closest[1]}, the two closest hypotheses, should then "
+            f"differ by {best.in_noise:.3g} times the noise after each has been fitted again."
         )
         if not best.is_decisive:
-            words += " That may be too little: nothing on the menu parts them well."
+            words += " That may not be enough: no experiment of the menu separates them well."
         return words
 
     def write(self, folder: Path) -> None:
@@ -264,7 +266,8 @@ def propose(fitter: HypothesisFitter, survivors: Sequence[Hypothesis]) -> Propos
     fitter : HypothesisFitter
         Of the problem diagnosed.
     survivors : sequence of Hypothesis
-        What the data could not tell apart, best first; `most_survivors` of them are compared.
+        Hypotheses that the data could not tell apart, best first; `most_survivors` of them are
+        compared.
     """
     if len(survivors) < 2:
         return None

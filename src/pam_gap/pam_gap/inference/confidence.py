@@ -1,9 +1,9 @@
 """Intervals that allow for correlated errors: block bootstraps of parameters and of the gap closed.
 
-Parameters: each score block's share of the normal equations is computed once; a bootstrap sample
-of blocks then moves the estimate by one Newton step (the linearised, or one-step, bootstrap; Shao
-and Tu, The Jackknife and Bootstrap, 1995, chapter 8). The gap closed: blocks of held-out errors of
-both models are resampled together.
+For parameters, the share of each score block in the normal equations is computed once. A bootstrap
+sample of blocks then moves the estimate by one Newton step (the linearised, or one-step, bootstrap;
+Shao and Tu, The Jackknife and Bootstrap, 1995, chapter 8). For the gap closed, blocks of the
+held-out errors of both models are resampled together.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Scores on data that took no part in a fit: two folds of alternating blocks with guards between.
 
-Each fold is fitted on its own blocks and scored on the other's; rows nearer to a border than the
-guard count for neither. The observer forgets within its horizon and slower memories run along the
-true history, so that a guard of a few horizons separates the folds.
+Each fold is fitted on its own blocks and scored on those of the other fold. Rows that are nearer to
+a border than the guard belong to neither fold. The observer forgets an error within its horizon,
+and slower states (creep, temperature) follow the true history in both folds, so that a guard of a
+few horizons is enough to separate them.
 """
 
 from __future__ import annotations

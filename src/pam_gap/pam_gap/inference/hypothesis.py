@@ -18,14 +18,14 @@ Rows = npt.NDArray[np.bool_]
 
 @dataclass(slots=True)
 class Hypothesis:
-    """Effects on trial together, and where their fit ended.
+    """Effects that are tried together, and the result of their fit.
 
     Attributes
     ----------
     members : tuple of Candidate
         The effects; none for the re-tuned nominal plant.
     result : FitResult
-        Of nuisances first, then each member's parameters in order.
+        Nuisance parameters first, then the parameters of each effect in order.
     mean_square : ndarray, shape (channels,)
         J_c over all counted rows.
     """
@@ -46,7 +46,7 @@ class Hypothesis:
 
 
 class HypothesisFitter:
-    """Fits hypotheses of one problem, sharing what they have in common.
+    """Fits the hypotheses of one problem, which share nuisance parameters and data.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class HypothesisFitter:
         )
         stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
         written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}
-        # delays written apart for the two muscles are known, transport included
+        # Two different delays in the rig file were measured and include the transport time.
         if stamped and problem.has_commands and len(written) == 1:
             self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
         self.nominal: Hypothesis | None = None
@@ -102,7 +102,7 @@ class HypothesisFitter:
         max_iterations: int,
         tolerance: float | None = None,
     ) -> Hypothesis:
-        """Fit one hypothesis from one start (nuisances first, then members' parameters)."""
+        """Fit one hypothesis from one start: nuisance parameters, then those of the effects."""
         problem = self.problem
         free, targets, factor = self.problem_parts(members)
         chosen = problem.counted if rows is None else rows
@@ -125,7 +125,7 @@ class HypothesisFitter:
         return Hypothesis(tuple(members), result, mean)
 
     def fit_nominal(self) -> Hypothesis:
-        """Re-tune the nominal parameters alone; kept as the start of everything else."""
+        """Re-tune the nuisance parameters alone; every other fit starts from the result."""
         if self.nominal is None:
             start = np.array([nuisance.free.centre for nuisance in self.nuisances])
             self.nominal = self.fit((), start, max_iterations=self.rules.search.nominal_steps)

@@ -1,8 +1,9 @@
 """The search for the effects that explain a recording: singles first, then one more at a time.
 
-Every candidate gets a few Gauss-Newton steps; those that fall behind are dropped, the leaders are
-fitted to the end. A second effect is sought on top of several of the best first ones, since the
-strongest first step need not be part of the best pair, and each member is challenged again.
+Every candidate gets a few Gauss-Newton steps. Those that fall behind are dropped, and the leaders
+are fitted to the end. A further effect is sought on top of the best hypothesis. Since the strongest
+first effect need not belong to the best pair, the effects chosen before are then challenged again:
+each is taken out, and the others are tried in its place.
 Forward selection with backward checks: Miller, Subset Selection in Regression (2002), chapter 3.
 """
 
@@ -27,13 +28,13 @@ def silent(task: str, share: float) -> None:
 
 
 def level(mean_square: Array, floor: Array, present: Array) -> float:
-    """Sum over channels of log J, none below its floor: what a hypothesis leaves."""
+    """Sum over channels of the log mean square over the floor, at least 0 in a channel."""
     return float(np.sum(np.log(np.maximum(mean_square / floor, 1.0))[present]))
 
 
 @dataclass(slots=True)
 class SearchResult:
-    """All that was tried.
+    """All hypotheses that were tried.
 
     Attributes
     ----------
@@ -55,9 +56,9 @@ class Search:
     fitter : HypothesisFitter
         Of the problem.
     candidates : sequence of Candidate
-        What may be added.
+        The effects that may be added.
     progress : callable, optional
-        Told what is being done.
+        Called with the task and the share done.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class Search:
         self._last: dict[str, tuple[Array, ...]] = {}
 
     def level(self, hypothesis: Hypothesis) -> float:
-        """What a hypothesis leaves above the floor, summed over channels in log mean squares."""
+        """Level that a hypothesis leaves."""
         return level(hypothesis.mean_square, self.fitter.floor, self.present)
 
     def _leaders(self, found: list[Hypothesis], count: int, behind: float) -> list[Hypothesis]:
@@ -88,7 +89,7 @@ class Search:
         return [h for h in ranked[:count] if self.level(h) <= limit]
 
     def refine(self, h: Hypothesis, iterations: int, *, reuse: Array | None = None) -> Hypothesis:
-        """Fit on from where a hypothesis stands."""
+        """Continue the fit of a hypothesis; kept only if it leaves less."""
         again = self.fitter.fit(h.members, h.result.values, cached=reuse, max_iterations=iterations)
         return again if self.level(again) <= self.level(h) else h
 
@@ -102,9 +103,9 @@ class Search:
         shares: tuple[float, float],
         warm: bool = False,
     ) -> list[Hypothesis]:
-        """Every hypothesis with one more effect than `base`, leaders fitted to the end.
+        """Every hypothesis with one more effect than `base`; the leaders are fitted to the end.
 
-        With `warm` an effect begins where it stood when last it was tried beside others.
+        With `warm`, the fit of an effect begins at the values of its last trial.
         """
         reuse = base.result.jacobian
         values = base.result.values
@@ -149,7 +150,7 @@ class Search:
         return sorted(best_of.values(), key=self.level)
 
     def _richer(self, h: Hypothesis) -> list[Hypothesis]:
-        """Richer laws of the newest effect, from where the simple one ended: never behind it."""
+        """Richer laws of the newest effect, fitted from the end of the simple one's fit."""
         newest, others = h.members[-1], h.members[:-1]
         at = len(h.result.values) - len(newest.free)
         found: list[Hypothesis] = []
@@ -180,7 +181,7 @@ class Search:
         return SearchResult(nominal, [found])
 
     def without(self, h: Hypothesis, member: int) -> Hypothesis:
-        """The hypothesis with one effect taken out, the rest where it stands (not fitted)."""
+        """The hypothesis with one effect taken out and all other values kept (not fitted)."""
         start = len(self.fitter.nuisances) + sum(len(m.free) for m in h.members[:member])
         cut = np.arange(start, start + len(h.members[member].free))
         result = replace(
@@ -192,7 +193,7 @@ class Search:
         return Hypothesis(members, result, h.mean_square)
 
     def grow(self, result: SearchResult, shares: tuple[float, float]) -> None:
-        """Add the hypotheses with one more effect, and challenge each member of the best.
+        """Add the hypotheses with one more effect, and challenge each effect of the best one.
 
         Parameters
         ----------
@@ -203,7 +204,7 @@ class Search:
         """
         low, high = shares
         middle = 0.5 * (low + high)
-        # What the base has left to gain must not be credited to whatever is added to it.
+        # What a longer fit of the base would gain must not be credited to the effect added to it.
         base = self.refine(result.by_size[-1][0], self.rules.settled_steps)
         result.by_size[-1][0] = base
         size = len(base.members) + 1
@@ -217,7 +218,7 @@ class Search:
         )
         best = found[0]
         if self.level(base) - self.level(best) > self.rules.challenge_gain:
-            # The newest member was chosen given the others; they were not chosen given it.
+            # The newest effect was chosen given the others; the others were chosen without it.
             for member in range(size - 1):
                 found += self.extend(
                     self.without(best, member),
@@ -234,7 +235,7 @@ class Search:
         self._check_backwards(result)
 
     def _check_backwards(self, result: SearchResult) -> None:
-        """Fit what is left when either member of the best leaves it: it may explain all alone."""
+        """Fit the best hypothesis without each of its effects: the rest may explain everything."""
         best, smaller = result.by_size[-1][0], result.by_size[-2]
         for member in range(len(best.members)):
             start = self.without(best, member)

@@ -1,11 +1,11 @@
-"""Does something no candidate knows remain? A flexible model of the leftover, scored held out.
+"""A flexible model of what the best hypothesis leaves unexplained, scored on held-out data.
 
-What the best hypothesis leaves is regressed on what the rig did (position, its rate and direction,
-pressures, commands, slow time), with products and harmonics of the position, by ridge regression
-on one fold and scored on the other. A smooth law of the inputs in the leftover that the hypothesis
-had no business to miss speaks for `unknown`; noise and the rough edges of friction do not follow
-such a law. The flexible model names nothing: it is confounded with every parameter (Kennedy and
-O'Hagan, J. R. Statist. Soc. B 63, 2001, on model discrepancy).
+The errors that the best hypothesis leaves are regressed on what the rig did (position, its rate and
+direction, pressures, commands), with products and with harmonics of the position, by ridge
+regression on one fold, and scored on the other. A smooth law of the inputs among these errors
+speaks for an effect that no candidate has; noise and stick-slip do not follow such a law. The
+result is reported and enters no verdict: a flexible discrepancy model is confounded with every
+parameter (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ HARMONICS = (2.0, 4.0, 8.0, 12.0, 16.0)
 
 @dataclass(frozen=True, slots=True)
 class Leftover:
-    """How much of each channel's leftover a flexible law of the inputs explains, held out."""
+    """Share of each channel's remaining squared error that a flexible law explains, held out."""
 
     explained: Array
     by_position: Array
@@ -53,7 +53,7 @@ def _inputs(problem: PredictionProblem) -> tuple[Array, Array]:
 
 
 def _ridge_score(design: Array, errors: Array, folds: Folds, ridge: float) -> float:
-    """Share of the held-out squared error that a ridge regression takes away."""
+    """Share of the held-out squared error that a ridge regression explains."""
     left = total = 0.0
     for own, other in (folds.rows, folds.rows[::-1]):
         fit_rows = own & np.isfinite(errors)
@@ -71,7 +71,7 @@ def _ridge_score(design: Array, errors: Array, folds: Folds, ridge: float) -> fl
 
 
 def explain_leftover(problem: PredictionProblem, folds: Folds, errors: Array) -> Leftover:
-    """Regress what a hypothesis leaves on what the rig did.
+    """Regress the errors that a hypothesis leaves on what the rig did.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """How large the gap is: per channel in its unit, at one step, at half a second and in free run.
 
-One step hides slow errors and free run adds up early ones, so all are given. The floor of each is
-what the channels' noise alone does to it: the difference the same predictions show when one more
-draw of that noise is added to the measurements.
+A one-step prediction hides slow errors, and a free run adds up early ones, so that both are given
+with a horizon between them. The floor of each figure is the effect of sensor noise alone: the
+change of the same predictions when one more draw of that noise is added to the measurements.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ONE_STEP_BANDWIDTH = 200.0  # rad/s, of the position's pull
 
 @dataclass(frozen=True, slots=True)
 class Horizon:
-    """One way to predict, and its name."""
+    """A prediction horizon and its name."""
 
     name: str
     settings: PredictionSettings
@@ -48,7 +48,7 @@ class GapFigure:
 def noise_level(
     problem: PredictionProblem, values: Array, settings: PredictionSettings = AS_FITTED
 ) -> Array:
-    """J_c that noise alone leaves at these predictions, shape (channels,), at least a little."""
+    """Mean square error that noise alone leaves in these predictions, shape (channels,)."""
     plain = problem.errors(values[None], settings)[0]
     noisy = problem.errors(values[None], replace(settings, noise_seed=12345))[0]
     least = problem.rules.prediction.least_floor

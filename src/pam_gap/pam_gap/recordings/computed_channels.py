@@ -1,7 +1,7 @@
-"""Channels that look measured and are not: forces and lengths a node computed from pressures.
+"""Channels that look measured but were computed by a node from pressures and positions.
 
-The model node publishes `muscle_states` too. A pull that equals the nominal force of the measured
-pressure and position, sample by sample, carries no news and would count as a load cell's.
+The model node publishes `muscle_states` too. A force that equals the nominal force at the measured
+pressure and position in every sample carries no information, but would count as a load cell.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """How noisy each channel is, from the recording alone.
 
-Motion is smooth at the sampling rate and noise is not: high-order differences remove the first
-and keep the second. The median of their size over short stretches gives white noise that events
-do not lift; quantisation sets what it cannot fall below.
+Motion is smooth at the sampling rate and noise is not, so that high-order differences remove the
+motion and keep the noise. Their mean square is taken over short stretches, and the median of the
+stretches is not raised by single events. The result is never below the quantisation noise.
 Source: von Neumann, Kent, Bellinson and Hart (1941) on mean square successive differences, here
 of third order; quantisation noise is one step over the square root of twelve.
 """
