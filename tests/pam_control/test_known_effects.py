@@ -14,6 +14,7 @@ from pam_control.compensation.thread_hysteresis import ThreadHysteresis
 from pam_control.compensation.valve_inverse import ROUNDED, ValveInverse
 from pam_control.control_step import Measurement
 from pam_control.feedback.gain_design import margins
+from pam_control.joint_channel import JointChannel, Plan
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import JointReference
 from pam_control.settings import ControlSettings
@@ -147,6 +148,46 @@ def test_unequal_delays_of_the_valves_are_each_looked_ahead_for(rig, nominal, cl
         closed_loop, PositionStiffnessController(knowing, ControlSettings()), chirp, hidden
     ).rms(SETTLE)
     assert after < 0.5 * before
+
+
+def with_delay(rig, side, delay):
+    """The rig with this command delay [s] on one muscle of its joint."""
+    muscle = rig.muscle(rig.joints[0].muscles[side])
+    told_delay = {"command_delay": {"delay": delay}}
+    return rig.with_muscle(dataclasses.replace(muscle, effects=told_delay))
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("difference", [1e-9, 1e-6, 1e-3])
+def test_a_small_difference_of_the_valves_delays_keeps_the_feedforward_of_both(
+    rig, closed_loop, chirp, difference, side
+):
+    """The muscle that acts earlier must not lose the rate of its planned pressure."""
+    delays = {"agonist.command_delay.delay": difference * (side == 0)}
+    delays["antagonist.command_delay.delay"] = difference * (side == 1)
+    quiet = {"pressure_noise": 0.0, "quantum": 0.0}
+    equal = PositionStiffnessController(rig, ControlSettings())
+    apart = PositionStiffnessController(with_delay(rig, side, difference), equal.settings)
+    errors = [run(closed_loop, law, chirp, delays, **quiet).rms(SETTLE) for law in (equal, apart)]
+    assert errors[1] < 1.2 * errors[0]
+
+
+@pytest.mark.parametrize("period", [0.0005, 0.002, 0.02])
+def test_plans_reach_back_over_every_delay_at_every_rate(rig, period):
+    """Remembered by time: 0.4 s of delay is 20 plans at 50 Hz and 800 plans at 2 kHz."""
+    channel = JointChannel(rig, rig.joints[0], 5e3)
+    delay, slope = 0.4, (3e4, -2e4)
+    for cycle in range(round(1.0 / period) + 1):
+        time = cycle * period
+        plan = Plan(time, (slope[0] * time, slope[1] * time), 10.0 * time, 0.1 * time)
+        channel.remember(plan, time - delay)
+    then = channel.plan_at(time - delay)
+    assert then.pressures == pytest.approx((slope[0] * 0.6, slope[1] * 0.6))
+    assert (then.stiffness, then.memory_torque) == pytest.approx((6.0, 0.06))
+    for lead in (0.0, 1e-6, 0.3 * period, 3.7 * period):
+        assert channel.planned_rates((time, time - lead)) == pytest.approx(slope)
+        assert channel.planned_rates((time - lead, time)) == pytest.approx(slope)
+    assert len(channel.plans) < 0.6 / period
 
 
 def worst(cases, timing, gains):

@@ -18,7 +18,31 @@ from pam_model.rig import Joint, Rig
 
 Pair = tuple[float, float]
 
-REMEMBERED = 160  # plans: more than any delay a rig file may name is long
+# Plans older than the last measurement are kept this long [s]: a rate is taken over one control
+# cycle (20 ms at the slowest rate), and a measurement may come out of order.
+KEPT_BEFORE_MEASUREMENT = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What the feedforward wants at one time.
+
+    Attributes
+    ----------
+    time : float
+        When the later valve acts on it [s].
+    pressures : (float, float)
+        Agonist, antagonist, gauge [Pa].
+    stiffness : float
+        [N m/rad].
+    memory_torque : float
+        What hysteresis and creep of the muscles add to the joint's torque [N m].
+    """
+
+    time: float
+    pressures: Pair
+    stiffness: float
+    memory_torque: float
 
 
 @dataclass(slots=True)
@@ -79,9 +103,7 @@ class JointChannel:
         )
         self.telemetry = JointTelemetry()
         self.margins: list[Margins] = []
-        # of the feedforward, oldest first: time of action, pressures, stiffness, what the
-        # muscles' memory adds to the torque
-        self.plans: deque[tuple[float, Pair, float, float]] = deque(maxlen=REMEMBERED)
+        self.plans: deque[Plan] = deque()  # oldest first
         self.desired: Pair = (math.nan, math.nan)
         self.position = math.nan
         self.velocity = 0.0
@@ -117,20 +139,46 @@ class JointChannel:
         self.position, self.position_time = position, time
         return step
 
-    def plan_at(self, time: float) -> tuple[Pair, float, float]:
-        """Feedforward pressures [Pa], stiffness [N m/rad] and memory's torque [N m] at `time`."""
+    def remember(self, plan: Plan, measured_at: float) -> None:
+        """Add a plan and forget those that lie too far before the last measurement [s].
+
+        Plans are forgotten by their age, not by their number: the delays of sensors and valves
+        are given in seconds, and the control cycle may be as short as 0.5 ms.
+        """
+        self.plans.append(plan)
+        while len(self.plans) > 2 and self.plans[1].time < measured_at - KEPT_BEFORE_MEASUREMENT:
+            self.plans.popleft()
+
+    def planned_rates(self, times: Pair) -> Pair:
+        """Rates [Pa/s] of the planned pressures at the time [s] at which each valve acts.
+
+        The rate is the backward difference over the last control cycle. 0 until there are two
+        plans, and where the last one does not lie after the one before it.
+        """
+        if len(self.plans) < 2:
+            return 0.0, 0.0
+        span = self.plans[-1].time - self.plans[-2].time
+        if span <= 0.0:
+            return 0.0, 0.0
+        rates = [
+            (self.plan_at(time).pressures[side] - self.plan_at(time - span).pressures[side]) / span
+            for side, time in enumerate(times)
+        ]
+        return rates[0], rates[1]
+
+    def plan_at(self, time: float) -> Plan:
+        """The feedforward's plan for `time` [s], linear between two plans, held outside them."""
         later = self.plans[-1]
-        for entry in reversed(self.plans):
-            if entry[0] <= time:
-                span = later[0] - entry[0]
-                part = min((time - entry[0]) / span, 1.0) if span > 0.0 else 0.0
-                return (
-                    (
-                        entry[1][0] + part * (later[1][0] - entry[1][0]),
-                        entry[1][1] + part * (later[1][1] - entry[1][1]),
-                    ),
-                    entry[2] + part * (later[2] - entry[2]),
-                    entry[3] + part * (later[3] - entry[3]),
+        for earlier in reversed(self.plans):
+            if earlier.time <= time:
+                span = later.time - earlier.time
+                part = min((time - earlier.time) / span, 1.0) if span > 0.0 else 0.0
+                (a, b), (next_a, next_b) = earlier.pressures, later.pressures
+                return Plan(
+                    time,
+                    (a + part * (next_a - a), b + part * (next_b - b)),
+                    earlier.stiffness + part * (later.stiffness - earlier.stiffness),
+                    earlier.memory_torque + part * (later.memory_torque - earlier.memory_torque),
                 )
-            later = entry
-        return later[1], later[2], later[3]
+            later = earlier
+        return later

@@ -17,7 +17,7 @@ from pam_control.controller import Controller
 from pam_control.feedback.gain_design import LoopCase
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.operating_points import operating_grid
-from pam_control.joint_channel import JointChannel, Pair
+from pam_control.joint_channel import JointChannel, Pair, Plan
 from pam_control.settings import ControlSettings
 
 
@@ -57,20 +57,20 @@ class PositionStiffnessController(Controller):
         rate = ahead = (0.0, 0.0)
         if settings.feedforward:
             now, then = request.now, request.then
-            before = channel.plans[-1][1] if channel.plans else channel.desired
+            before = channel.plans[-1].pressures if channel.plans else channel.desired
             added = channel.history.advance(request.acts_at, then.position, before)
             planned = channel.model.pressures_for(
                 channel.dynamics.torque(then) - added, stiffness, then.position
             )
             goal = (planned.agonist, planned.antagonist)
-            rate = self._rates(request, goal)
-            channel.plans.append((request.acts_at, goal, stiffness, added))
-            then_planned, wanted_stiffness, added = channel.plan_at(request.measured_at)
-            goals = [
-                goal[side] if at == request.acts_at else channel.plan_at(at)[0][side]
-                for side, at in enumerate(request.side_acts_at)
-            ]
-            ahead = (goals[0] - then_planned[0], goals[1] - then_planned[1])
+            channel.remember(Plan(request.acts_at, goal, stiffness, added), request.measured_at)
+            rate = channel.planned_rates(request.side_acts_at)
+            past = channel.plan_at(request.measured_at)
+            ahead = (
+                channel.plan_at(request.side_acts_at[0]).pressures[0] - past.pressures[0],
+                channel.plan_at(request.side_acts_at[1]).pressures[1] - past.pressures[1],
+            )
+            wanted_stiffness, added = past.stiffness, past.memory_torque
             torque = channel.dynamics.torque(now) - added + request.output
             position = now.position
             velocities = request.side_velocities
@@ -91,20 +91,3 @@ class PositionStiffnessController(Controller):
         missed = reached.torque - torque if reached.torque_limited else 0.0
         pressures = (reached.agonist, reached.antagonist)
         return PressurePlan(pressures, rate, ahead, velocities, missed)
-
-    @staticmethod
-    def _rates(request: PlanRequest, goal: Pair) -> Pair:
-        """Rates [Pa/s] at which the planned pressures move when each valve acts."""
-        channel = request.channel
-        if not channel.plans or request.acts_at <= channel.plans[-1][0]:
-            return 0.0, 0.0
-        before = channel.plans[-1]
-        span = request.acts_at - before[0]
-        rates = []
-        for side, at in enumerate(request.side_acts_at):
-            if at == request.acts_at:
-                rates.append((goal[side] - before[1][side]) / span)
-            else:
-                late, early = channel.plan_at(at), channel.plan_at(at - span)
-                rates.append((late[0][side] - early[0][side]) / span)
-        return rates[0], rates[1]
