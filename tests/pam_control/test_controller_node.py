@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -367,3 +368,29 @@ def test_refuses_to_start_without_a_rig(domain):
     assert ended.returncode != 0
     assert "no rig" in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+def test_says_that_gains_are_designed_and_how_long_it_took(domain, tmp_path):
+    """The first start designs, the next one reads; both say so, and how long it took."""
+    said = []
+    for _ in range(2):
+        process = subprocess.Popen(
+            command(ELBOW),
+            env={**environment(domain), "XDG_CACHE_HOME": str(tmp_path)},
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            heard = []
+            for line in process.stderr:
+                heard.append(line)
+                if "gains took" in line:
+                    break
+            said.append("".join(heard))
+        finally:
+            process.stderr.close()
+            end(process)
+    assert all(f"designing the gains of elbow; designs of earlier starts are in {tmp_path}" in text
+               for text in said)  # fmt: skip
+    assert re.search(r"designing the gains .*gains took \d+\.\d s: 1 designed", said[0], re.DOTALL)
+    assert re.search(r"gains took \d+\.\d s: 0 designed, 1 read from an earlier start", said[1])

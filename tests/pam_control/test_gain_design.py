@@ -2,12 +2,13 @@
 
 import math
 
+import control
 import numpy as np
 import pytest
 
 from pam_control.compensation.inverse_dynamics import InverseDynamics
-from pam_control.feedback.gain_design import ControlDesignError, margins
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response, state_space
+from pam_control.feedback.margins import ControlDesignError, margins, pid_response
 from pam_control.feedback.operating_points import operating_point
 from pam_control.feedback.pid import Pid, PidGains
 from pam_control.laws.position_stiffness import PositionStiffnessController
@@ -45,6 +46,23 @@ def test_exact_delay_and_pade_agree(rig, law, feedforward):
         exact = frequency_response(case.point, case.loop, timing, omega)
         pade = state_space(case.point, case.loop, timing)(1j * omega)
         assert np.max(np.abs(pade / exact - 1.0)) < 1e-4
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.02, 0.06])
+@pytest.mark.parametrize("gains", [(6.5, 275.0, 1.0), (20.0, 30.0, 0.2), (0.5, 1.0, 0.0)])
+def test_margins_are_those_of_python_control(rig, delay, gains):
+    """Found on the exact response, against splines through a fine grid; stable loops and others."""
+    controller = PositionStiffnessController(rig, ControlSettings())
+    case = controller.cases(controller.channels[0], controller.settings)[0]
+    timing = LoopTiming(0.002, delay, 0.005, 0.4, 0.01)
+    pid = PidGains(*gains, 0.01)
+    found = margins(case, timing, pid)
+    omega = np.geomspace(0.05, 500.0, 4000)
+    opened = pid_response(pid, omega) * frequency_response(case.point, case.loop, timing, omega)
+    gain, phase, modulus, *_ = control.stability_margins(control.frd(opened, omega, smooth=True))
+    assert found.gain_margin == pytest.approx(gain, rel=1e-3)
+    assert math.degrees(found.phase_margin) == pytest.approx(phase, abs=0.05)
+    assert found.modulus_margin == pytest.approx(modulus, rel=1e-3)
 
 
 def test_unsafe_gains_are_refused_with_the_figures(rig):

@@ -13,7 +13,7 @@ from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.compensation.thread_hysteresis import ThreadHysteresis
 from pam_control.compensation.valve_inverse import ROUNDED, ValveInverse
 from pam_control.control_step import Measurement
-from pam_control.feedback.gain_design import margins
+from pam_control.feedback.margins import margins
 from pam_control.joint_channel import JointChannel, Plan
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import JointReference

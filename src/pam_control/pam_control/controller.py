@@ -17,14 +17,10 @@ from collections.abc import Mapping, Sequence
 
 from pam_control.compensation.sensor_correction import SensorCorrection
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
-from pam_control.feedback.gain_design import (
-    LoopCase,
-    Margins,
-    checked_margins,
-    design_pid,
-    design_pressure_gain,
-)
+from pam_control.feedback.gain_design import DesignTask, design_pressure_gain
+from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.linear_joint import LoopTiming
+from pam_control.feedback.margins import LoopCase, Margins, checked_margins
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
 from pam_control.joint_channel import JointChannel, Pair
 from pam_control.references.reference_generator import ReferenceGenerator
@@ -44,6 +40,8 @@ class Controller(ABC):
         What is controlled.
     settings : ControlSettings
         Gains left open in it are designed here.
+    designs : KeptDesigns, optional
+        Where equal joints and earlier starts find their gains; in memory alone if left out.
 
     Raises
     ------
@@ -51,8 +49,11 @@ class Controller(ABC):
         When a loop would be unstable or have less than 30 degrees of phase margin.
     """
 
-    def __init__(self, rig: Rig, settings: ControlSettings) -> None:
+    def __init__(
+        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
+    ) -> None:
         self.rig = rig
+        self.designs = designs or KeptDesigns()
         self.references = ReferenceGenerator(
             {joint.name: joint.position_limits for joint in rig.joints}
         )
@@ -106,16 +107,15 @@ class Controller(ABC):
         for channel in self.channels:
             name = channel.joint.name
             if name not in gains:
-                gains[name] = design_pid(
-                    name,
-                    self.cases(channel, settings),
+                task = DesignTask(
+                    tuple(self.cases(channel, settings)),
                     self.timing(channel, settings),
-                    phase_margin=settings.phase_margin,
-                    sensitivity=settings.sensitivity,
-                    derivative_filter=settings.derivative_filter,
+                    settings.phase_margin,
+                    settings.sensitivity,
+                    settings.derivative_filter,
                 )
                 given = settings.partial_gains.get(name, {})
-                gains[name] = dataclasses.replace(gains[name], **given)
+                gains[name] = dataclasses.replace(self.designs.pid(name, task), **given)
         return settings.replace(gains=gains)
 
     def check(self, settings: ControlSettings) -> list[list[Margins]]:

@@ -34,6 +34,7 @@ from pam_control.controller_parameters import (
     parameter_table,
     settings_from,
 )
+from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.rig_order import in_order
 from pam_model.errors import PamError
@@ -76,7 +77,15 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._declared = NodeParameters(self, self._table, rig_of_node, self._on_change)
         self.rig = self._declared.described
         self._values: dict[str, Value] = {p.name: self._declared[p.name] for p in self._table}
-        self._controller = create_controller(self.rig, self._values, self.rig.joint_names)
+        folder = user_cache_folder()
+        self._designs = KeptDesigns(folder)
+        self.get_logger().info(
+            f"designing the gains of {', '.join(self.rig.joint_names)}; designs of earlier starts "
+            f"are {f'in {folder}' if folder else 'not kept: there is no home folder'}"
+        )
+        self._controller = create_controller(
+            self.rig, self._values, self.rig.joint_names, self._designs
+        )
         self._log_design()
 
         self._origin = self.get_clock().now().nanoseconds
@@ -140,6 +149,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _log_design(self) -> None:
         settings = self._controller.settings
+        self.get_logger().info(str(self._designs.take_report()))
         self.get_logger().info(
             f"{self._values['law']}: feedforward {'on' if settings.feedforward else 'off'}, "
             f"pressure loop {settings.pressure_gain:.1f} 1/s"

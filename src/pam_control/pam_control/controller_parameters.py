@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pam_control.controller import Controller
+from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
@@ -218,9 +219,23 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
 
 
 def create_controller(
-    rig: Rig, values: Mapping[str, Value], joint_names: Sequence[str]
+    rig: Rig,
+    values: Mapping[str, Value],
+    joint_names: Sequence[str],
+    designs: KeptDesigns | None = None,
 ) -> Controller:
     """The controller that the parameters ask for.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is controlled.
+    values : mapping
+        Every parameter of the table.
+    joint_names : sequence of str
+        As for `parameter_table`.
+    designs : KeptDesigns, optional
+        Where designed gains are kept; in memory alone if left out.
 
     Raises
     ------
@@ -230,7 +245,7 @@ def create_controller(
     law = str(values["law"])
     if law not in LAWS:
         raise PamError(f"law = {law!r}: must be {' or '.join(LAWS)}")
-    return LAWS[law](rig, settings_from(values, joint_names))
+    return LAWS[law](rig, settings_from(values, joint_names), designs)
 
 
 HELP = NodeHelp(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from pam_control.compensation.history_torque import HistoryTorque
 from pam_control.compensation.inverse_dynamics import InverseDynamics
-from pam_control.feedback.gain_design import Margins
+from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
 from pam_control.references.trajectory import JointReference

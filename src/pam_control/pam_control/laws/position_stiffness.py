@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.controller import Controller
-from pam_control.feedback.gain_design import LoopCase
 from pam_control.feedback.linear_joint import LoopStructure
+from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
 from pam_control.joint_channel import JointChannel, Pair, Plan
 from pam_control.settings import ControlSettings

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.controller import Controller
-from pam_control.feedback.gain_design import LoopCase
+from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.linear_joint import LoopStructure
+from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import POSITION_SHARES, operating_point
 from pam_control.joint_channel import JointChannel, Pair
 from pam_control.settings import ControlSettings
@@ -24,9 +25,11 @@ RATIO_STEPS = 60
 class PressureRatioPid(Controller):
     """The pressure-ratio law; see the module. Stiffness commands have no meaning for it."""
 
-    def __init__(self, rig: Rig, settings: ControlSettings) -> None:
+    def __init__(
+        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
+    ) -> None:
         self._mean: list[float] = []
-        super().__init__(rig, settings)
+        super().__init__(rig, settings, designs)
 
     def _ratio_at_rest(self, channel: JointChannel, position: float, mean: float) -> float | None:
         """The ratio that holds the joint still, by bisection; None where no ratio does."""

@@ -1,0 +1,211 @@
+"""Designed gains, kept for joints that are alike and for the next start of the node.
+
+A design depends on nothing but its task: the linearised loops in numbers, their delays and what is
+asked of them. So the task is the key, and everything in the rig file, the parameters or the physics
+that changes a loop changes the key. On disk the key also holds the code of the design and the
+versions of the libraries that search.
+
+What is read back is not trusted: it must be a design for this very task, finite, and reach the
+cost that was written with it, margins included, when the cost is computed anew. Anything else is
+designed again. A folder that cannot be read or written costs the time of a design, nothing more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import hashlib
+import inspect
+import json
+import math
+import os
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from pam_control.feedback import gain_design, linear_joint
+from pam_control.feedback.gain_design import INFEASIBLE, DesignTask, PidCost, design_pid
+from pam_control.feedback.pid import PidGains
+
+LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
+MOST_FILES = 256
+LARGEST_GAIN = 1e12  # a sanity limit on numbers that are read, far from any design
+SUFFIX = ".gains.json"
+COST_TOLERANCE = 1e-6  # relative; what rounding on another processor may change
+
+
+def user_cache_folder(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """Where a user's designs are kept: $XDG_CACHE_HOME/pam_control or ~/.cache/pam_control.
+
+    None where there is no home folder.
+    """
+    given = Path(environment.get("XDG_CACHE_HOME", ""))
+    if given.is_absolute():  # the XDG specification says to ignore a relative path
+        return given / "pam_control"
+    home = Path(environment.get("HOME", ""))
+    return home / ".cache" / "pam_control" if home.is_absolute() else None
+
+
+@dataclasses.dataclass(slots=True)
+class DesignReport:
+    """What came of the designs asked for.
+
+    Attributes
+    ----------
+    designed, shared, read : int
+        Joints whose gains were designed, are those of an equal joint, or were read from disk.
+    seconds : float
+        That all of it took [s].
+    problem : str
+        Why designs cannot be kept on disk; empty if they can.
+    """
+
+    designed: int = 0
+    shared: int = 0
+    read: int = 0
+    seconds: float = 0.0
+    problem: str = ""
+
+    def __str__(self) -> str:
+        """One line for a log."""
+        parts = [f"{self.designed} designed"]
+        if self.shared:
+            parts.append(f"{self.shared} shared by equal joints")
+        if self.read:
+            parts.append(f"{self.read} read from an earlier start")
+        text = f"gains took {self.seconds:.1f} s: {', '.join(parts)}"
+        return f"{text}; not kept for the next start: {self.problem}" if self.problem else text
+
+
+class KeptDesigns:
+    """Designs of this process and, with a folder, of earlier ones.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Made when the first design is written. None: designs are kept in memory alone.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder
+        self._found: dict[DesignTask, PidGains] = {}
+        self._report = DesignReport()
+
+    def take_report(self) -> DesignReport:
+        """What happened since the last call."""
+        report, self._report = self._report, DesignReport()
+        return report
+
+    def pid(self, joint: str, task: DesignTask) -> PidGains:
+        """The gains for a task.
+
+        Parameters
+        ----------
+        joint : str
+            For messages.
+        task : DesignTask
+            Its loops and what is asked of them.
+
+        Raises
+        ------
+        ControlDesignError
+            When no gains satisfy the constraints.
+        """
+        start = time.monotonic()
+        try:
+            return self._pid(joint, task)
+        finally:
+            self._report.seconds += time.monotonic() - start
+
+    def _pid(self, joint: str, task: DesignTask) -> PidGains:
+        gains = self._found.get(task)
+        if gains is not None:
+            self._report.shared += 1
+            return gains
+        gains = self._read(task)
+        if gains is not None:
+            self._report.read += 1
+        else:
+            gains = design_pid(joint, task)
+            self._report.designed += 1
+            self._write(task, gains)
+        self._found[task] = gains
+        return gains
+
+    def _read(self, task: DesignTask) -> PidGains | None:
+        if self._folder is None:
+            return None
+        key = _key_of(task)
+        try:
+            with (self._folder / _name_of(key)).open("rb") as file:
+                text = file.read(LARGEST_FILE)
+            kept = json.loads(text)
+            kp, ki, kd = (float(kept["gains"][part]) for part in ("kp", "ki", "kd"))
+            same, written = kept["key"] == key, float(kept["cost"])
+        except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
+            return None
+        if not same or not all(0.0 <= value < LARGEST_GAIN for value in (kp, ki, kd)):
+            return None
+        gains = PidGains(kp, ki, kd, task.derivative_filter)
+        cost = PidCost(task).of(gains)
+        reached = cost < INFEASIBLE and math.isclose(cost, written, rel_tol=COST_TOLERANCE)
+        return gains if reached else None
+
+    def _write(self, task: DesignTask, gains: PidGains) -> None:
+        if self._folder is None:
+            return
+        key = _key_of(task)
+        content = {
+            "gains": {"kp": gains.proportional, "ki": gains.integral, "kd": gains.derivative},
+            "cost": PidCost(task).of(gains),
+            "key": key,
+        }
+        temporary: Path | None = None
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(prefix=".", suffix=".part", dir=self._folder)
+            temporary = Path(name)
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                json.dump(content, file)
+            # whole or not at all, whoever writes or reads at the same time
+            temporary.replace(self._folder / _name_of(key))
+            self._forget_oldest()
+        except OSError as error:
+            self._report.problem = f"{error.strerror or error}: {self._folder}"
+            if temporary is not None:
+                with contextlib.suppress(OSError):
+                    temporary.unlink(missing_ok=True)
+
+    def _forget_oldest(self) -> None:
+        """Keep the folder small; only files with our ending are touched."""
+        assert self._folder is not None
+        files = sorted(self._folder.glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime)
+        for path in files[:-MOST_FILES]:
+            path.unlink(missing_ok=True)
+
+
+def _key_of(task: DesignTask) -> dict[str, Any]:
+    """The task and the code, as JSON gives them back: numbers exact, tuples as lists."""
+    key: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(task)))
+    key["code"] = _code_version()
+    return key
+
+
+def _name_of(key: Mapping[str, Any]) -> str:
+    text = json.dumps(key, sort_keys=True).encode()
+    return hashlib.sha256(text).hexdigest() + SUFFIX
+
+
+@functools.cache
+def _code_version() -> str:
+    """Of everything between a task and its gains."""
+    digest = hashlib.sha256(f"numpy {np.__version__}, scipy {scipy.__version__}".encode())
+    for module in (gain_design, linear_joint):
+        digest.update(inspect.getsource(module).encode())
+    return digest.hexdigest()

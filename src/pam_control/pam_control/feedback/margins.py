@@ -1,0 +1,218 @@
+"""Stability margins of a joint's position loop at one operating point.
+
+The margins are those of the exact frequency response, transport delay included. It is sampled on a
+grid, and each crossing and each minimum found there is sampled again on ever finer grids, so no
+interpolation enters the result. Stability is decided by the closed-loop poles, for which the delay
+is a Pade approximation; they are computed by python-control.
+
+Source: K. J. Astrom and R. M. Murray, Feedback Systems, Princeton 2008, section 9.3 (gain, phase
+and modulus margin). Of several crossings the one nearest to instability counts, as in
+python-control's `stability_margins`.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import control
+import numpy as np
+import numpy.typing as npt
+
+from pam_control.feedback.linear_joint import (
+    Complex,
+    LoopStructure,
+    LoopTiming,
+    OperatingPoint,
+    frequency_response,
+    state_space,
+)
+from pam_control.feedback.pid import PidGains
+from pam_model.errors import PamError
+
+LEAST_PHASE_MARGIN = math.radians(30.0)
+GRID = np.geomspace(0.05, 500.0, 400)  # rad/s
+ZOOMS, ZOOM_POINTS = 3, 33  # each zoom narrows an interval of the grid 32 times
+
+Frequencies = npt.NDArray[np.float64]
+Response = Callable[[Frequencies], Complex]
+"""Angular frequencies [rad/s] to the loop's complex gain there."""
+
+
+class ControlDesignError(PamError):
+    """No safe gains: the message names the joint, the operating point and its margins."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopCase:
+    """One operating point and how the law is wired there."""
+
+    point: OperatingPoint
+    loop: LoopStructure
+
+
+class LoopMargins(NamedTuple):
+    """Margins of one loop gain, in the order and units of the last fields of `Margins`."""
+
+    phase_margin: float
+    gain_margin: float
+    modulus_margin: float
+    crossover: float
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """Of one loop at one operating point.
+
+    Attributes
+    ----------
+    position, stiffness : float
+        The operating point [rad], [N m/rad].
+    stable : bool
+        All closed-loop poles in the left half plane.
+    phase_margin : float
+        The one nearest to 0 over the gain crossings [rad]; infinite without one.
+    gain_margin : float
+        The factor nearest to 1 over the phase crossings [-]; infinite without one.
+    modulus_margin : float
+        Least distance of the loop from -1 [-], the inverse of the sensitivity peak.
+    crossover : float
+        Highest frequency of loop gain one [rad/s], 0 where there is none.
+    """
+
+    position: float
+    stiffness: float
+    stable: bool
+    phase_margin: float
+    gain_margin: float
+    modulus_margin: float
+    crossover: float
+
+    def __str__(self) -> str:
+        """One line with units."""
+        return (
+            f"at {self.position:+.2f} rad, {self.stiffness:.1f} N m/rad: "
+            f"{'stable' if self.stable else 'UNSTABLE'}, "
+            f"phase margin {math.degrees(self.phase_margin):.1f} deg, "
+            f"gain margin {self.gain_margin:.2f}, modulus margin {self.modulus_margin:.2f}, "
+            f"crossover {self.crossover:.1f} rad/s"
+        )
+
+
+def pid_response(gains: PidGains, omega: Frequencies) -> Complex:
+    """Frequency response of the PID at `omega` [rad/s]."""
+    s = 1j * omega
+    slope = gains.derivative * s / (gains.derivative_filter * s + 1.0)
+    return np.asarray(gains.proportional + gains.integral / s + slope, dtype=np.complex128)
+
+
+def loop_margins(respond: Response, grid: Frequencies = GRID) -> LoopMargins:
+    """Margins of a loop gain given as a function.
+
+    Parameters
+    ----------
+    respond : callable
+        The loop gain L at an array of angular frequencies [rad/s].
+    grid : (n,) array, optional
+        Increasing angular frequencies [rad/s], close enough that no two crossings lie between two
+        of them.
+    """
+    opened = respond(grid)
+    size = np.abs(opened)
+    imaginary = opened.imag
+    gain_crossings = np.nonzero((size[:-1] > 1.0) != (size[1:] > 1.0))[0]
+    phase_crossings = np.nonzero(
+        ((imaginary[:-1] > 0.0) != (imaginary[1:] > 0.0))
+        & (np.minimum(opened.real[:-1], opened.real[1:]) <= 0.0)
+    )[0]
+    phase_margin = gain_margin = math.inf
+    crossover = 0.0
+    for index in gain_crossings:
+        crossover, value = _crossing(respond, grid[index : index + 2], lambda L: np.abs(L) - 1.0)
+        phase_margin = min(phase_margin, cmath.phase(-value), key=abs)
+    for index in phase_crossings:
+        _, value = _crossing(respond, grid[index : index + 2], lambda L: L.imag)
+        if value.real < 0.0 and abs(math.log(-value.real)) < abs(math.log(gain_margin)):
+            gain_margin = -1.0 / value.real
+    return LoopMargins(phase_margin, gain_margin, _least_distance(respond, grid, opened), crossover)
+
+
+def _crossing(
+    respond: Response, ends: Frequencies, signed: Callable[[Complex], Frequencies]
+) -> tuple[float, complex]:
+    """Frequency [rad/s] and loop gain where `signed` changes its sign between two frequencies."""
+    low, high = float(ends[0]), float(ends[1])
+    for _ in range(ZOOMS):
+        omega = np.linspace(low, high, ZOOM_POINTS)
+        values = signed(respond(omega)) > 0.0
+        first = int(np.nonzero(values[:-1] != values[1:])[0][0])
+        low, high = float(omega[first]), float(omega[first + 1])
+    middle = 0.5 * (low + high)
+    return middle, complex(respond(np.array([middle]))[0])
+
+
+def _least_distance(respond: Response, grid: Frequencies, opened: Complex) -> float:
+    """Least distance of the loop gain from -1."""
+    place = int(np.argmin(np.abs(1.0 + opened)))
+    low, high = float(grid[max(place - 1, 0)]), float(grid[min(place + 1, len(grid) - 1)])
+    for _ in range(ZOOMS):
+        omega = np.linspace(low, high, ZOOM_POINTS)
+        distance = np.abs(1.0 + respond(omega))
+        place = int(np.argmin(distance))
+        low = float(omega[max(place - 1, 0)])
+        high = float(omega[min(place + 1, ZOOM_POINTS - 1)])
+    return float(distance[place])
+
+
+def margins(case: LoopCase, timing: LoopTiming, gains: PidGains) -> Margins:
+    """Margins of one joint's loop with these gains at one operating point."""
+
+    def respond(omega: Frequencies) -> Complex:
+        joint = frequency_response(case.point, case.loop, timing, omega)
+        return pid_response(gains, omega) * joint
+
+    stable = _is_stable(case, timing, gains)
+    return Margins(case.point.position, case.point.stiffness, stable, *loop_margins(respond))
+
+
+def _is_stable(case: LoopCase, timing: LoopTiming, gains: PidGains) -> bool:
+    """Whether all closed-loop poles lie in the left half plane."""
+    pid = control.ss([[0.0]], [[1.0]], [[gains.integral]], [[gains.proportional]])
+    if gains.integral == 0.0:
+        pid = control.ss([], [], [], [[gains.proportional]])
+    if gains.derivative != 0.0:
+        Tf = max(gains.derivative_filter, 1e-4)
+        slope = control.ss(
+            [[-1.0 / Tf]], [[1.0]], [[-gains.derivative / Tf**2]], [[gains.derivative / Tf]]
+        )
+        pid = control.parallel(pid, slope)
+    closed = control.feedback(control.series(pid, state_space(case.point, case.loop, timing)), 1)
+    return bool(np.all(closed.poles().real < 0.0))
+
+
+def checked_margins(
+    joint: str, cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains
+) -> list[Margins]:
+    """Margins at every operating point, the one with the least phase margin first.
+
+    Raises
+    ------
+    ControlDesignError
+        When a loop is unstable or has less than 30 degrees of phase margin.
+    """
+    found = sorted(
+        (margins(case, timing, gains) for case in cases),
+        key=lambda each: (each.stable, each.phase_margin),
+    )
+    worst = found[0]
+    if not worst.stable or worst.phase_margin < LEAST_PHASE_MARGIN:
+        raise ControlDesignError(
+            f"{joint}: these gains are not safe, {worst}; needed: stable with at least "
+            f"{math.degrees(LEAST_PHASE_MARGIN):.0f} deg (proportional {gains.proportional:.3g}, "
+            f"integral {gains.integral:.3g}, derivative {gains.derivative:.3g}, loop delay "
+            f"{timing.delay * 1e3:.1f} ms)"
+        )
+    return found
