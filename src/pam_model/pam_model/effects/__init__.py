@@ -19,7 +19,7 @@ from pam_model.effects.declaration import (
     Stage,
     TorqueFeedforward,
 )
-from pam_model.effects.registry import EFFECTS, adjusted, effect_value, filled
+from pam_model.effects.registry import EFFECTS, active, adjusted, effect_value, filled
 
 __all__ = [
     "EFFECTS",
@@ -40,6 +40,7 @@ __all__ = [
     "Search",
     "Stage",
     "TorqueFeedforward",
+    "active",
     "adjusted",
     "effect_value",
     "filled",

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pam_model.effects.slots import SCOPES, TARGETS, Adjusts, DryFriction, Slot, laws_of
+from pam_model.effects.slots import SCOPES, TARGETS, Adjusts, DryFriction, PullState, Slot, laws_of
 from pam_model.errors import PamError
 
 Stage = Literal["valve", "muscle", "joint", "sensing"]
@@ -93,9 +93,19 @@ class Delay:
 
 @dataclass(frozen=True, slots=True)
 class TorqueFeedforward:
-    """The controller adds the torque that it costs along the reference."""
+    """The controller adds the torque that it costs along the reference.
+
+    Attributes
+    ----------
+    how : str
+        One or two sentences, for the controller's page.
+    step : callable, optional
+        For an effect with a PullState: step(state, stroke, duration, *parameters) -> the state
+        after the muscle has lengthened evenly by `stroke` [m] within `duration` [s].
+    """
 
     how: str
+    step: Callable[..., float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -396,6 +406,18 @@ class Effect:
                 self._check_arguments(f"slot {kind}: {name}", law, context)
         if isinstance(self.control, Inverse):
             self._check_arguments("control: law", self.control.law, ("opening",))
+        self._check_feedforward()
+
+    def _check_feedforward(self) -> None:
+        if isinstance(self.control, TorqueFeedforward) and any(
+            isinstance(slot, PullState) for slot in self.slots
+        ):
+            if self.control.step is None:
+                self._refuse("control: a TorqueFeedforward of a PullState needs a step")
+            else:
+                self._check_arguments(
+                    "control: step", self.control.step, ("state", "stroke", "duration")
+                )
 
     def _check_arguments(
         self, what: str, law: Callable[..., object], context: tuple[str, ...]

@@ -156,6 +156,11 @@ def effect_value(effects: EffectValues, effect: str, parameter: str) -> float:
     return EFFECTS[effect].parameters[parameter].neutral
 
 
+def active(effect: Effect, effects: EffectValues) -> bool:
+    """Whether the parameters that a muscle, joint or rig carries switch an effect on."""
+    return effect.name in effects and not effect.is_neutral(effects[effect.name])
+
+
 def filled[S: Slot](kind: type[S]) -> tuple[tuple[Effect, S], ...]:
     """The effects that fill a kind of slot, in the order in which the plant applies them."""
     found = [
