@@ -29,8 +29,8 @@ from pam_model.effects import active, adjusted, filled
 from pam_model.effects.slots import DryFriction, JointTorque, Leak, Opening
 from pam_model.errors import PamError
 from pam_model.gas import pressure_rate, reference_density, valve_flow
+from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.sensor_correction import SensorCorrection
-from pam_model.muscles.effective_force_model import effective_force_model
 from pam_model.rig import Joint, Muscle, Rig
 
 OBSERVER_GAIN: Final = 5.0  # 1/s
