@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
-# Style, types and import rules of the whole tree.
+# Style and types of the whole tree.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
 .venv/bin/mypy --strict src benchmarks
-.venv/bin/lint-imports --no-logo --no-cache

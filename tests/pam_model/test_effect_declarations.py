@@ -15,9 +15,8 @@ from pam_model.effects.slots import Opening
 SECOND_LEAK = '''
 """A second leak."""
 
-from pam_model.effects.declaration import (
-    Effect, EffectParameter, Nothing, Portrait, Range, Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Nothing, Portrait, Range, Search
 from pam_model.effects.slots import Leak
 
 

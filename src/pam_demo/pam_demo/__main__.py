@@ -13,10 +13,9 @@ EFFECT = "EFFECT.PARAMETER=VALUE"
 
 
 def _demo(given: Arguments) -> Outcome:
-    from pam_demo.demo import run  # noqa: PLC0415  (matplotlib)
-    from pam_demo.player_node import open_player  # noqa: PLC0415  (rclpy)
+    from pam_demo.demo import run  # noqa: PLC0415  (rclpy, matplotlib)
 
-    return run(given, open_player)
+    return run(given)
 
 
 def _declare_demo(parser: Parser) -> None:

@@ -18,7 +18,8 @@ from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, Trace, 
 from pam_gap.answer.sentences import verdict_sentence
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.experiments.files import FOLDER
-from pam_gap.prediction.channels import UNITS, block_means
+from pam_gap.prediction.channel_order import UNITS
+from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.belongs_to_rig import joints_recorded, refuse_other_rig
 from pam_gap.recordings.computed_channels import without_computed

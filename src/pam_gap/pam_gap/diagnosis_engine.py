@@ -26,7 +26,7 @@ from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.inference.search import Progress, Search, SearchResult, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
-from pam_gap.prediction.channels import BOTH_FORCES, POSITION
+from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
 from pam_gap.prediction.fit import FitResult
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.locate import locate

@@ -237,6 +237,14 @@ def _declare_design(parser: Parser) -> None:
     add("--strand-strength", "N", "per strand")
 
 
+def _effect_tables(chosen: Arguments) -> Outcome:
+    from pam_model.effect_tables import write_tables  # noqa: PLC0415
+
+    changed = write_tables(Path(chosen.folder))
+    print("written: " + ", ".join(map(str, changed)) if changed else "the tables are up to date")
+    return Outcome({"changed": changed})
+
+
 def _declare_gallery(parser: Parser) -> None:
     parser.add_argument(
         "folder", type=output_folder, nargs="?", default="docs", help="(default: docs)"
@@ -315,6 +323,7 @@ COMMANDS = (
         examples=("python -m pam_model design --force 100 --stroke 0.05 --pressure 300000",),
     ),
     Command("gallery", "pictures and table of models for the docs", _declare_gallery, _gallery),
+    Command("effect-tables", "tables of effects in the docs", _declare_gallery, _effect_tables),
 )
 
 

@@ -1,5 +1,9 @@
 """A second plant, for making recordings whose hidden effect the diagnosis must find.
 
+It is independent of pam_model.plant on purpose: it shares no law, no constant and no function with
+it, although some physics then stands twice in this repository. Do not replace anything here by what
+pam_model has; a fault in a shared law would be in data and model alike, and no check would see it.
+
 Its formulas are others than those of the simulation the diagnosis fits, so that a right name is
 no echo of equal code (but for what has one form, and Dahl's law, a case of LuGre's): gas as mass
 and energy instead of pressure, LuGre friction (Canudas de Wit et al., 1995) for dry friction,

@@ -29,9 +29,9 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from pam_check.chain import MODULES, Chain, multicast_bus, private_domain, set_environment
+from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_check.endurance.process_use import Use, use_of
-from pam_check.endurance.unpluggable_bus import INTERFACE, PLUG
+from pam_check.endurance.unpluggable_driver_node import PLUG
 from pam_check.processes import NodeProcess
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
@@ -181,13 +181,8 @@ def _chain(rig: Path, plug: Path) -> Iterator[tuple[LifecycleCycler, Chain, Node
         with Chain([rig], bus, environment) as chain:
             chain.start("rig")
             driver = NodeProcess(
-                MODULES["driver"],
-                {
-                    "bus.interface": INTERFACE,
-                    "bus.channel": bus.channel,
-                    "bus.options": f"port={bus.port}",
-                    "autostart": False,
-                },
+                "pam_check.endurance.unpluggable_driver_node",
+                {**bus.parameters, "autostart": False},
                 [rig],
                 {**environment, PLUG: str(plug)},
             )

@@ -1,10 +1,11 @@
-"""Torque of what the two muscles of a joint remember, along the joint's reference."""
+"""Torque of what two muscles remember: thread friction and creep along the joint's reference."""
 
 from __future__ import annotations
 
 import math
 
-from pam_control.compensation.muscle_memory import MuscleMemory
+from pam_control.compensation.bladder_creep import BladderCreep
+from pam_control.compensation.thread_hysteresis import ThreadHysteresis
 from pam_model.rig import Muscle
 
 Pair = tuple[float, float]
@@ -18,23 +19,28 @@ class HistoryTorque:
     muscles : (Muscle, Muscle)
         Agonist, antagonist.
     pulley_radius : float
-        The true one, not the written one [m].
+        As it is, not as written [m].
     """
 
     def __init__(self, muscles: tuple[Muscle, ...], pulley_radius: float) -> None:
         self._radius = pulley_radius
-        self._agonist, self._antagonist = (MuscleMemory.from_muscle(m) for m in muscles)
-        self.is_neutral = self._agonist.is_neutral and self._antagonist.is_neutral
+        self._frictions = [ThreadHysteresis.from_muscle(muscle) for muscle in muscles]
+        self._creeps = [BladderCreep.from_muscle(muscle) for muscle in muscles]
+        self.is_neutral = not any(
+            [friction.area for friction in self._frictions]
+            + [creep.stiffness for creep in self._creeps]
+        )
         self._position = self._time = math.nan
 
     def reset(self) -> None:
         """Forget the past."""
         self._position = self._time = math.nan
-        self._agonist.reset()
-        self._antagonist.reset()
+        for friction, creep in zip(self._frictions, self._creeps, strict=True):
+            friction.reset()
+            creep.reset()
 
     def advance(self, time: float, position: float, pressures: Pair) -> float:
-        """Move to where the reference is at `time`; return the torque that the muscles then add.
+        """Go on to where the reference is at `time`; the torque the muscles then add.
 
         Parameters
         ----------
@@ -43,7 +49,7 @@ class HistoryTorque:
         position : float
             Of the reference [rad].
         pressures : (float, float)
-            Approximate pressures of the muscles at that time, gauge [Pa].
+            About those the muscles have then, gauge [Pa].
 
         Returns
         -------
@@ -54,10 +60,17 @@ class HistoryTorque:
             return 0.0
         if not math.isnan(self._position):
             stroke = self._radius * (position - self._position)
-            duration = max(time - self._time, 0.0)
-            self._agonist.move(-stroke, duration)
-            self._antagonist.move(stroke, duration)
+            step = max(time - self._time, 0.0)
+            for sign, friction, creep in zip(
+                (-1.0, 1.0), self._frictions, self._creeps, strict=True
+            ):
+                friction.move(sign * stroke)
+                creep.move(sign * stroke, step)
         self._position, self._time = position, time
-        return self._radius * (
-            self._agonist.pull(pressures[0]) - self._antagonist.pull(pressures[1])
-        )
+        forces = [
+            friction.force(pressure) + creep.force
+            for friction, creep, pressure in zip(
+                self._frictions, self._creeps, pressures, strict=True
+            )
+        ]
+        return self._radius * (forces[0] - forces[1])

@@ -8,7 +8,9 @@ from typing import Any
 
 from pam_gap.inference.hypothesis import Hypothesis
 from pam_model.effects import EFFECTS
-from pam_model.rig import Joint, Muscle, Rig
+from pam_model.plant.layout import MUSCLES
+from pam_model.plant.parameters import RIG_PLACES, RigPlace
+from pam_model.rig import Joint, Muscle, Rig, Valve
 
 
 def _merged(
@@ -19,34 +21,40 @@ def _merged(
     return result
 
 
-def _set(rig: Rig, joint: str, path: str, value: float, is_factor: bool) -> Rig:
+def _changed[Part: (Rig, Joint, Muscle, Valve)](
+    part: Part, key: str, value: float, is_factor: bool
+) -> Part:
+    """A copy of a part of the rig with one number set, or multiplied."""
+    changes: dict[str, Any] = {key: getattr(part, key) * value if is_factor else value}
+    return replace(part, **changes)
+
+
+def _set(rig: Rig, joint: str, name: str, value: float, is_factor: bool) -> Rig:
     """A copy of the rig with one plant parameter written to where a rig file keeps it."""
-    owner = rig.joint(joint)
-    head, _, rest = path.partition(".")
-    if head in ("agonist", "antagonist"):
-        muscle: Muscle = rig.muscle(owner.muscles[0 if head == "agonist" else 1])
-        first, _, key = rest.partition(".")
-        if key and first in EFFECTS:  # dead_volume is a parameter and an effect
-            return rig.with_muscle(
-                replace(muscle, effects=_merged(muscle.effects, first, {key: value}))
-            )
-        part: Any = muscle.valve if first == "valve" else muscle
-        field = key if first == "valve" else first
-        changed = replace(part, **{field: getattr(part, field) * value if is_factor else value})
-        return rig.with_muscle(replace(muscle, valve=changed) if first == "valve" else changed)
-    if head == "joint":
-        changed_joint: Joint = replace(
-            owner,
-            **{rest: getattr(owner, rest) * value if is_factor else value},  # type: ignore[arg-type]
+    owner, place = rig.joint(joint), RIG_PLACES[name]
+    if place.section == "effect":
+        return _with_effect(rig, owner, place, value)
+    if place.section == "joint":
+        return rig.with_joint(_changed(owner, place.key, value, is_factor))
+    if place.side:
+        muscle = rig.muscle(owner.muscles[MUSCLES.index(place.side)])
+        if place.section == "valve":
+            valve = _changed(muscle.valve, place.key, value, is_factor)
+            return rig.with_muscle(replace(muscle, valve=valve))
+        return rig.with_muscle(_changed(muscle, place.key, value, is_factor))
+    return _changed(rig, place.key, value, is_factor)
+
+
+def _with_effect(rig: Rig, owner: Joint, place: RigPlace, value: float) -> Rig:
+    values = {place.key: value}
+    if place.side:
+        muscle = rig.muscle(owner.muscles[MUSCLES.index(place.side)])
+        return rig.with_muscle(
+            replace(muscle, effects=_merged(muscle.effects, place.effect, values))
         )
-        return rig.with_joint(changed_joint)
-    if head in EFFECTS:
-        if EFFECTS[head].scope == "joint":
-            return rig.with_joint(
-                replace(owner, effects=_merged(owner.effects, head, {rest: value}))
-            )
-        return replace(rig, effects=_merged(rig.effects, head, {rest: value}))
-    return replace(rig, **{head: getattr(rig, head) * value if is_factor else value})  # type: ignore[arg-type]
+    if EFFECTS[place.effect].scope == "joint":
+        return rig.with_joint(replace(owner, effects=_merged(owner.effects, place.effect, values)))
+    return replace(rig, effects=_merged(rig.effects, place.effect, values))
 
 
 def improve_rig(

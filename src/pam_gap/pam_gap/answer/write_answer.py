@@ -19,7 +19,7 @@ from pam_gap.inference.decision import Decision, Judge, named_effects
 from pam_gap.inference.held_out import Folds, HeldOut
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.inference.selection import bootstrap_weights
-from pam_gap.prediction.channels import BOTH_FORCES, UNITS
+from pam_gap.prediction.channel_order import BOTH_FORCES, UNITS
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import gap_figures
 from pam_gap.prediction.locate import Location

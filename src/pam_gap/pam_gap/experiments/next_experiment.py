@@ -22,6 +22,7 @@ from pam_gap.experiments.excitations import Excitation, Menu
 from pam_gap.experiments.files import FOLDER, write_experiment
 from pam_gap.experiments.loop import ExperimentLoop
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.prediction.channel_order import N_CHANNELS
 from pam_gap.prediction.fit import (
     Array,
     Scaling,
@@ -29,7 +30,6 @@ from pam_gap.prediction.fit import (
     normal_equations,
     numerical_jacobian,
 )
-from pam_gap.prediction.observer import N_CHANNELS
 from pam_gap.prediction.problem import PredictionProblem, as_mounted
 from pam_gap.recordings.recording import COMMANDS, Recording
 from pam_gap.rules import DEFAULT

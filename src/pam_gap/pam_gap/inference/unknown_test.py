@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_gap.inference.held_out import Folds
-from pam_gap.prediction.channels import BOTH_PRESSURES, POSITION, block_means
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION
+from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 

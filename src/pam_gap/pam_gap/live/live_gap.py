@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pam_gap.prediction.channels import BOTH_PRESSURES, POSITION, UNITS
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION, UNITS
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.gap_figures import HORIZONS, noise_level
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS
 from pam_gap.prediction.fit import Array
-from pam_gap.prediction.observer import N_CHANNELS
 from pam_gap.recordings.noise_floor import ChannelNoise, noise_floor
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -21,12 +21,6 @@ from pam_gap.recordings.recording import (
 )
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.rig import Rig
-
-AGONIST_PRESSURE, ANTAGONIST_PRESSURE, POSITION, AGONIST_FORCE, ANTAGONIST_FORCE = range(5)
-"""Places of the channels in every array of measurements or errors."""
-BOTH_PRESSURES = slice(AGONIST_PRESSURE, ANTAGONIST_PRESSURE + 1)
-BOTH_FORCES = slice(AGONIST_FORCE, ANTAGONIST_FORCE + 1)
-UNITS = ("Pa", "Pa", "rad", "N", "N")
 
 
 @dataclass(frozen=True, slots=True)

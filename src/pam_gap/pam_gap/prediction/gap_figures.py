@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pam_gap.prediction.channels import UNITS
+from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.problem import AS_FITTED, PredictionProblem, PredictionSettings
 

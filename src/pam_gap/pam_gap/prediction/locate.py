@@ -14,15 +14,15 @@ from operator import itemgetter
 
 import numpy as np
 
-from pam_gap.prediction.channels import (
+from pam_gap.prediction.channel_order import (
     AGONIST_FORCE,
     AGONIST_PRESSURE,
     ANTAGONIST_FORCE,
     ANTAGONIST_PRESSURE,
     BOTH_PRESSURES,
     POSITION,
-    block_means,
 )
+from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings

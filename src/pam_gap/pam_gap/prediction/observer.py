@@ -19,6 +19,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pam_gap.prediction.channel_order import (
+    AGONIST_FORCE,
+    AGONIST_PRESSURE,
+    N_CHANNELS,
+    POSITION,
+    SPEED,
+)
+from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
 from pam_model.plant.compiled import entry_point
 from pam_model.plant.kernel import run
 from pam_model.plant.layout import (
@@ -39,14 +47,21 @@ from pam_model.plant.layout import (
     Y_POSITION,
     Y_VELOCITY,
 )
+from pam_model.plant.sensors import (
+    K_BIAS,
+    K_DELAY,
+    K_GAIN,
+    K_LAG,
+    K_OFFSET,
+    N_MUSCLE_SENSORS,
+)
 
 Array = npt.NDArray[np.float64]
-N_CHANNELS = 5  # pressures of agonist and antagonist, position, forces of agonist and antagonist
-
-# Sensor constants of one lane: gain, bias, lag of either pressure; offset and delay of position.
-N_SENSORS = 8
 FOLLOW_MOTION, FOLLOW_PRESSURES, FOLLOW_BOTH = -1, -2, -3
-NEUTRAL_SENSORS = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+# Gains towards the measurement: of the pressures, of the motion, of a motion that is caught first;
+# and the time for that [s].
+FADE, HOLD_POSITION, HOLD_SPEED, CATCH_POSITION, CATCH_SPEED, CATCH_TIME = range(6)
+N_GAINS = 6
 
 
 @entry_point
@@ -78,7 +93,7 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
     shown0 = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
     shown1 = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
     blocks = len(total)
-    delay = sensors[7] / sample_time
+    delay = sensors[K_DELAY] / sample_time
     whole = math.floor(delay)
     share = delay - whole
     for k in range(samples):
@@ -87,14 +102,16 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
         counted = k < blocks * block
         anew = window > 0 and k % window == 0
         if anew or window in (FOLLOW_MOTION, FOLLOW_BOTH):
-            y[Y_POSITION] = restart[k, 2] - sensors[6]
-            y[Y_VELOCITY] = restart[k, 3]
+            y[Y_POSITION] = restart[k, POSITION] - sensors[K_OFFSET]
+            y[Y_VELOCITY] = restart[k, SPEED]
         if anew or window in (FOLLOW_PRESSURES, FOLLOW_BOTH):
             for i in range(2):
                 o = Y_AGONIST + i * N_MUSCLE_STATES
-                true = (restart[k, i] - sensors[3 * i + 1]) / sensors[3 * i] + c[C_AMBIENT]
-                y[o + S_PRESSURE] = true
-                y[o + S_VALVE_PRESSURE] = true
+                s = i * N_MUSCLE_SENSORS
+                gain, bias = sensors[s + K_GAIN], sensors[s + K_BIAS]
+                gauge = true_pressure(restart[k, AGONIST_PRESSURE + i], gain, bias)
+                y[o + S_PRESSURE] = gauge + c[C_AMBIENT]
+                y[o + S_VALVE_PRESSURE] = gauge + c[C_AMBIENT]
         if anew:
             shown0 = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
             shown1 = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
@@ -103,14 +120,16 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
             has_tube = c[AGONIST + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0
             true = y[o + (S_VALVE_PRESSURE if has_tube else S_PRESSURE)] - c[C_AMBIENT]
             shown = true
-            lag = sensors[3 * i + 2]
+            s = i * N_MUSCLE_SENSORS
+            gain, bias, lag = sensors[s + K_GAIN], sensors[s + K_BIAS], sensors[s + K_LAG]
+            channel = AGONIST_PRESSURE + i
             if lag > 0.0:
                 shown = shown0 if i == 0 else shown1
-            error = measured[k, i] - (sensors[3 * i] * shown + sensors[3 * i + 1])
+            error = measured[k, channel] - pressure_reading(shown, gain, bias)
             if counted:
-                total[at, i] += error if known[k, i] else np.nan
-            if known[k, i]:
-                pull = gains[0] * error / sensors[3 * i]
+                total[at, channel] += error if known[k, channel] else np.nan
+            if known[k, channel]:
+                pull = gains[FADE] * error / gain
                 y[o + S_PRESSURE] += pull
                 if has_tube:
                     y[o + S_VALVE_PRESSURE] += pull
@@ -125,15 +144,16 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
                     shown1 = shown
         late = max(k - whole, 0)
         later = max(late - 1, 0)
-        position = (1.0 - share) * history[late] + share * history[later] + sensors[6]
-        error = measured[k, 2] - position
+        position = (1.0 - share) * history[late] + share * history[later]
+        position += sensors[K_OFFSET]
+        error = measured[k, POSITION] - position
         if counted:
-            total[at, 2] += error if known[k, 2] else np.nan
+            total[at, POSITION] += error if known[k, POSITION] else np.nan
         # A joint still swinging when the recording begins is caught first.
-        early = k * sample_time < gains[5] and window in (0, FOLLOW_PRESSURES)
-        if known[k, 2] and (early or gains[1] > 0.0):
-            y[Y_POSITION] += (gains[3] if early else gains[1]) * error
-            y[Y_VELOCITY] += (gains[4] if early else gains[2]) * error
+        early = k * sample_time < gains[CATCH_TIME] and window in (0, FOLLOW_PRESSURES)
+        if known[k, POSITION] and (early or gains[HOLD_POSITION] > 0.0):
+            y[Y_POSITION] += (gains[CATCH_POSITION] if early else gains[HOLD_POSITION]) * error
+            y[Y_VELOCITY] += (gains[CATCH_SPEED] if early else gains[HOLD_SPEED]) * error
         if len(external) > 0:
             c[C_EXTERNAL] = external[k]
         run(
@@ -141,8 +161,9 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
         )  # fmt: skip
         for i in range(2):
             pull = row[0, O_AGONIST + i * N_MUSCLE_OUTPUTS + O_FORCE]
+            channel = AGONIST_FORCE + i
             if counted:
-                total[at, 3 + i] += measured[k, 3 + i] - pull if known[k, 3 + i] else np.nan
+                total[at, channel] += measured[k, channel] - pull if known[k, channel] else np.nan
 
 
 def observe(
@@ -174,7 +195,7 @@ def observe(
     constants : ndarray, shape (lanes, N_CONSTANTS)
         Of each plant.
     sensors : ndarray, shape (lanes, N_SENSORS)
-        Of each plant: gain, bias [Pa], lag [s] of each pressure; offset [rad], delay [s].
+        Of each plant, as pam_model.plant.sensors.sensor_constants gives them.
     tables : sequence of two ndarrays
         Force tables, as the plant takes them.
     commands : ndarray, shape (N, 2)
@@ -217,16 +238,13 @@ def observe(
     total = np.zeros((lanes, blocks, N_CHANNELS))
     pull = 1.0 - math.exp(-sample_time / horizon)
     caught = max(position_bandwidth, catch_bandwidth)
-    gains = np.array(
-        [
-            pull,
-            min(2.0 * position_bandwidth * sample_time, 1.0),
-            position_bandwidth**2 * sample_time,
-            min(2.0 * caught * sample_time, 1.0),
-            caught**2 * sample_time,
-            catch_time,
-        ]
-    )
+    gains = np.empty(N_GAINS)
+    gains[FADE] = pull
+    gains[HOLD_POSITION] = min(2.0 * position_bandwidth * sample_time, 1.0)
+    gains[HOLD_SPEED] = position_bandwidth**2 * sample_time
+    gains[CATCH_POSITION] = min(2.0 * caught * sample_time, 1.0)
+    gains[CATCH_SPEED] = caught**2 * sample_time
+    gains[CATCH_TIME] = catch_time
 
     anew = np.zeros((1, 4)) if restart is None else restart
     every = 0 if restart is None else window

@@ -13,21 +13,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import savgol_filter
 
-from pam_gap.prediction.channels import (
-    BOTH_PRESSURES,
-    POSITION,
-    Channels,
-    channel_names,
-    joint_channels,
-)
+from pam_gap.prediction.channel_order import AGONIST_PRESSURE, BOTH_PRESSURES, N_CHANNELS, POSITION
+from pam_gap.prediction.channels import Channels, channel_names, joint_channels
 from pam_gap.prediction.fit import Array, Predictor
-from pam_gap.prediction.observer import (
-    FOLLOW_BOTH,
-    FOLLOW_MOTION,
-    FOLLOW_PRESSURES,
-    N_CHANNELS,
-    observe,
-)
+from pam_gap.prediction.observer import FOLLOW_BOTH, FOLLOW_MOTION, FOLLOW_PRESSURES, observe
 from pam_gap.recordings.recording import (
     LOCKED,
     SHUT,
@@ -35,6 +24,7 @@ from pam_gap.recordings.recording import (
     Recording,
 )
 from pam_gap.rules import DEFAULT, Rules
+from pam_model.physics.pressure_sensor import true_pressure
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.layout import (
@@ -55,7 +45,7 @@ from pam_model.plant.layout import (
     Y_RESERVOIR,
 )
 from pam_model.plant.parameters import INDEX, PlantParameters
-from pam_model.plant.sensors import sensor_constants
+from pam_model.plant.sensors import K_BIAS, K_GAIN, K_OFFSET, N_MUSCLE_SENSORS, sensor_constants
 from pam_model.rig import Rig
 
 LOCKED_INERTIA = 1e9  # kg m^2, of a joint that does not move
@@ -111,14 +101,16 @@ def initial_state(constants: Array, sensors: Array, tables: object, data: Channe
     y = np.zeros(N_STATES)
     y[Y_RESERVOIR] = constants[C_SUPPLY]
     y[Y_POSITION] = (
-        float(data.measured[start, POSITION].mean()) - sensors[6]
+        float(data.measured[start, POSITION].mean()) - sensors[K_OFFSET]
         if data.known[:, POSITION].any()
         else 0.0
     )
     for i in range(2):
         m = AGONIST + i * N_MUSCLE_CONSTANTS
         o = Y_AGONIST + i * N_MUSCLE_STATES
-        gauge = (float(data.measured[start, i].mean()) - sensors[3 * i + 1]) / sensors[3 * i]
+        s = i * N_MUSCLE_SENSORS
+        reading = float(data.measured[start, AGONIST_PRESSURE + i].mean())
+        gauge = true_pressure(reading, sensors[s + K_GAIN], sensors[s + K_BIAS])
         y[o + S_PRESSURE] = y[o + S_VALVE_PRESSURE] = max(gauge + constants[C_AMBIENT], 1.0)
         y[o + S_SPOOL] = gauge if constants[m + M_REGULATOR] > 0.0 else data.commands[0, i]
         y[o + S_TEMPERATURE] = constants[C_TEMPERATURE]

@@ -15,6 +15,7 @@ from pam_gap.recordings.recording import JOINTS, MUSCLES, PRESSURES, Recording
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.recording_rules import RecordingRules
 from pam_model.errors import PamError
+from pam_model.physics.joint_geometry import SIGNS, muscle_length
 from pam_model.rig import Rig
 
 
@@ -25,14 +26,14 @@ def without_computed(
     computed = []
     for joint in rig.joints:
         position_name = f"{JOINTS}{joint.name}.position"
-        for name, sign in zip(joint.muscles, (-1.0, 1.0), strict=True):
+        for name, sign in zip(joint.muscles, SIGNS, strict=True):
             channel = f"{MUSCLES}{name}.effort"
             pressure_name = f"{PRESSURES}{name}"
             if not all(recording.has(c) for c in (channel, pressure_name, position_name)):
                 continue
             muscle = rig.muscle(name)
             position = recording.values[position_name]
-            length = muscle.neutral_length + sign * joint.pulley_radius * position
+            length = muscle_length(muscle.neutral_length, sign, joint.pulley_radius, position)
             try:
                 force = rig.force_model(name).force(recording.values[pressure_name], length)
             except PamError:

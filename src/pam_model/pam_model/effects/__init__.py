@@ -1,10 +1,9 @@
 """What the ideal rig leaves out: one file per effect, and the registry that finds them."""
 
-from pam_model.effects.declaration import (
+from pam_model.effects.declaration import Effect, EffectError
+from pam_model.effects.parts import (
     Correction,
     Delay,
-    Effect,
-    EffectError,
     EffectParameter,
     EffectValues,
     Included,
@@ -19,7 +18,7 @@ from pam_model.effects.declaration import (
     Stage,
     TorqueFeedforward,
 )
-from pam_model.effects.registry import EFFECTS, active, adjusted, effect_value, filled
+from pam_model.effects.registry import EFFECTS, adjusted, effect_value, filled
 
 __all__ = [
     "EFFECTS",
@@ -40,7 +39,6 @@ __all__ = [
     "Search",
     "Stage",
     "TorqueFeedforward",
-    "active",
     "adjusted",
     "effect_value",
     "filled",

@@ -9,15 +9,8 @@ from __future__ import annotations
 
 import math
 
-from pam_model.effects.declaration import (
-    Effect,
-    EffectParameter,
-    Included,
-    Portrait,
-    Range,
-    RigScales,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, RigScales, Search
 from pam_model.effects.slots import PassivePull
 
 
@@ -71,14 +64,15 @@ EFFECT = Effect(
     stage="muscle",
     scope="muscle",
     description="passive elastic force of the bladder about the rest length",
-    law="F = F_static + k_1 s + k_3 s^3, s = L - rest_length; k_3 < 0: held from its largest on",
+    law="F = F_static + k_1 s + k_3 s^3, s = L - rest_length; with k_3 < 0 the force keeps its "
+    "largest value beyond it",
     source="polynomial elastic force",
     parameters={
         "linear": EffectParameter("k_1", "N/m", 0.0, 0.0, 1e5, "linear rate"),
         "cubic": EffectParameter("k_3", "N/m^3", 0.0, -1e9, 1e9, "cubic rate; below 0 it softens"),
     },
     slots=(PassivePull(pull_at_length),),
-    control=Included("in the muscle's force, inverted exactly"),
+    control=Included("included in the muscle force and inverted exactly"),
     plausibility=Included("in the muscle's force of the torque balance"),
     search=Search(ranges=_ranges, shown_by=("position", "pulls")),
     portrait=Portrait(

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_model.effects.declaration import Effect, EffectParameter, Included, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, Search
 from pam_model.effects.slots import Thread
 
 LEAST_SHRINK: Final = 0.5
@@ -41,7 +42,8 @@ EFFECT = Effect(
     },
     slots=(Thread(stretched_thread),),
     control=Included(
-        "in the muscle's force, inverted by iteration; the gas volume stays that of the stiff braid"
+        "included in the muscle force and inverted by iteration; the gas volume remains that of "
+        "the stiff braid"
     ),
     plausibility=Included("in the muscle's force of the torque balance"),
     search=Search(

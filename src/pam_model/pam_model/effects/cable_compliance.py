@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import Effect, EffectParameter, Included, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -22,7 +23,8 @@ EFFECT = Effect(
     parameters={"compliance": EffectParameter("c_c", "m/N", 0.0, 0.0, 1e-3, "stretch per force")},
     slots=(Adjusts("series_compliance", series_compliance),),
     control=Included(
-        "in the muscle's force, inverted by iteration; the gas volume stays that of the stiff braid"
+        "included in the muscle force and inverted by iteration; the gas volume remains that of "
+        "the stiff braid"
     ),
     plausibility=Included("in the muscle's force of the torque balance"),
     search=Search(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import Delay, Effect, EffectParameter, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import Delay, EffectParameter, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -21,7 +22,9 @@ EFFECT = Effect(
     source="transport delay",
     parameters={"delay": EffectParameter("t_d", "s", 0.0, 0.0, 0.2, "dead time")},
     slots=(Adjusts("valve.command_delay", longer_delay),),
-    control=Delay("looks ahead, for each valve by its own delay; gain design"),
+    control=Delay(
+        "looks ahead for each valve by its own delay, and includes the delay in the gain design"
+    ),
     plausibility=Delay("the pressure observer takes the command of that much earlier"),
     search=Search(
         ranges=lambda rig: {"delay": Range(0.0, 0.15, 0.01, (0.01, 0.03))},
@@ -30,7 +33,7 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"delay": 0.02},
-        signature="Everything happens later by the same time.",
+        signature="Everything happens later by the same amount of time.",
         easily_taken_for="position_delay, where only the angle is late.",
         told_apart_by="Steps: the time to the first reaction.",
     ),

@@ -6,8 +6,8 @@ Source: Coulomb friction; presliding: P. R. Dahl, A solid friction model, Aerosp
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Effect,
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import (
     EffectParameter,
     Included,
     Portrait,
@@ -39,8 +39,8 @@ EFFECT = Effect(
     },
     slots=(DryFriction(coulomb_friction, presliding="presliding_angle"),),
     control=TorqueFeedforward(
-        "added by the reference's velocity, rounded below 0.03 rad/s; from rest the integrator "
-        "breaks it loose"
+        "adds the friction torque in the direction of the reference velocity, smoothed below "
+        "0.03 rad/s; from rest the integrator overcomes it"
     ),
     plausibility=Included("the torque balance leaves room for the friction's magnitude"),
     search=Search(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import Effect, EffectParameter, Included, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -16,14 +17,14 @@ EFFECT = Effect(
     order=90,
     stage="valve",
     scope="muscle",
-    description="more gas volume than written",
+    description="more gas volume beside the braid than the rig file says",
     law="V = V_braid + dead_volume + V_x",
     source="geometry",
     parameters={
         "extra_volume": EffectParameter("V_x", "m^3", 0.0, -1e-4, 1e-2, "added to dead_volume")
     },
     slots=(Adjusts("dead_volume", larger_dead_volume),),
-    control=Included("gas volume in flow and gain design"),
+    control=Included("uses the true gas volume in the flow and in the gain design"),
     plausibility=Included("the pressure observer has the true gas volume"),
     search=Search(
         ranges=lambda rig: {

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Effect,
-    EffectParameter,
-    Included,
-    Inverse,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Inverse, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -37,7 +30,8 @@ EFFECT = Effect(
     },
     slots=(Adjusts("valve.exhaust_ratio", exhaust_ratio),),
     control=Inverse(
-        "opens the exhaust wider by the ratio, up to full opening; beyond, the valve is too small",
+        "opens the exhaust wider by the ratio, up to full opening; beyond that the valve is too "
+        "small",
         wider_exhaust,
     ),
     plausibility=Included("the pressure observer's exhaust path has the true conductance"),

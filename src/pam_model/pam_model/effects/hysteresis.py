@@ -1,16 +1,15 @@
 """Friction of the braid's threads: rate-independent, growing with pressure.
 
-Pull = h p b^2/(4 pi n^2) z, with the state z of pam_model.dahl, which the controller runs along the
-reference ahead of time.
+Pull = h p b^2/(4 pi n^2) z, with the state z of pam_model.physics.dahl, which the controller runs
+along the reference ahead of time.
 
 Source: P. R. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14(12), 1976.
 """
 
 from __future__ import annotations
 
-from pam_model.dahl import dahl_rate, dahl_slope, dahl_step
-from pam_model.effects.declaration import (
-    Effect,
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import (
     EffectParameter,
     Nothing,
     Portrait,
@@ -19,6 +18,7 @@ from pam_model.effects.declaration import (
     TorqueFeedforward,
 )
 from pam_model.effects.slots import PullState
+from pam_model.physics.dahl import dahl_rate, dahl_slope
 
 
 def friction_area(braid_area: float, amplitude: float) -> float:
@@ -31,13 +31,6 @@ def friction_rate(
 ) -> float:
     """dz/dt [1/s] at dL/dt = `speed` [m/s], no faster than a step [s] can follow."""
     return dahl_rate(state, speed, presliding_length, step)
-
-
-def friction_step(
-    state: float, stroke: float, duration: float, amplitude: float, presliding_length: float
-) -> float:
-    """State z after a monotonic stroke [m] of any size; exact, and the duration plays no part."""
-    return dahl_step(state, stroke, presliding_length)
 
 
 def friction_pull(
@@ -91,8 +84,7 @@ EFFECT = Effect(
     slots=(PullState("hysteresis", friction_pull, friction_rate, friction_response, unsettled),),
     control=TorqueFeedforward(
         "computes Dahl friction along the reference lengths and compensates its torque; the "
-        "friction state starts at zero",
-        friction_step,
+        "friction state starts at zero"
     ),
     plausibility=Nothing(
         "its state cannot be told from the pressures; it is a few per cent of the pull, which "

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_model.effects.declaration import Effect, EffectParameter, Included, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 GRAVITY: Final = 9.80665
@@ -37,7 +38,7 @@ EFFECT = Effect(
         Adjusts("joint.inertia", inertia_with_payload),
         Adjusts("joint.gravity_torque", gravity_with_payload),
     ),
-    control=Included("in the inverse dynamics and the gain design"),
+    control=Included("included in the inverse dynamics and in the gain design"),
     plausibility=Included("the torque balance has the true inertia and gravity torque"),
     search=Search(
         ranges=lambda rig: {

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Delay,
-    Effect,
-    EffectParameter,
-    Nothing,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import Delay, EffectParameter, Nothing, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -24,14 +17,17 @@ EFFECT = Effect(
     order=230,
     stage="sensing",
     scope="joint",
-    description="encoder stamped late",
+    description="the readings of the encoder are stamped late",
     law="q_measured(t) = q(t - t_q)",
     source="sensor",
     parameters={
         "delay": EffectParameter("t_q", "s", 0.0, 0.0, 0.2, "age of the reading at its stamp")
     },
     slots=(Adjusts("position_sensor.delay", longer_delay),),
-    control=Delay("compares with the reference of that much earlier; gain design"),
+    control=Delay(
+        "compares the measurement with the reference of that earlier time, and includes the "
+        "delay in the gain design"
+    ),
     plausibility=Nothing(
         "the torque balance is low-passed over 0.15 s, against which the delay is short"
     ),

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Correction,
-    Effect,
-    EffectParameter,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import Correction, EffectParameter, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -23,14 +17,12 @@ EFFECT = Effect(
     order=220,
     stage="sensing",
     scope="joint",
-    description="encoder zero",
+    description="the zero of the encoder is displaced",
     law="q_measured = q + q_0",
     source="sensor",
     parameters={"offset": EffectParameter("q_0", "rad", 0.0, -1.0, 1.0, "added to the reading")},
     slots=(Adjusts("position_sensor.offset", shifted_zero),),
-    control=Correction(
-        "measurements are corrected; `joint_states` still shows the sensor's own zero"
-    ),
+    control=Correction("corrects the measurements; `joint_states` still shows the raw reading"),
     plausibility=Correction("positions are corrected before they are judged"),
     search=Search(
         ranges=lambda rig: {"offset": Range(-0.9, 0.9, 0.03, (0.03, -0.03))},
@@ -39,8 +31,8 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"offset": 0.05},
-        signature="Everything is in place but the angle's zero; gravity and muscle lengths "
-        "disagree.",
+        signature="Only the zero of the angle is wrong: the torque of gravity and the lengths of "
+        "the muscles disagree.",
         easily_taken_for="unequal neutral lengths, payload at an angle.",
         told_apart_by="Hang the joint vented.",
     ),

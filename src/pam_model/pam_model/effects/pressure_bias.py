@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Correction,
-    Effect,
-    EffectParameter,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import Correction, EffectParameter, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -23,14 +17,12 @@ EFFECT = Effect(
     order=250,
     stage="sensing",
     scope="muscle",
-    description="one pressure sensor's zero",
+    description="one pressure sensor does not read zero at ambient pressure",
     law="p_measured = p + p_0",
     source="sensor",
     parameters={"bias": EffectParameter("p_0", "Pa", 0.0, -1e5, 1e5, "added to the reading")},
     slots=(Adjusts("pressure_sensor.bias", sensor_bias),),
-    control=Correction(
-        "measurements are corrected; `pressure_states` still shows the sensor's own reading"
-    ),
+    control=Correction("corrects the measurements; `pressure_states` still shows the raw reading"),
     plausibility=Correction("pressures are corrected before they are judged"),
     search=Search(
         ranges=lambda rig: {"bias": Range(-9e4, 9e4, 5e3, (5e3, -5e3))},

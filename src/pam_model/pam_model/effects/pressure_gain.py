@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Correction,
-    Effect,
-    EffectParameter,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import Correction, EffectParameter, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -23,14 +17,12 @@ EFFECT = Effect(
     order=240,
     stage="sensing",
     scope="muscle",
-    description="one pressure sensor's gain",
+    description="the gain of one pressure sensor is not 1",
     law="p_measured = g p",
     source="sensor",
     parameters={"gain": EffectParameter("g", "-", 1.0, 0.5, 2.0, "reading over pressure")},
     slots=(Adjusts("pressure_sensor.gain", sensor_gain),),
-    control=Correction(
-        "measurements are corrected; `pressure_states` still shows the sensor's own reading"
-    ),
+    control=Correction("corrects the measurements; `pressure_states` still shows the raw reading"),
     plausibility=Correction("pressures are corrected before they are judged"),
     search=Search(
         ranges=lambda rig: {"gain": Range(0.6, 1.6, 0.05, (1.04, 0.96))},

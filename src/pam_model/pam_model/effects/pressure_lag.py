@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Effect,
-    EffectParameter,
-    Included,
-    Nothing,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Nothing, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -24,12 +17,12 @@ EFFECT = Effect(
     order=260,
     stage="sensing",
     scope="muscle",
-    description="the pressure sensor filters",
+    description="the pressure sensor filters its reading",
     law="dp_measured/dt = (p - p_measured)/tau_p",
     source="sensor",
     parameters={"time_constant": EffectParameter("tau_p", "s", 0.0, 0.0, 0.5, "first order")},
     slots=(Adjusts("pressure_sensor.lag", longer_lag),),
-    control=Included("gain design alone, as a delay"),
+    control=Included("includes it in the gain design as a delay"),
     plausibility=Nothing(
         "the observer is pulled to the measurement; `plausibility.pressure_residual` has to cover "
         "the lag in fast changes"
@@ -40,7 +33,8 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"time_constant": 0.03},
-        signature="Pressure is shown late and rounded; the joint moves before the sensor says why.",
+        signature="Pressure readings are late and smoothed: the joint moves before the sensor "
+        "shows the pressure that moves it.",
         easily_taken_for="valve_lag, where the joint waits too.",
         told_apart_by="A chirp: angle against pressure.",
     ),

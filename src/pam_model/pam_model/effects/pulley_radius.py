@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import Effect, EffectParameter, Included, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -16,12 +17,12 @@ EFFECT = Effect(
     order=210,
     stage="joint",
     scope="joint",
-    description="the moment arm is not as written",
+    description="the moment arm differs from the rig file's",
     law="r = pulley_radius * s",
     source="geometry",
     parameters={"scale": EffectParameter("s", "-", 1.0, 0.5, 2.0, "true over written radius")},
     slots=(Adjusts("joint.pulley_radius", true_radius),),
-    control=Included("in torque, stiffness, lengths and gain design"),
+    control=Included("included in torque, stiffness, lengths and gain design"),
     plausibility=Included("the torque balance and the gas volumes have the true radius"),
     search=Search(
         ranges=lambda rig: {"scale": Range(0.5, 2.0, 0.05, (1.05, 0.95))},

@@ -8,10 +8,11 @@ parameters only shape an effect that another one switches on (a time constant, a
 neutral value is what applies when a rig file leaves them out.
 
 One effect is one file `pam_model/effects/<name>.py` that makes one `EFFECT = Effect(...)`
-(declaration.py lists the parts, slots.py where a law may enter the plant). Nothing else names
-the effects: the plant's parameters, layout and calls, the keys of the rig file, the candidates of
-the diagnosis and the tables of the docs are made from `EFFECTS`. Effects of your own need not stand
-in this folder: the environment variable PAM_EFFECTS names further folders (separated as in PATH).
+(declaration.py lists the parts, parts.py what they are made of, slots.py where a law may enter the
+plant). Nothing else names the effects: the plant's parameters, layout and calls, the keys of the
+rig file, the candidates of the diagnosis and the tables of the docs are made from `EFFECTS`.
+Effects of your own need not stand in this folder: the environment variable PAM_EFFECTS names
+further folders (separated as in PATH).
 
 How to use an effect elsewhere:
 
@@ -28,7 +29,7 @@ How to use an effect elsewhere:
   inverse law; to undo a chain of Opening laws apply the inverses in reverse order.
 - What else plant and controller share is a plain function: in the effect's file
   (`hysteresis.friction_area`, `creep.maxwell_step`, `stribeck_friction.stribeck_curve`), or on the
-  ground floor where several effects use it (`pam_model.dahl`, `pam_model.gas`).
+  ground floor where several effects use it (`pam_model.physics.dahl`, `pam_model.gas`).
 """
 
 from __future__ import annotations
@@ -42,10 +43,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
-from pam_model.effects.declaration import Effect, EffectError, EffectValues
+from pam_model.effects.declaration import Effect, EffectError
+from pam_model.effects.parts import EffectValues
 from pam_model.effects.slots import TARGETS, Adjusts, Chamber, Opening, Slot, Thread
 
-HOUSE: Final = ("__init__", "declaration", "registry", "slots")
+HOUSE: Final = ("__init__", "declaration", "parts", "registry", "slots")
 """Files of this folder that are no effects."""
 _HERE: Final = Path(__file__).parent
 
@@ -154,11 +156,6 @@ def effect_value(effects: EffectValues, effect: str, parameter: str) -> float:
     if found is not None and parameter in found:
         return found[parameter]
     return EFFECTS[effect].parameters[parameter].neutral
-
-
-def active(effect: Effect, effects: EffectValues) -> bool:
-    """Whether the parameters that a muscle, joint or rig carries switch an effect on."""
-    return effect.name in effects and not effect.is_neutral(effects[effect.name])
 
 
 def filled[S: Slot](kind: type[S]) -> tuple[tuple[Effect, S], ...]:

@@ -13,8 +13,8 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from pam_model.effects.declaration import (
-    Effect,
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import (
     EffectParameter,
     Included,
     Portrait,
@@ -63,8 +63,8 @@ EFFECT = Effect(
     },
     slots=(DryFriction(stribeck_curve, presliding="presliding_angle"),),
     control=TorqueFeedforward(
-        "added by the reference's velocity, rounded below 0.03 rad/s; from rest the integrator "
-        "breaks it loose"
+        "adds the friction torque in the direction of the reference velocity, smoothed below "
+        "0.03 rad/s; from rest the integrator overcomes it"
     ),
     plausibility=Included("the torque balance leaves room for the friction's magnitude"),
     search=Search(

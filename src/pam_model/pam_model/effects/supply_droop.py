@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import Effect, EffectParameter, Nothing, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Nothing, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -35,7 +36,10 @@ EFFECT = Effect(
         Adjusts("reservoir.conductance", refill_conductance),
         Adjusts("reservoir.volume", reservoir_volume),
     ),
-    control=Nothing("the reservoir's pressure is not measured. The pressure loop closes it"),
+    control=Nothing(
+        "nothing, because the pressure of the reservoir is not measured; the pressure loop "
+        "corrects the error"
+    ),
     plausibility=Nothing(
         "a measured supply pressure replaces the written one; without it the observer is pulled to "
         "the measurement, and `plausibility.pressure_residual` has to cover the rest"

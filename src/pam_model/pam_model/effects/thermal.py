@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from pam_model.effects.declaration import Effect, EffectParameter, Nothing, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Nothing, Portrait, Range, Search
 from pam_model.effects.slots import Chamber
 from pam_model.gas.chamber import first_law_pressure_rate, temperature_rate
 from pam_model.gas.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO
@@ -70,7 +71,10 @@ EFFECT = Effect(
         )
     },
     slots=(Chamber(first_law_rates, exponent=HEAT_CAPACITY_RATIO, heat_rate=heat_rate),),
-    control=Nothing("between two exponents, depending on speed. The pressure loop closes it"),
+    control=Nothing(
+        "nothing, because the effective exponent depends on the speed; the pressure loop "
+        "corrects the error"
+    ),
     plausibility=Nothing(
         "lies between the isothermal and the adiabatic chamber; the observer is pulled to the "
         "measurement faster than the difference grows"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import Effect, EffectParameter, Nothing, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Nothing, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -34,7 +35,10 @@ EFFECT = Effect(
         Adjusts("tube.conductance", tube_conductance),
         Adjusts("tube.volume", tube_volume),
     ),
-    control=Nothing("the sensor is on the valve's side, the muscle's pressure is unknown to it"),
+    control=Nothing(
+        "nothing, because the sensor is on the side of the valve and the pressure in the muscle "
+        "is not measured"
+    ),
     plausibility=Nothing(
         "the muscle's own pressure is not measured; `plausibility.pressure_residual` has to cover "
         "the jump at the valve"

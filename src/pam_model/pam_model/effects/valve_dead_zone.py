@@ -11,15 +11,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from pam_model.effects.declaration import (
-    Effect,
-    EffectParameter,
-    Included,
-    Inverse,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Inverse, Portrait, Range, Search
 from pam_model.effects.slots import Opening
 
 ROUNDED: Final = 0.01  # of full opening
@@ -48,7 +41,8 @@ EFFECT = Effect(
     order=10,
     stage="valve",
     scope="muscle",
-    description="spool overlap: no flow while the spool is inside it, full opening still at 1",
+    description="spool overlap: no flow while the spool is within it; the valve still opens "
+    "fully at 1",
     law="x_open = sign(x) max(0, (|x| - x_o)/(1 - x_o))",
     source="spool valve with overlap",
     parameters={
@@ -56,8 +50,8 @@ EFFECT = Effect(
     },
     slots=(Opening(opening_behind_overlap, place=2),),
     control=Inverse(
-        "inverse of the overlap behind the flow; the jump is rounded within 1 % of opening, which "
-        "leaves that much of the dead zone",
+        "inverts the overlap after the flow inversion; the jump is smoothed within 1 % of the "
+        "opening, so that much of the dead zone remains",
         spool_for_opening,
     ),
     plausibility=Included("the pressure observer's valve has the same overlap"),

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Effect,
-    EffectParameter,
-    Included,
-    Lead,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Lead, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -24,7 +17,7 @@ EFFECT = Effect(
     order=30,
     stage="valve",
     scope="muscle",
-    description="the spool is slower than written",
+    description="the spool is slower than the rig file says",
     law="dx/dt = (u - x)/(time_constant + tau_x)",
     source="first-order spool",
     parameters={
@@ -33,7 +26,9 @@ EFFECT = Effect(
         )
     },
     slots=(Adjusts("valve.time_constant", slower_spool),),
-    control=Lead("lead with the true time constant, look-ahead, gain design"),
+    control=Lead(
+        "uses the true time constant in the lead term, in the look-ahead and in the gain design"
+    ),
     plausibility=Included("the pressure observer's spool has the true time constant"),
     search=Search(
         ranges=lambda rig: {"extra_time_constant": Range(0.0, 0.15, 0.01, (0.01, 0.03))},

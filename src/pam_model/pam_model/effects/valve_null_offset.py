@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import (
-    Effect,
-    EffectParameter,
-    Included,
-    Inverse,
-    Portrait,
-    Range,
-    Search,
-)
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Inverse, Portrait, Range, Search
 from pam_model.effects.slots import Opening
 
 
@@ -29,12 +22,15 @@ EFFECT = Effect(
     order=20,
     stage="valve",
     scope="muscle",
-    description="the closed position is not at zero",
+    description="the valve is closed at a command other than zero",
     law="x_open = x + x_n, cut to [-1, 1]",
     source="spool valve",
     parameters={"offset": EffectParameter("x_n", "-", 0.0, -0.3, 0.3, "opening at zero command")},
     slots=(Opening(opening_beside_null, place=1),),
-    control=Inverse("subtracted from the spool command", spool_beside_null),
+    control=Inverse(
+        "subtracts it from the spool command",
+        spool_beside_null,
+    ),
     plausibility=Included("the pressure observer's valve has the same offset"),
     search=Search(
         ranges=lambda rig: {"offset": Range(-0.25, 0.25, 0.03, (0.02, -0.02))},

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.effects.declaration import Effect, EffectParameter, Included, Portrait, Range, Search
+from pam_model.effects.declaration import Effect
+from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -16,14 +17,14 @@ EFFECT = Effect(
     order=190,
     stage="joint",
     scope="joint",
-    description="more damping than written",
+    description="more viscous damping than the rig file says",
     law="torque = -(viscous_friction + d_x) qd",
     source="linear damping",
     parameters={
         "extra": EffectParameter("d_x", "N m s/rad", 0.0, -1.0, 100.0, "added to viscous_friction")
     },
     slots=(Adjusts("joint.viscous_friction", larger_damping),),
-    control=Included("in the inverse dynamics and the gain design"),
+    control=Included("included in the inverse dynamics and in the gain design"),
     plausibility=Included("the torque balance has the true damping"),
     search=Search(
         ranges=lambda rig: {

@@ -17,11 +17,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import cast
 
-from pam_model.effects import adjusted
+from pam_model.effects import effect_value
 from pam_model.errors import DomainError
 from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.pressure_line import Point, PressureLine
 from pam_model.muscles.force_model import AffineForceModel, ForceModel
+from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.types import Rig
 
 _EDGE = 1e-6
@@ -164,30 +165,32 @@ class AntagonisticJoint:
                     f"min_pressure = {min_pressure:g} Pa must be from 0 to below {high:g} Pa, "
                     f"the most that {name} gets"
                 )
-            effects = muscle.effects if with_effects else {}
+            extra = effect_value(muscle.effects, "dead_volume", "extra_volume")
             muscles.append(
                 JointMuscle(
                     effective_force_model(rig, name) if with_effects else rig.force_model(name),
                     muscle.neutral_length,
                     min_pressure,
                     high,
-                    max(0.0, adjusted("dead_volume", muscle.dead_volume, effects)),
+                    max(0.0, muscle.dead_volume + (extra if with_effects else 0.0)),
                 )
             )
+        scale = effect_value(joint.effects, "pulley_radius", "scale") if with_effects else 1.0
         return cls(
             muscles[0],
             muscles[1],
-            adjusted(
-                "joint.pulley_radius", joint.pulley_radius, joint.effects if with_effects else {}
-            ),
+            joint.pulley_radius * scale,
             ambient_pressure=rig.gas.ambient_pressure,
             exponent=rig.gas.polytropic_exponent,
         )
 
     def lengths(self, position: float) -> tuple[float, float]:
         """Agonist's and antagonist's length [m] at a position [rad]."""
-        stroke = self.pulley_radius * position
-        return self.agonist.neutral_length - stroke, self.antagonist.neutral_length + stroke
+        radius = self.pulley_radius
+        return (
+            muscle_length(self.agonist.neutral_length, AGONIST_SIGN, radius, position),
+            muscle_length(self.antagonist.neutral_length, ANTAGONIST_SIGN, radius, position),
+        )
 
     def tensions(
         self, agonist: float, antagonist: float, position: float, velocity: float = 0.0

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pam_model import dahl, gas
+from pam_model import gas, physics
 from pam_model.effects.registry import effect_files
 
 try:
@@ -39,7 +39,7 @@ def kernel_sources() -> tuple[Path, ...]:
     return (
         *sorted(_HERE.glob("*.py")),
         *sorted(Path(gas.__file__).parent.glob("*.py")),
-        Path(dahl.__file__),
+        *sorted(Path(physics.__file__).parent.glob("*.py")),
         *effect_files(),
     )
 

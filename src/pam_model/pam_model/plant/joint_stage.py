@@ -9,8 +9,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pam_model.dahl import dahl_rate
 from pam_model.gas.flow import reference_flow
+from pam_model.physics.dahl import dahl_rate
+from pam_model.physics.joint_geometry import (
+    AGONIST_SIGN,
+    ANTAGONIST_SIGN,
+    length_per_position,
+    muscle_length,
+    muscle_torque,
+)
 from pam_model.plant.compiled import compiled
 from pam_model.plant.composition import dry_friction, joint_torque, memory_rates
 from pam_model.plant.gas_stage import gas_rates
@@ -158,8 +165,8 @@ def joint_rates(
         y,
         dy,
         u0,
-        c[AGONIST + M_NEUTRAL] - radius * position,
-        -radius * speed,
+        muscle_length(c[AGONIST + M_NEUTRAL], AGONIST_SIGN, radius, position),
+        length_per_position(AGONIST_SIGN, radius) * speed,
         drive[1],
         pressure_given,
         shut,
@@ -173,14 +180,15 @@ def joint_rates(
         y,
         dy,
         u1,
-        c[ANTAGONIST + M_NEUTRAL] + radius * position,
-        radius * speed,
+        muscle_length(c[ANTAGONIST + M_NEUTRAL], ANTAGONIST_SIGN, radius, position),
+        length_per_position(ANTAGONIST_SIGN, radius) * speed,
         drive[2],
         pressure_given,
         shut,
         step,
     )
-    torque = radius * (first - second)
+    torque = muscle_torque(AGONIST_SIGN, radius, first)
+    torque += muscle_torque(ANTAGONIST_SIGN, radius, second)
     dy[Y_POSITION] = speed
     dy[Y_VELOCITY] = 0.0
     dy[Y_BRISTLE] = 0.0

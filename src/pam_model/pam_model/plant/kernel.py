@@ -12,6 +12,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pam_model.physics.joint_geometry import (
+    AGONIST_SIGN,
+    ANTAGONIST_SIGN,
+    muscle_length,
+    muscle_torque,
+)
 from pam_model.plant.compiled import compiled, entry_point
 from pam_model.plant.composition import dry_friction, joint_torque
 from pam_model.plant.joint_stage import joint_rates
@@ -93,7 +99,7 @@ def record(c: Any, tables: Any, y: Any, row: Any) -> None:
     for i in range(2):
         m = AGONIST + i * N_MUSCLE_CONSTANTS
         o = Y_AGONIST + i * N_MUSCLE_STATES
-        sign = 1.0 - 2.0 * i
+        sign = AGONIST_SIGN if i == 0 else ANTAGONIST_SIGN
         gauge = y[o + S_PRESSURE] - c[C_AMBIENT]
         force, length, _, _ = pull(
             m,
@@ -102,9 +108,9 @@ def record(c: Any, tables: Any, y: Any, row: Any) -> None:
             y,
             o,
             gauge,
-            c[m + M_NEUTRAL] - sign * c[C_RADIUS] * position,
+            muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], position),
         )
-        torque += sign * c[C_RADIUS] * force
+        torque += muscle_torque(sign, c[C_RADIUS], force)
         at = O_AGONIST + i * N_MUSCLE_OUTPUTS
         row[at + O_PRESSURE] = gauge
         row[at + O_VALVE_PRESSURE] = gauge

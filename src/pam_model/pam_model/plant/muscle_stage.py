@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pam_model.effects.end_caps import length_inside_caps
 from pam_model.plant.compiled import compiled
 from pam_model.plant.composition import memory_pull, memory_response, passive_pull, thread
 from pam_model.plant.layout import (
@@ -66,7 +67,7 @@ def braid_force(
     m: int, c: Any, table: Any, pressure: float, length: float
 ) -> tuple[float, float, float]:
     """Pull without friction, creep or cable [N], its dF/dL [N/m] and dF/dp [m^2]."""
-    effective = length - (c[m + M_FACTOR] - 1.0) * (c[m + M_REST] - length)
+    effective = length_inside_caps(length, c[m + M_REST], c[m + M_FACTOR])
     b = c[m + M_B]
     if c[m + M_TABLE] > 0.0:
         effective = min(max(effective, c[m + M_SHORTEST]), c[m + M_LONGEST])

@@ -44,6 +44,49 @@ NAMES: tuple[str, ...] = tuple(UNITS)
 INDEX: Mapping[str, int] = {name: i for i, name in enumerate(NAMES)}
 
 
+@dataclass(frozen=True, slots=True)
+class RigPlace:
+    """Where a rig file keeps a plant parameter.
+
+    Attributes
+    ----------
+    section : str
+        "rig", "gas", "joint", "muscle", "valve" or "effect".
+    side : str
+        "agonist" or "antagonist" where it is a muscle's, else empty.
+    effect : str
+        The effect whose parameter it is, else empty.
+    key : str
+        The key in that section.
+    """
+
+    section: str
+    side: str
+    effect: str
+    key: str
+
+
+def _rig_places() -> dict[str, RigPlace]:
+    places = {}
+    for name, _ in lay.JOINT_NOMINAL:
+        section, _, key = name.rpartition(".")
+        places[name] = RigPlace(section or "rig", "", "", key)
+    for side in lay.MUSCLES:
+        for name, _ in lay.MUSCLE_NOMINAL:
+            section, _, key = name.rpartition(".")
+            places[f"{side}.{name}"] = RigPlace(section or "muscle", side, "", key)
+    for effect in EFFECTS.values():
+        for side in lay.MUSCLES if effect.scope == "muscle" else ("",):
+            for key in effect.parameters:
+                name = f"{side}.{effect.name}.{key}".lstrip(".")
+                places[name] = RigPlace("effect", side, effect.name, key)
+    return places
+
+
+RIG_PLACES: Mapping[str, RigPlace] = _rig_places()
+"""Of every plant parameter, by its name."""
+
+
 def neutral_values() -> dict[str, float]:
     """Every effect's parameter by its name in the vector, at its neutral value."""
     result = {}

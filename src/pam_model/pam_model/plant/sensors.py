@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
+from pam_model.physics.pressure_sensor import pressure_reading
 from pam_model.plant.constants import adjusted_numbers
 from pam_model.plant.layout import MUSCLES
-from pam_model.sensor_laws import pressure_reading
 
 Array = npt.NDArray[np.float64]
 

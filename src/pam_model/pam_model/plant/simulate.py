@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +17,7 @@ import numpy.typing as npt
 from pam_model.effects.registry import filled
 from pam_model.effects.slots import PullState
 from pam_model.errors import PamError
+from pam_model.physics.pressure_sensor import true_pressure
 from pam_model.plant import layout as lay
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
@@ -34,79 +34,11 @@ from pam_model.plant.sensors import (
     measure,
     sensor_constants,
 )
-from pam_model.sensor_laws import true_pressure
+from pam_model.plant.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
 DEFAULT_STEP = 2.5e-4  # s
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """What a simulation gives, for one parameter vector (n, ...) or a batch (n_lane, n, ...).
-
-    Row k is the state at `time[k]`, when command row k begins.
-
-    Attributes
-    ----------
-    time : (n,) array
-        [s].
-    outputs : (..., n, n_outputs) array
-        As layout.OUTPUT_NAMES; the properties below name its columns.
-    final_state : (..., n_states) array
-        The state one sample after the last row: where a next `simulate` goes on.
-    """
-
-    time: Array
-    outputs: Array
-    final_state: Array
-
-    def __getitem__(self, name: str) -> Array:
-        """A column by its name in layout.OUTPUT_NAMES, such as `agonist.spool`."""
-        return self.outputs[..., lay.OUTPUT_NAMES.index(name)]
-
-    def _pair(self, column: int) -> Array:
-        return self.outputs[..., lay.O_AGONIST + column :: lay.N_MUSCLE_OUTPUTS]
-
-    @property
-    def position(self) -> Array:
-        """Joint position [rad]."""
-        return self.outputs[..., lay.O_POSITION]
-
-    @property
-    def velocity(self) -> Array:
-        """Joint velocity [rad/s]."""
-        return self.outputs[..., lay.O_VELOCITY]
-
-    @property
-    def torque(self) -> Array:
-        """Torque of the muscles [N m]."""
-        return self.outputs[..., lay.O_TORQUE]
-
-    @property
-    def reservoir_pressure(self) -> Array:
-        """Pressure the valves draw from [Pa absolute]."""
-        return self.outputs[..., lay.O_RESERVOIR]
-
-    @property
-    def pressures(self) -> Array:
-        """Gauge pressure in the muscles (..., n, 2) [Pa]."""
-        return self._pair(lay.O_PRESSURE)
-
-    @property
-    def valve_pressures(self) -> Array:
-        """Gauge pressure where the sensors are (..., n, 2) [Pa]."""
-        return self._pair(lay.O_VALVE_PRESSURE)
-
-    @property
-    def forces(self) -> Array:
-        """Pull of the muscles (..., n, 2) [N]."""
-        return self._pair(lay.O_FORCE)
-
-    @property
-    def lengths(self) -> Array:
-        """Length of the muscles (..., n, 2) [m]."""
-        return self._pair(lay.O_LENGTH)
 
 
 def initial_state(

@@ -10,6 +10,7 @@ from typing import Any
 from pam_model.effects import EFFECTS, Scope
 from pam_model.errors import PamError, RigError
 from pam_model.muscles.force_model import ForceModel, registered_models
+from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.keys import NUMBERS, TURN, Key, Problems, Section
 from pam_model.rig.types import Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
 
@@ -163,11 +164,13 @@ def _check_reach(rig: Rig, problems: Problems) -> None:
         joint, model = rig.joint_of(muscle.name), models.get(muscle.name)
         if model is None:
             continue
-        sign = 0.0 if joint is None else -1.0 if joint.agonist == muscle.name else 1.0
+        sign = ANTAGONIST_SIGN
+        if joint is not None and joint.agonist == muscle.name:
+            sign = AGONIST_SIGN
         limits = (0.0,) if joint is None else joint.position_limits
         radius = 0.0 if joint is None else joint.pulley_radius
         for position in limits:
-            length = muscle.neutral_length + sign * radius * position
+            length = muscle_length(muscle.neutral_length, sign, radius, position)
             low, high = model.length_bounds
             where = f" = {muscle.neutral_length:g} m: at position {position:g} rad"
             if not low < length < high:

@@ -12,7 +12,7 @@ import math
 from scipy.integrate import quad
 
 from pam_model.domain import require
-from pam_model.gas import GAS_CONSTANT, REFERENCE_DENSITY, REFERENCE_TEMPERATURE
+from pam_model.gas import GAS_CONSTANT, REFERENCE_TEMPERATURE, reference_density
 
 
 def rate_per_volume(conductance: float, temperature: float) -> float:
@@ -27,7 +27,7 @@ def rate_per_volume(conductance: float, temperature: float) -> float:
     """
     require("conductance [m^3/(s Pa)]", conductance, 0.0, open_low=True)
     require("temperature [K]", temperature, 0.0, open_low=True)
-    density = REFERENCE_DENSITY * math.sqrt(REFERENCE_TEMPERATURE / temperature)
+    density = reference_density(temperature)
     return GAS_CONSTANT * temperature * conductance * density
 
 

@@ -1,9 +1,7 @@
 """The first-law chamber: pressure and temperature of a muscle's gas that exchanges heat.
 
-Derived here from the energy balance of an ideal gas:
-dP/dt = (g R/V)(m_in T_in - m_out T) - g P V'/V + (g - 1) Q/V,
-dT/dt = [m_in (cp T_in - cv T) - m_out R T - P V' + Q]/(m cv), Q = h A (T_wall - T).
-Use the same V(L) here as in the force F = -P dV/dL, else the joint creates energy.
+The rates are those of pam_model.gas.chamber, which derives them from the energy balance of an ideal
+gas, with Q = h A (T_wall - T).
 """
 
 from __future__ import annotations
@@ -11,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pam_model.domain import require
-from pam_model.gas import GAS_CONSTANT
-from pam_model.gas import HEAT_CAPACITY_RATIO as HEAT_RATIO
+from pam_model.gas import first_law_pressure_rate, temperature_rate
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +73,16 @@ class ThermalChamber:
         require("inflow [kg/s]", inflow, 0.0)
         require("outflow [kg/s]", outflow, 0.0)
         heat = self.heat_transfer * self.wall_area * (self.wall_temperature - temperature)
-        enthalpy = HEAT_RATIO * GAS_CONSTANT * (inflow * inflow_temperature - outflow * temperature)
-        work = HEAT_RATIO * pressure * volume_rate
-        pressure_rate = (enthalpy - work + (HEAT_RATIO - 1.0) * heat) / volume
-        # T = P V/(m R), so its rate follows from those of P, V and m.
-        mass = pressure * volume / (GAS_CONSTANT * temperature)
-        relative = pressure_rate / pressure + volume_rate / volume - (inflow - outflow) / mass
-        return pressure_rate, temperature * relative
+        rate = first_law_pressure_rate(
+            pressure,
+            temperature,
+            volume,
+            volume_rate,
+            0.0,
+            inflow,
+            inflow_temperature,
+            outflow,
+            heat,
+        )
+        flow = inflow - outflow
+        return rate, temperature_rate(pressure, temperature, volume, rate, volume_rate, flow)

@@ -1,0 +1,12 @@
+"""Places of a joint's channels in every array of measurements or prediction errors."""
+
+from __future__ import annotations
+
+AGONIST_PRESSURE, ANTAGONIST_PRESSURE, POSITION, AGONIST_FORCE, ANTAGONIST_FORCE = range(5)
+N_CHANNELS = 5
+BOTH_PRESSURES = slice(AGONIST_PRESSURE, ANTAGONIST_PRESSURE + 1)
+BOTH_FORCES = slice(AGONIST_FORCE, ANTAGONIST_FORCE + 1)
+UNITS = ("Pa", "Pa", "rad", "N", "N")
+
+SPEED = 3
+"""In the values from which a prediction starts anew, the joint's speed follows the position."""

@@ -1,0 +1,1 @@
+"""Laws that several packages share, as functions of floats; the plant compiles them."""
