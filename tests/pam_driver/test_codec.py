@@ -255,6 +255,10 @@ BAD_DBC = {
         lambda text: text.replace('VAL_ 384 Position -8388608 "not_available" ;', ""),
         "not_available",
     ),
+    "16 bytes": (
+        lambda text: text.replace("BO_ 384 Measurement: 8", "BO_ 384 Measurement: 16"),
+        "Measurement has 16 bytes, expected at most 8: a pam_board speaks classic CAN",
+    ),
     "other states": (lambda text: text.replace('3 "fault"', '3 "broken"'), "State"),
     "overlap": (lambda text: text.replace(" 384 ", " 260 "), "overlap"),
     "other checksum": (lambda text: text.replace("SAE_J1850", "ISO_1"), "CrcProfile"),

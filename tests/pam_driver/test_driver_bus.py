@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 
 import pytest
 
-from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, Measurement
+from pam_driver.boards.pam_board.codec import (
+    BoardCode,
+    BoardCodec,
+    BoardCommand,
+    Measurement,
+    ValveCommand,
+)
 from pam_driver.bus import ReceivedFrame, SendOutcome
 from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
-from pam_model.rig import Rig
+from pam_model.rig import Encoder, Rig
 
-from .exact_bench import GOOD, NAMES, TICK, ExactBench
+from .exact_bench import GOOD, NAMES, SETTINGS, TICK, ExactBench
 
 
 @pytest.fixture
@@ -163,3 +170,47 @@ def test_vented_valves_are_told_no_value(bench: ExactBench) -> None:
     bench.step()
     command = bench.valve_commands()[-1]
     assert (command.valves, command.enable) == ((0.0, 0.0), (False, False))
+
+
+@pytest.mark.parametrize(
+    ("way", "code"),
+    [
+        ("vent", BoardCode.VENT),
+        ("close", BoardCode.VENT),
+        ("clear_faults", BoardCode.CLEAR_FAULTS),
+    ],
+)
+def test_every_board_is_told_to_vent_and_to_clear(
+    way: str, code: BoardCode, rig: Rig, codec: BoardCodec
+) -> None:
+    names = ("wrist_a", "wrist_b")
+    wrist = replace(rig.joints[0], name="wrist", muscles=names, encoder=Encoder(4))
+    muscles = tuple(
+        replace(muscle, name=name, board=4) for muscle, name in zip(rig.muscles, names, strict=True)
+    )
+    both = replace(rig, joints=(*rig.joints, wrist), muscles=rig.muscles + muscles)
+    bench = ExactBench(both, codec)
+    bench.step(8)
+    bench.port.sent.clear()
+    getattr(bench.driver, way)(bench.now)
+    told = [
+        board
+        for board, message, _ in bench.port.sent
+        if isinstance(message, BoardCommand) and message.code is code
+    ]
+    assert set(told) == {0, 4}
+    if code is BoardCode.VENT:
+        shut = [board for board, message, _ in bench.port.sent if isinstance(message, ValveCommand)]
+        assert set(shut) == {0, 4}
+
+
+def test_a_measurement_stamped_in_the_future_grows_old_like_any_other(bench: ExactBench) -> None:
+    """A clock that was set back must not keep a dead sensor fresh."""
+    bench.step(8)
+    bench.now += TICK
+    bench.hear(0, Measurement((1e5, 2e5), 0.125, bench.counter + 1), bench.wall + 3600.0)
+    assert bench.driver.cycle(bench.now, bench.wall).pressures == (1e5, 2e5)
+    silent = round(SETTINGS.sensor_timeout / TICK) + 1
+    snapshot = bench.step(silent, silent=True)
+    assert all(map(math.isnan, (*snapshot.pressures, *snapshot.positions)))
+    assert {found.kind for found in bench.driver.conditions} == {"stale_sensor"}

@@ -1,0 +1,156 @@
+"""The driver node inside the test's process: start-up that gives up, refusals, the last vents."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import pytest
+import rclpy
+from lifecycle_msgs.msg import State
+from rclpy.lifecycle import TransitionCallbackReturn
+
+from pam_check.chain import private_domain
+from pam_driver import driver_node
+from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, BoardCommand, ValveCommand
+from pam_driver.bus import BusError, CanPort, open_bus
+from pam_driver.driver_node import DriverNode
+
+from .fake_board import FakeBoard
+from .node_bench import ELBOW, PATIENCE
+
+TIMEOUT = 30.0
+PARAMETERS = {
+    "bus.interface": "virtual",
+    "startup_timeout": TIMEOUT,
+    "plausibility": "false",
+    "rate": 100.0,
+    "sensor_timeout": 1.0,
+    "board_timeout": 5.0,
+}
+
+
+class Inside:
+    """A node, the far end of its bus, and a clock of the node that can be put forward."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, codec: BoardCodec) -> None:
+        channel = f"bus_{uuid.uuid4().hex}"
+        arguments = ["--ros-args", "--params-file", str(ELBOW), "-p", f"bus.channel:={channel}"]
+        for name, value in PARAMETERS.items():
+            arguments += ["-p", f"{name}:={value}"]
+        rclpy.init(args=arguments, domain_id=int(private_domain()["ROS_DOMAIN_ID"]))
+        self.ahead = 0.0
+        clock = SimpleNamespace(
+            monotonic=lambda: time.monotonic() + self.ahead, time=time.time, sleep=time.sleep
+        )
+        monkeypatch.setattr(driver_node, "time", clock)
+        self.codec = codec
+        self.port: CanPort = open_bus("virtual", channel)
+        self.board = FakeBoard(self.port, codec)
+        self.node = DriverNode()
+
+    def answer(self, until: Callable[[], bool]) -> None:
+        """Let the board answer until something holds."""
+        end = time.monotonic() + PATIENCE
+        while not until():
+            assert time.monotonic() < end
+            self.board.step(time.monotonic())
+            time.sleep(0.005)
+
+    def healthy(self) -> bool:
+        driver = self.node._driver
+        return driver is not None and not driver.activation_problem(time.monotonic())
+
+    def is_active(self) -> bool:
+        return bool(self.node._state_machine.current_state[0] == State.PRIMARY_STATE_ACTIVE)
+
+    def close(self) -> None:
+        self.node.close()
+        self.node.destroy_node()
+        self.port.close()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def inside(monkeypatch: pytest.MonkeyPatch, codec: BoardCodec) -> Iterator[Inside]:
+    bench = Inside(monkeypatch, codec)
+    yield bench
+    bench.close()
+
+
+def test_autostart_gives_up_after_its_time_and_a_late_board_starts_nothing(
+    inside: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """No robot starts by itself when someone plugs it in later."""
+    node = inside.node
+    assert node.autostart()
+    node._watch()
+    assert "not activated" not in capfd.readouterr().err
+    inside.ahead = TIMEOUT + 1.0
+    node._watch()
+    assert "not activated: no answer from board 0" in capfd.readouterr().err
+    inside.ahead = 0.0
+    inside.answer(inside.healthy)
+    node._watch()
+    assert not inside.is_active()
+    assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    assert inside.is_active()
+
+
+def test_autostart_activates_a_board_that_answers_in_time(inside: Inside) -> None:
+    assert inside.node.autostart()
+    inside.answer(inside.healthy)
+    inside.ahead = TIMEOUT - 1.0
+    inside.node._watch()  # the node's clock says: silent for long
+    assert not inside.is_active()
+    inside.ahead = 0.0
+    inside.answer(inside.healthy)
+    inside.node._watch()
+    assert inside.is_active()
+
+
+def test_a_refused_activation_says_why_after_autostart_has_ended(
+    inside: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert inside.node.autostart()
+    inside.ahead = TIMEOUT + 1.0
+    inside.node._watch()
+    inside.ahead = 0.0
+    capfd.readouterr()
+    assert inside.node.trigger_activate() != TransitionCallbackReturn.SUCCESS
+    assert "not activated: no answer from board 0" in capfd.readouterr().err
+
+
+def test_a_refused_configuration_says_why_after_autostart_has_ended(
+    inside: Inside, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = inside.node
+    assert node.autostart()
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+
+    def gone(*arguments: object, **options: object) -> CanPort:
+        raise BusError("CAN bus socketcan can0: no such interface")
+
+    monkeypatch.setattr(driver_node, "open_bus", gone)
+    capfd.readouterr()
+    assert node.trigger_configure() != TransitionCallbackReturn.SUCCESS
+    assert "can0: no such interface" in capfd.readouterr().err
+
+
+def test_the_last_words_are_vents_said_several_times(inside: Inside) -> None:
+    """A frame may be lost, and after the last of them there is nobody to say it again."""
+    assert inside.node.autostart()
+    inside.answer(inside.healthy)
+    assert inside.node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    inside.port.receive_all(time.monotonic())
+    inside.node.close()
+    heard = [
+        inside.codec.decode(frame.frame_id, frame.data)[1]
+        for frame in inside.port.receive_all(time.monotonic())
+    ]
+    vents = [one for one in heard if isinstance(one, BoardCommand) and one.code is BoardCode.VENT]
+    assert len(vents) >= 5
+    after = heard[heard.index(vents[0]) :]
+    assert not any(any(one.enable) for one in after if isinstance(one, ValveCommand))
