@@ -18,6 +18,7 @@ import pytest
 
 from pam_driver import bus as bus_module
 from pam_driver.bus import BusError, BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
+from pam_driver.identifiers import EXTENDED
 
 VCAN = os.environ.get("PAM_TEST_CAN_CHANNEL", "vcan0")
 NEEDS_VCAN = pytest.mark.skipif(
@@ -106,6 +107,21 @@ def test_a_flood_is_taken_in_portions(make_port: Maker, monkeypatch: pytest.Monk
     assert len(heard) == 50
     heard += until(receiver, 30)
     assert [frame.data[0] for frame in heard] == list(range(80))
+
+
+def test_identifiers_of_29_bits_are_sent_and_handed_on_where_a_board_has_them(
+    make_port: Maker,
+) -> None:
+    sender, receiver = make_port(), make_port()
+    wanted, other = 0x18FE0031 | EXTENDED, 0x18FE0032 | EXTENDED
+    receiver._extended = frozenset({wanted})
+    for frame_id in (other, 0x31, wanted):
+        sender.send(frame_id, b"\1\2", 0.0)
+    heard = [(frame.frame_id, frame.data) for frame in until(receiver, 2)]
+    assert heard == [(0x31, b"\1\2"), (wanted, b"\1\2")]
+    assert receiver.counts == {"extended_id": 1}
+    assert receiver.last_offender["extended_id"] == "0x18FE0032"
+    assert sender.receive_all(0.0) == []
 
 
 def test_foreign_kinds_of_frame_are_counted_and_passed_over(make_port: Maker) -> None:

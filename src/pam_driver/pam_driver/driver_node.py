@@ -29,7 +29,6 @@ from pam_driver.driver import Driver, Snapshot
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
 from pam_driver.driver_topics import DriverTopics
-from pam_driver.identifiers import EXTENDED
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
@@ -186,15 +185,14 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         options = bus_options(str(values["bus.options"]))
         if interface == "udp_multicast":
             options["port"] = values["bus.port"]
-        boards = [board.identifiers for board in wiring.make_boards().values()]
-        answers = [frame_id for board in boards for frame_id in board.answers]
-        commands = [frame_id for board in boards for frame_id in board.commands]
+        boards = wiring.make_boards().values()
+        answers = [frame_id for board in boards for frame_id in board.identifiers.answers]
         return open_bus(
             interface,
             str(values["bus.channel"]),
             bitrate=int(values.number("bus.bitrate")),
             accept=answers if values["bus.filter"] else (),
-            extended=[each for each in (*answers, *commands) if each & EXTENDED],
+            extended=wiring.extended_identifiers(),
             **options,
         )
 

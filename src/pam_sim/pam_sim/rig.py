@@ -69,7 +69,8 @@ def _make_loop(given: Arguments) -> RigLoop:
         now=time.monotonic(),
     )
     options = {} if given.port is None else {"port": given.port}
-    port = open_bus(given.interface, given.channel, **options)
+    extended = simulated.extended_identifiers
+    port = open_bus(given.interface, given.channel, extended=extended, **options)
     loop = RigLoop(simulated, port, given.rate)
     loop.schedule(given.faults)
     return loop

@@ -109,7 +109,8 @@ class RigNode(Node):  # type: ignore[misc]
         interface = str(values["bus.interface"])
         if interface == "udp_multicast":
             options["port"] = values["bus.port"]
-        port = open_bus(interface, str(values["bus.channel"]), **options)
+        extended = simulated.extended_identifiers
+        port = open_bus(interface, str(values["bus.channel"]), extended=extended, **options)
         truth_rate = values.number("ground_truth_rate")
         self._loop = RigLoop(
             simulated,

@@ -85,6 +85,10 @@ class SimulatedRig:
     ----------
     faults : RigFaults
         What is broken; nothing at first.
+    wired : mapping of address to WiredBoard
+        What is on each board.
+    extended_identifiers : tuple of int
+        Identifiers of 29 bits that the boards use; the bus has to hand them on.
 
     Raises
     ------
@@ -113,7 +117,12 @@ class SimulatedRig:
             raise PamError(f"step = {step:g} s must be above 0 and at most 0.002 s")
         _check_same(rig, truth)
         self.rig = rig
-        self.wired: Mapping[Address, WiredBoard] = RigWiring(rig, options).boards
+        wiring = RigWiring(rig, options)
+        self.wired: Mapping[Address, WiredBoard] = wiring.boards
+        self.extended_identifiers = wiring.extended_identifiers()
+        for wired in self.wired.values():
+            if wired.bus:
+                raise RigError(f"{wired.name} is on {wired.bus}: the simulated rig has one bus")
         self.parameters = apply_effects(rig, truth or rig, effects or {})
         self._plants = [Plant(p, step, _at_rest(p)) for p in self.parameters]
         self._period = 1.0 / rate

@@ -17,7 +17,7 @@ from pam_driver.boards.protocol import (
     WiredBoard,
 )
 from pam_driver.boards.register import DEFAULT_KIND, board_kinds
-from pam_driver.identifiers import shown
+from pam_driver.identifiers import EXTENDED, shown
 from pam_model.errors import RigError
 from pam_model.rig import Rig
 
@@ -79,6 +79,16 @@ class RigWiring:
             raise RigError("\n".join(problems))
         self.muscles = tuple(muscles.values())
         self.joints = tuple(joints.values())
+
+    def extended_identifiers(self) -> tuple[int, ...]:
+        """Identifiers of 29 bits that the boards use; a bus hands no others on."""
+        boards = self.make_boards().values()
+        return tuple(
+            frame_id
+            for board in boards
+            for frame_id in (*board.identifiers.answers, *board.identifiers.commands)
+            if frame_id & EXTENDED
+        )
 
     def make_boards(self) -> dict[Address, Board]:
         """Boards of their own for one driver, by address.
