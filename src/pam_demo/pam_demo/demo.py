@@ -171,9 +171,8 @@ def run(given: Arguments) -> Outcome:
     (out / "runs.json").write_text(json.dumps(runs, indent=1))
     results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig)
     (out / "figures.json").write_text(json.dumps(results.as_json(), indent=1))
-    muscles = {name: rig.valve_kinds[name] for name in rig.joints[0].muscles}
-    page = write_page(out / "demo.html", results, str(bus), muscles)
-    write_picture(out / "demo.png", results, muscles)
+    page = write_page(out / "demo.html", results, str(bus), rig.joints[0].muscles)
+    write_picture(out / "demo.png", results, rig.joints[0].muscles)
     show(results, Console())
     print(f"recording: {bag}\npage:      {page}\ntook {time.monotonic() - began:.0f} s")
     missed = [figure for figure in results.figures if figure.met is False]

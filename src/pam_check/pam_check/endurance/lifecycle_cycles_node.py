@@ -35,7 +35,6 @@ from pam_check.endurance.unpluggable_driver_node import PLUG
 from pam_check.processes import NodeProcess
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
-from pam_model.rig import load_rig
 
 PATIENCE = 30.0  # s
 WARM = 10  # cycles until caches are filled; none of them without a bus but for the last two
@@ -265,9 +264,7 @@ def run(given: Arguments) -> Outcome:
             f"--unplugged {unplugged}: expected at most {most}: the bus is not lost in the first "
             f"{WARM} of --cycles {given.cycles}"
         )
-    rig = chosen_rig(given)
-    load_rig(rig)  # a mistake in it is told here, before any process starts
-    done = run_cycles(rig, given.cycles, unplugged, given.seed)
+    done = run_cycles(chosen_rig(given), given.cycles, unplugged, given.seed)
     before, after = done.before, done.after
     growth = 100.0 * (after.memory / before.memory - 1.0)
     print(

@@ -1,0 +1,253 @@
+"""Whether a command on a page is one that the suite, or a known program, would take.
+
+A command of the suite is parsed by its own parser, with file names left unopened. Commands of
+other programs are not run here: they need a robot, a ROS installation or root.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import itertools
+import re
+import shlex
+from collections.abc import Callable
+from typing import Any
+
+import yaml
+
+from pam_model.command_line import NodeCommand
+
+from .pages import ROOT
+
+OTHER_PROGRAMS = {
+    "sudo": "changes the machine",
+    "candump": "needs a CAN interface",
+    "cantools": "needs frames from candump",
+    "ip": "needs a CAN interface",
+    "echo": "shell",
+    "export": "shell",
+    "source": "shell",
+    "cp": "shell",
+    "git": "version control",
+    "rosdep": "needs a ROS installation",
+    "colcon": "tests/system builds the workspace",
+}
+ROS2_VERBS = {"bag", "lifecycle", "security", "node", "param", "interface"}
+"""Of the real command line, which is not installed here; names of topics are checked below."""
+RECORDED = {
+    "valve_commands", "sent_valve_commands", "pressure_states", "joint_states", "muscle_states",
+    "supply_pressure",
+}  # fmt: skip
+PATH_TYPES = {"input_file", "input_path", "input_folder", "output_file", "output_folder"}
+NODE_FILES = {
+    "pam_driver.driver_node": "pam_driver.driver_parameters",
+    "pam_control.controller_node": "pam_control.controller_parameters",
+}
+"""Where a node's help and parameters stand, if not in the node's own file."""
+
+
+class _WrongError(Exception):
+    """What a parser of the suite says of a command."""
+
+
+class _IncompleteError(_WrongError):
+    """Something that the command needs is left out."""
+
+
+def problem_of(command: str, *, is_complete: bool = True) -> str | None:
+    """What is wrong with a command; None if nothing is.
+
+    A command within a sentence is not `is_complete`: it may leave out what it needs to run.
+    """
+    for part in re.split(r"\s\|\s", command):
+        try:
+            words = shlex.split(re.sub(r"\$\([^)]*\)", "PLACEHOLDER", part))
+        except ValueError as error:
+            return f"{command}: {error}"
+        while words and re.match(r"^\w+=", words[0]):
+            words = words[1:]
+        try:
+            if words and "<" not in part:
+                _check(words)
+        except _IncompleteError as wrong:
+            if is_complete:
+                return f"{command}: {wrong}"
+        except _WrongError as wrong:
+            return f"{command}: {wrong}"
+    return None
+
+
+def _check(words: list[str]) -> None:
+    program = re.sub(r"^.*/(?=python3?$)", "", words[0])
+    checks: dict[str, Callable[[list[str]], None]] = {
+        "python": _python, "python3": _python, "ros2": _ros2, "make": _make,
+    }  # fmt: skip
+    if program in checks:
+        checks[program](words[1:])
+    elif program.startswith("tools/"):
+        _file(program)
+    elif program not in OTHER_PROGRAMS:
+        raise _WrongError(f"{program} is neither a program of the suite nor a known one")
+
+
+def _file(name: str) -> None:
+    if not (ROOT / name).exists():
+        raise _WrongError(f"there is no {name}")
+
+
+def _make(words: list[str]) -> None:
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([\w-]+):", text, re.MULTILINE))
+    for word in words:
+        if "=" not in word and word not in targets:
+            raise _WrongError(f"make has no target {word}")
+
+
+def _python(words: list[str]) -> None:
+    if words and words[0] == "-m" and len(words) > 1:
+        _module(words[1], words[2:])
+    elif words:
+        _file(words[0])
+    else:
+        raise _WrongError("python without a program")
+
+
+def _module(name: str, words: list[str]) -> None:
+    if importlib.util.find_spec(name.partition(".")[0]) is None:
+        raise _WrongError(f"there is no package {name}")
+    if not name.startswith("pam_"):
+        return
+    try:
+        found = importlib.util.find_spec(name)
+    except ModuleNotFoundError:
+        found = None
+    if found is None:
+        raise _WrongError(f"there is no module {name}")
+    if found.submodule_search_locations is None:
+        _node(name, words)
+    else:
+        _tool(importlib.import_module(f"{name}.__main__").COMMANDS, words)
+
+
+def _tool(commands: Any, words: list[str]) -> None:
+    """Parse the words as the tool would, but for whether files exist."""
+    by_name = {command.name: command for command in commands}
+    if words and words[0] in by_name:
+        command, words = by_name[words[0]], words[1:]
+    elif "run" in by_name and (not words or words[0].startswith("-")):
+        command = by_name["run"]  # the demo, which is the default
+    elif not words:
+        raise _IncompleteError(f"no command; there are {', '.join(by_name)}")
+    else:
+        raise _WrongError(f"no command {words[0]}; there are {', '.join(by_name)}")
+    if isinstance(command, NodeCommand):
+        return
+    parser = _Parser(allow_abbrev=False)
+    command.declare(parser)
+    parser.add_argument("--json", action="store_true")
+    if command.bad_news:
+        parser.add_argument("--check", action="store_true")
+    for action in parser._actions:
+        if getattr(action.type, "__name__", "") in PATH_TYPES:
+            action.type = str
+    parser.parse_args(words)
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> Any:
+        raise _IncompleteError(message) if "are required" in message else _WrongError(message)
+
+
+def _node(module: str, words: list[str]) -> None:
+    """Check the parameters that a node is given by -p."""
+    usage = importlib.import_module(NODE_FILES.get(module, module)).HELP
+    names = {parameter.name for parameter in usage.parameters}
+    for flag, word in itertools.pairwise(words):
+        name = word.partition(":=")[0].partition(":")[0]
+        if flag == "-p" and name not in names:
+            raise _WrongError(f"{module} has no parameter {name}")
+
+
+def _executables(package: str) -> dict[str, str]:
+    text = (ROOT / "src" / package / "setup.py").read_text(encoding="utf-8")
+    return dict(re.findall(r'"(\w+) = ([\w.]+):\w+"', text))
+
+
+def _ros2(words: list[str]) -> None:
+    if len(words) < 2:
+        raise _IncompleteError("ros2 with a verb alone")
+    verb, rest = words[0], words[1:]
+    if verb == "run":
+        _ros2_run(rest)
+    elif verb == "launch":
+        _ros2_launch(rest)
+    elif verb in ("topic", "service"):
+        _ros2_message(verb, [word for word in rest if not word.startswith("-")])
+    elif verb == "bag" and rest[:1] == ["record"]:
+        topics = set(rest[rest.index("recording") + 1 :])
+        if topics - RECORDED:
+            raise _WrongError(f"no topics of the suite: {', '.join(sorted(topics - RECORDED))}")
+    elif verb not in ROS2_VERBS:
+        raise _WrongError(f"ros2 has no verb {verb}")
+
+
+def _ros2_run(words: list[str]) -> None:
+    package, program, rest = words[0], words[1] if len(words) > 1 else "", words[2:]
+    if not (ROOT / "src" / package).is_dir():
+        raise _WrongError(f"there is no package {package}")
+    known = _executables(package)
+    if program not in known:
+        raise _WrongError(f"{package} has no program {program}; it has {', '.join(known)}")
+    module = known[program]
+    if module.endswith("__main__"):
+        commands = importlib.import_module(module).COMMANDS
+        names = {command.name for command in commands}
+        _tool(commands, [program, *rest] if program in names else rest)
+    else:
+        _node(module, rest)
+
+
+def _ros2_launch(words: list[str]) -> None:
+    package, file = words[0], words[1]
+    rest = [word for word in words[2:] if not word.startswith("--")]
+    path = ROOT / "src" / package / "launch" / file
+    if not path.exists():
+        raise _WrongError(f"{package} has no launch file {file}")
+    known = set(re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', path.read_text(encoding="utf-8")))
+    for word in rest:
+        name, given, _ = word.partition(":=")
+        if not given or name not in known:
+            raise _WrongError(f"{file} has no argument {word}; it has {', '.join(sorted(known))}")
+
+
+def _ros2_message(verb: str, words: list[str]) -> None:
+    """`topic pub TOPIC TYPE TEXT` and `service call NAME TYPE [TEXT]`."""
+    if words[0] not in ("pub", "call"):
+        return
+    words = [word for word in words[1:] if word != "1"]  # the number behind -w
+    kind, text = words[1], words[2] if len(words) > 2 else "{}"
+    package, _, name = kind.replace("/", ".").rpartition(".")
+    module = package if package.endswith((".msg", ".srv")) else f"{package}.msg"
+    try:
+        found = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError):
+        raise _WrongError(f"there is no type {kind}") from None
+    if text != "PLACEHOLDER":
+        _fields(found if verb == "topic" else found.Request, yaml.safe_load(text), kind)
+
+
+def _fields(message: Any, given: Any, where: str) -> None:
+    if not isinstance(given, dict):
+        return
+    known = message.get_fields_and_field_types()
+    for key, value in given.items():
+        if key not in known:
+            raise _WrongError(f"{where} has no field {key}")
+        inner = re.sub(r"^sequence<([^,>]+).*|\[\d*\]$", r"\1", known[key])
+        if "/" in inner:
+            package, _, name = inner.partition("/")
+            kind = getattr(importlib.import_module(f"{package}.msg"), name)
+            for one in value if isinstance(value, list) else [value]:
+                _fields(kind, one, inner)
