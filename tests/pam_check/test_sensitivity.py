@@ -108,7 +108,15 @@ def test_every_constant_has_its_rows_and_the_table_says_how(campaign: Path) -> N
     assert {row["how"] for row in rows} == {"decided again", "not run", "changes no verdict"}
     page = (campaign / "sensitivity.md").read_text()
     assert "Not run: " in page
-    assert "`decision.no_gap`" in page
+    assert "| `decision.no_gap` | 0.35 | 0.455 | decided again | 4 | 1 |" in page
+    assert "no verdict or count moved: " in page
+
+
+def test_a_larger_change_is_an_option(campaign: Path) -> None:
+    assert main(["sensitivity", str(campaign), "--percent", "10", "--only", "decision.no_gap"]) == 0
+    rows = json.loads((campaign / "sensitivity.json").read_text())
+    assert [row["changed_to"] for row in rows] == pytest.approx([0.315, 0.385])
+    assert [row["verdicts_moved"] for row in rows] == [0, 0]
 
 
 def test_a_folder_without_evidence_is_a_mistake_of_the_user(

@@ -205,6 +205,13 @@ def _declare_sensitivity(parser: Parser) -> None:
         "folder", type=input_path, help="the --out folder of `blind --keep-evidence`"
     )
     parser.add_argument(
+        "--percent",
+        type=number("%", above=0.0, most=95.0),
+        default=30.0,
+        metavar="P",
+        help="change of each constant, downwards and upwards [%%] (default: %(default)g)",
+    )
+    parser.add_argument(
         "--rediagnose",
         type=count(0),
         default=0,
@@ -325,7 +332,7 @@ COMMANDS = (
     ),
     Command(
         "sensitivity",
-        "change each constant of the diagnosis by 30 % and count what that does to a campaign",
+        "change each constant of the diagnosis and count what that does to a campaign",
         _declare_sensitivity,
         _sensitivity,
         examples=(

@@ -1,4 +1,4 @@
-"""How much the verdicts depend on the hand-set constants: each one changed by -30 % and +30 %.
+"""How much the verdicts depend on the hand-set constants: each one made smaller and larger.
 
 Constants that act after the search are decided again from the evidence that every diagnosis of a
 campaign kept (`blind --keep-evidence`), which takes milliseconds. Constants that act earlier need
@@ -25,7 +25,8 @@ from pam_gap.rules.rule import DECISION, PROPOSAL
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
-FACTORS = (0.7, 1.3)
+CHANGE = 0.3
+"""Of each constant, downwards and upwards."""
 COUNTED = (
     "top1",
     "truth_in_set",
@@ -49,7 +50,7 @@ HEADINGS = (
     "interval covers",
 )
 
-COLUMNS = ("constant", "in use", "changed to", "cases", "verdicts moved")
+COLUMNS = ("constant", "in use", "changed to", "how", "cases", "verdicts moved")
 
 Answers = Mapping[str, Mapping[str, Any]]
 SAME = ("verdict", "stage", "effects", "indistinguishable")
@@ -208,17 +209,20 @@ def diagnosed_again(task: tuple[Path, str, Rules, Path]) -> dict[str, Any]:
 def sensitivity(
     campaign: Campaign,
     *,
+    change: float = CHANGE,
     rediagnose: int = 0,
     workers: int = 1,
     only: Sequence[str] = (),
     tell: Callable[[Row], None] = lambda row: None,
 ) -> list[Row]:
-    """Change every constant by each of FACTORS.
+    """Make every constant smaller and larger by a share of itself.
 
     Parameters
     ----------
     campaign : Campaign
         With its evidence.
+    change : float
+        Share by which a constant is changed.
     rediagnose : int
         Cases, the first ones, that are diagnosed again for constants that act before the decision.
     workers : int
@@ -241,7 +245,7 @@ def sensitivity(
     entries = [known[path] for path in only] if only else list(known.values())
     rows = []
     for entry in entries:
-        for factor in FACTORS:
+        for factor in (1.0 - change, 1.0 + change):
             value = entry.scaled(factor)
             rules = changed(entry.path, value)
             if entry.acts == PROPOSAL:
@@ -312,27 +316,30 @@ def _cell(after: tuple[int, int], before: tuple[int, int]) -> str:
 
 
 def to_markdown(rows: Sequence[Row]) -> str:
-    """The table of the constants that were run, and the list of those that were not."""
+    """The changes that moved a verdict or a count, and lists of the constants with none."""
     lines = [
-        "| constant | in use | changed to | cases | verdicts moved | "
-        + " | ".join(HEADINGS)
-        + " |",
+        "| " + " | ".join((*COLUMNS, *HEADINGS)) + " |",
         "|---" * (len(COLUMNS) + len(HEADINGS)) + "|",
     ]
-    for row in rows:
-        if not row.cases:
-            continue
+    moving = [row for row in rows if row.moved or row.counts != row.before]
+    for row in moving:
         inexact = f" ({row.inexact} not exact)" if row.inexact else ""
-        again = " *" if row.how == "diagnosed again" else ""
         cells = [_cell(row.counts[name], row.before[name]) for name in COUNTED]
         lines.append(
-            f"| `{row.entry.path}`{again} | {row.entry.value:g} | {row.value:.4g} | {row.cases} | "
-            f"{row.moved}{inexact} | " + " | ".join(cells) + " |"
+            f"| `{row.entry.path}` | {row.entry.value:g} | {row.value:.4g} | {row.how} | "
+            f"{row.cases} | {row.moved}{inexact} | " + " | ".join(cells) + " |"
         )
-    for how in ("not run", "changes no verdict"):
-        left = dict.fromkeys(f"`{row.entry.path}`" for row in rows if row.how == how)
-        if left:
-            lines += ["", f"{how[0].upper()}{how[1:]}: {', '.join(left)}."]
+    paths = {row.entry.path for row in moving}
+    still = [row for row in rows if row.entry.path not in paths]
+    for title, how in (
+        ("Decided again, and no verdict or count moved", "decided again"),
+        ("Diagnosed again, and no verdict or count moved", "diagnosed again"),
+        ("Not run", "not run"),
+        ("Changes no verdict", "changes no verdict"),
+    ):
+        names = dict.fromkeys(f"`{row.entry.path}`" for row in still if row.how == how)
+        if names:
+            lines += ["", f"{title}: {', '.join(names)}."]
     return "\n".join(lines) + "\n"
 
 
@@ -348,7 +355,7 @@ def run(given: Arguments) -> Outcome:
     """
     campaign = Campaign.read(given.folder)
     rows: list[Row] = []
-    total = len(FACTORS) * (len(given.only) or len(table()))
+    total = 2 * (len(given.only) or len(table()))
     with progress(total, "changing constants") as bar:
 
         def tell(row: Row) -> None:
@@ -357,6 +364,7 @@ def run(given: Arguments) -> Outcome:
 
         sensitivity(
             campaign,
+            change=given.percent / 100.0,
             rediagnose=given.rediagnose,
             workers=given.workers,
             only=given.only,
