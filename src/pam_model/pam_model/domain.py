@@ -9,6 +9,10 @@ import numpy as np
 
 from pam_model.errors import DomainError
 
+ROUNDING = 1e-12
+"""By how much, relative to a closed bound, a value may pass it and still count as the bound:
+thousands of times the rounding of one operation, and far below what any sensor resolves."""
+
 
 def require(
     quantity: str,
@@ -21,6 +25,8 @@ def require(
     why: str = "",
 ) -> None:
     """Refuse a value, or any element of an array, outside [low, high] or not finite.
+
+    A value that passes a closed bound by no more than `ROUNDING` of it is let through.
 
     Parameters
     ----------
@@ -42,13 +48,17 @@ def require(
     """
     values = np.asarray(value, dtype=float)
     good = np.isfinite(values)
-    good &= (values > low) if open_low else (values >= low)
-    good &= (values < high) if open_high else (values <= high)
+    good &= (values > low) if open_low else (values >= low - ROUNDING * _size(low))
+    good &= (values < high) if open_high else (values <= high + ROUNDING * _size(high))
     if bool(np.all(good)):
         return
     bad = float(values[~good].ravel()[0]) if values.ndim else float(values)
     interval = f"{'(' if open_low else '['}{low:g}, {high:g}{')' if open_high else ']'}"
     raise DomainError(f"{quantity} = {bad:g} is outside {interval}" + (f": {why}" if why else ""))
+
+
+def _size(bound: float) -> float:
+    return abs(bound) if math.isfinite(bound) else 0.0
 
 
 def plain(value: Any) -> Any:

@@ -18,9 +18,20 @@ import numpy as np
 from scipy.stats import t as student
 
 from pam_model.errors import DomainError, PamError
-from pam_model.identify.fit_problem import GEOMETRY_UNITS, RESIDUAL_UNITS, FitProblem, Residual
+from pam_model.identify.fit_problem import RESIDUAL_UNITS, FitProblem, Residual
+from pam_model.identify.fit_search import (
+    hold_dependent_numbers,
+    numbers_lost_in_noise,
+    search_starts,
+    solve,
+)
+from pam_model.identify.free_numbers import GEOMETRY_UNITS
+from pam_model.identify.identifiability import imitated
 from pam_model.identify.measurements import Array, Measurements
 from pam_model.muscles.force_model import MuscleGeometry
+
+_EXACT = 1e-12
+"""Tolerance of the last steps, so that results do not depend on the way to the optimum."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,13 +182,18 @@ def fit(
         free=free,
         residual=residual,
     )
-    held = problem.hold_what_the_data_do_not_tell(seed) if free is None else {}
+    held = hold_dependent_numbers(problem, seed) if free is None and problem.free else {}
     blocks = list(dict.fromkeys(str(b) for b in data.block))
     size = int(np.sum(problem.active))
     if len(data) <= size:
         raise PamError(f"{data.name}: {len(data)} points are too few for {size} free numbers")
     everything = np.ones(len(data), dtype=bool)
-    best = problem.solve(everything, problem.screened_starts(starts, seed))
+    best = solve(problem, everything, search_starts(problem, starts, seed))
+    lost = numbers_lost_in_noise(problem, best)
+    if free is None:
+        # What no data can place stays where it is, and the others go to their exact optimum.
+        problem.active &= ~lost
+    best = solve(problem, everything, [best], tolerance=_EXACT)
     residuals = problem.residuals(best)
     if not np.all(np.isfinite(residuals)):
         raise DomainError(f"model {name}: gives no finite value at some of the points")
@@ -190,14 +206,14 @@ def fit(
                     f"{data.name}: without block {block!r} {int(np.sum(~left_out))} points are "
                     f"left, too few for {size} free numbers"
                 )
-            trained = problem.solve(~left_out, [best], 30)
+            trained = solve(problem, ~left_out, [best], most=30, tolerance=_EXACT)
             held_out[left_out] = problem.residuals(trained)[left_out]
     _, found_geometry, found_constants = problem.model(best)
     return FitResult(
         name,
         found_geometry,
         found_constants,
-        _intervals(problem, best, residuals, held),
+        _intervals(problem, best, residuals, held, lost),
         _root_mean_square(residuals),
         _root_mean_square(held_out),
         RESIDUAL_UNITS[residual],
@@ -208,7 +224,7 @@ def fit(
 
 
 def _intervals(
-    problem: FitProblem, best: Array, residuals: Array, held: Mapping[str, str]
+    problem: FitProblem, best: Array, residuals: Array, held: Mapping[str, str], lost: Any
 ) -> dict[str, FittedParameter]:
     """95 % intervals by the sandwich estimate over clusters; infinite where the data are silent."""
     values = problem.values(best)
@@ -218,10 +234,8 @@ def _intervals(
     if not size:
         return result
     jacobian = problem.jacobian(problem.inside(best))
-    _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
-    weak = singular <= 1e-7 * max(float(singular[0]), 1e-300)
-    silent = np.any(np.abs(right[weak]) > 0.1, axis=0) if np.any(weak) else np.zeros(size, bool)
-    bread = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-13)
+    silent = imitated(jacobian)
+    bread = _inverse_information(jacobian, silent)
     clusters = np.unique(problem.data.cluster)
     meat = np.zeros((size, size))
     for cluster in clusters:
@@ -230,7 +244,7 @@ def _intervals(
         meat += np.outer(score, score)
     number = clusters.size
     spread = np.full(size, math.inf)
-    degrees = number - int(np.sum(problem.active))
+    degrees = number - len(problem.free) + len(held)
     if degrees > 0:
         covariance = bread @ meat @ bread * number / degrees
         spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -242,15 +256,32 @@ def _intervals(
                 value, -math.inf, math.inf, units[free.name], False, held[free.name]
             )
             continue
-        reach = math.inf if silent[i] else float(spread[i]) * free.scale
+        reach = math.inf if silent[i] or lost[i] else float(spread[i]) * free.scale
         near = 1e-6 * max(abs(value), free.scale)
         at_bound = min(value - free.low, free.high - value) <= near
         note = "at its bound" if at_bound else ("the data do not tell it" if silent[i] else "")
+        if lost[i]:
+            note = "its effect is lost in the noise"
         if at_bound:
             reach = math.inf
         result[free.name] = FittedParameter(
             value, value - reach, value + reach, units[free.name], True, note
         )
+    return result
+
+
+def _inverse_information(jacobian: Array, silent: Any) -> Array:
+    """(J'J)^-1 of the numbers that are not silent, 0 for the others."""
+    size = jacobian.shape[1]
+    result = np.zeros((size, size))
+    told = ~silent
+    if np.any(told):
+        columns = jacobian[:, told]
+        length = np.sqrt(np.sum(columns * columns, axis=0))
+        # Columns of unit length, and no product J'J: that would square the condition number.
+        _, singular, right = np.linalg.svd(columns / length, full_matrices=False)
+        half = right.T / singular / length[:, None]
+        result[np.ix_(told, told)] = half @ half.T
     return result
 
 

@@ -12,7 +12,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from pam_model.domain import ROUNDING
+from pam_model.dual_numbers import value_of
 from pam_model.errors import DomainError
+from pam_model.muscles.elementary import arc_cosine, is_finite_positive, square_root
 
 NEUTRAL_ANGLE = math.acos(1.0 / math.sqrt(3.0))
 """Thread angle at which an ideal braid neither contracts nor extends, 54.7356 degrees [rad]."""
@@ -25,17 +28,13 @@ def diameter_at_90_degrees(thread_length: float, turns: float) -> float:
 
 def thread_angle(thread_length: float, length: Any) -> Any:
     """Angle between thread and axis, arccos(L/b) [rad], for lengths in [m]."""
-    if isinstance(length, float):
-        return math.acos(length / thread_length)
-    return np.arccos(np.asarray(length) / thread_length)
+    return arc_cosine(length / thread_length)
 
 
 def braid_diameter(thread_length: float, turns: float, length: Any) -> Any:
     """(23): D = sqrt(b^2 - L^2)/(n pi) [m], for lengths in [m]."""
     square = thread_length * thread_length - length * length
-    if isinstance(square, float):
-        return math.sqrt(square) / (turns * math.pi)
-    return np.sqrt(square) / (turns * math.pi)
+    return square_root(square) / (turns * math.pi)
 
 
 def require_positive(**quantities: float) -> None:
@@ -47,12 +46,28 @@ def require_positive(**quantities: float) -> None:
         Naming the first that is not.
     """
     for quantity, value in quantities.items():
-        if not (math.isfinite(value) and value > 0.0):
+        if not is_finite_positive(value):
             raise DomainError(f"{quantity} = {value:g} must be above 0")
 
 
-def require_length(length: Any, low: float, high: float, reason: str) -> None:
-    """Check that all lengths lie in (low, high] [m].
+def require_length(
+    length: Any, low: float, high: float, reason: str, *, open_high: bool = False
+) -> Any:
+    """The same lengths [m], checked to lie in (low, high].
+
+    A length above `high` by no more than rounding (`domain.ROUNDING`, relative) counts as `high`:
+    the sum of a path along the joint may end there.
+
+    Parameters
+    ----------
+    length : float or array
+        What was given [m].
+    low, high : float
+        The bounds [m].
+    reason : str
+        What the upper bound is, for the message.
+    open_high : bool
+        Whether `high` itself is outside.
 
     Raises
     ------
@@ -60,16 +75,21 @@ def require_length(length: Any, low: float, high: float, reason: str) -> None:
         Naming the bounds, and `reason` for the upper one.
     """
     if isinstance(length, float):
-        if low < length <= high:
-            return
+        if low < length < high:
+            return length
+        if not open_high and high <= length <= high * (1.0 + ROUNDING):
+            return high
         worst = length
     else:
-        lengths = np.asarray(length, dtype=float)
-        outside = lengths[~((lengths > low) & (lengths <= high))]
-        if outside.size == 0:
-            return
-        worst = float(outside.flat[0])
-    raise DomainError(f"length {worst:g} m is outside ({low:g}, {high:g}] m, {reason}")
+        lengths, longest = np.asarray(value_of(length), dtype=float), value_of(high)
+        above = lengths >= longest
+        good = lengths > value_of(low)
+        good &= ~above if open_high else (lengths <= longest * (1.0 + ROUNDING))
+        if bool(np.all(good)):
+            return np.minimum(length, high) if bool(np.any(above)) else length
+        worst = float(lengths[~good].flat[0])
+    end = ")" if open_high else "]"
+    raise DomainError(f"length {worst:g} m is outside ({low:g}, {high:g}{end} m, {reason}")
 
 
 def trapped_gas_slope(
@@ -169,25 +189,25 @@ class ThinCylinder(AffineMuscle):
         """(0, b): a thread cannot be longer than it is [m]."""
         return 0.0, self.thread_length
 
-    def _check(self, length: Any) -> None:
-        require_length(length, 0.0, self.thread_length, "the thread length")
+    def _check(self, length: Any) -> Any:
+        return require_length(length, 0.0, self.thread_length, "the thread length")
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """A = (3 L^2 - b^2)/(4 pi n^2) [m^2] and B = 0 [N]."""
-        self._check(length)
+        length = self._check(length)
         return (3.0 * length * length - self._square) * self._scale, 0.0 * length
 
     def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
         """dA/dL = 6 L/(4 pi n^2) [m] and 0 [N/m]."""
-        self._check(length)
+        length = self._check(length)
         return 6.0 * length * self._scale, 0.0 * length
 
     def volume(self, length: Any) -> Any:
         """(5): V = L (b^2 - L^2)/(4 pi n^2) [m^3]."""
-        self._check(length)
+        length = self._check(length)
         return length * (self._square - length * length) * self._scale
 
     def volume_slope(self, length: Any) -> Any:
         """dV/dL = (b^2 - 3 L^2)/(4 pi n^2) [m^2]."""
-        self._check(length)
+        length = self._check(length)
         return (self._square - 3.0 * length * length) * self._scale

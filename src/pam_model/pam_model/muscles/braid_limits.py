@@ -18,6 +18,7 @@ import numpy as np
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import require_positive
+from pam_model.muscles.elementary import arc_sine, cosine
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,26 +84,26 @@ class BraidLimits:
         return self.thread_segment * np.sin(2.0 * np.asarray(angle))[()]
 
     @property
-    def minimum_angle(self) -> float:
+    def minimum_angle(self) -> Any:
         """(18): thread angle at which the braid pulled long jams [rad]."""
-        return 0.5 * math.asin(min(1.0, self.cover))
+        return 0.5 * arc_sine(min(1.0, self.cover))
 
     @property
-    def lock_angle(self) -> float:
+    def lock_angle(self) -> Any:
         """Thread angle at which the braid blown wide jams, 90 degrees less (18) [rad]."""
         return 0.5 * math.pi - self.minimum_angle
 
     @property
-    def longest_length(self) -> float:
+    def longest_length(self) -> Any:
         """(19): b cos(minimum angle) [m]."""
-        return self.thread_length * math.cos(self.minimum_angle)
+        return self.thread_length * cosine(self.minimum_angle)
 
     @property
-    def shortest_length(self) -> float:
+    def shortest_length(self) -> Any:
         """Length at the lock angle, b cos(lock angle) [m]."""
-        return self.thread_length * math.cos(self.lock_angle)
+        return self.thread_length * cosine(self.lock_angle)
 
     @property
-    def contraction_range(self) -> float:
+    def contraction_range(self) -> Any:
         """Free contraction from the longest length to zero force [-]."""
-        return 1.0 - 1.0 / (math.sqrt(3.0) * math.cos(self.minimum_angle))
+        return 1.0 - 1.0 / (math.sqrt(3.0) * cosine(self.minimum_angle))

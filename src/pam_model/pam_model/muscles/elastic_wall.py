@@ -10,9 +10,9 @@ import math
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Protocol
 
-import numpy as np
 from scipy.optimize import brentq
 
+from pam_model.dual_numbers import root_with_slopes, value_of
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import (
     ThinCylinder,
@@ -21,29 +21,8 @@ from pam_model.muscles.braid import (
     require_positive,
     trapped_gas_slope,
 )
+from pam_model.muscles.elementary import direction
 from pam_model.muscles.force_model import MuscleGeometry
-
-
-def square_root(value: Any) -> Any:
-    """The square root of a float as a float, of an array as an array."""
-    return math.sqrt(value) if isinstance(value, float) else np.sqrt(value)
-
-
-def exponential(value: Any) -> Any:
-    """e^value of a float as a float, of an array as an array."""
-    return math.exp(value) if isinstance(value, float) else np.exp(value)
-
-
-def all_true(condition: Any) -> bool:
-    """Whether a comparison holds, everywhere for one of arrays; quick for one of floats."""
-    return condition if isinstance(condition, bool) else bool(np.all(condition))
-
-
-def direction(velocity: Any) -> Any:
-    """Sign of a lengthening speed: 1.0 lengthening, -1.0 shortening, 0.0 at rest."""
-    if isinstance(velocity, (float, int)):
-        return 1.0 if velocity > 0.0 else (-1.0 if velocity < 0.0 else 0.0)
-    return np.sign(velocity)
 
 
 class Wall(Protocol):
@@ -58,7 +37,7 @@ class Wall(Protocol):
         ...
 
 
-def rest_diameter(geometry: MuscleGeometry) -> float:
+def rest_diameter(geometry: MuscleGeometry) -> Any:
     """The braid's diameter at rest [m].
 
     Raises
@@ -70,7 +49,7 @@ def rest_diameter(geometry: MuscleGeometry) -> float:
     require_positive(thread_length=thread, turns=geometry.turns)
     if not 0.0 < rest < thread:
         raise DomainError(f"rest_length = {rest:g} m is outside (0, {thread:g}) m")
-    return float(braid_diameter(thread, geometry.turns, rest))
+    return braid_diameter(thread, geometry.turns, rest)
 
 
 def lengths_with_room(braid: ThinCylinder, wall_volume: float) -> tuple[float, float]:
@@ -86,8 +65,13 @@ def lengths_with_room(braid: ThinCylinder, wall_volume: float) -> tuple[float, f
         return 0.0, longest
     scale = 1.0 / (4.0 * math.pi * braid.turns**2)
 
-    def room(length: float) -> float:
+    def room(length: Any) -> Any:
         return length * (longest**2 - length**2) * scale - wall_volume
+
+    def edge(low: Any, high: Any) -> Any:
+        # Brent's method works on plain numbers; the root gets its slopes afterwards.
+        at = brentq(lambda x: value_of(room(x)), value_of(low), value_of(high), xtol=1e-15)
+        return root_with_slopes(float(at), room)
 
     widest = longest / math.sqrt(3.0)
     if not (wall_volume > 0.0 and room(widest) > 0.0):
@@ -95,8 +79,7 @@ def lengths_with_room(braid: ThinCylinder, wall_volume: float) -> tuple[float, f
             f"rubber of {wall_volume:g} m^3 does not fit into a braid that holds "
             f"{room(widest) + wall_volume:g} m^3 at most"
         )
-    low = brentq(room, 0.0, widest, xtol=1e-15)
-    return float(low), float(brentq(room, widest, longest, xtol=1e-15))
+    return edge(0.0, widest), edge(widest, longest)
 
 
 class ElasticCylinder(ThinCylinder):
@@ -135,9 +118,9 @@ class ElasticCylinder(ThinCylinder):
         """Lengths at which the rubber leaves the gas room [m]."""
         return self._shortest, self._longest
 
-    def _check(self, length: Any) -> None:
+    def _check(self, length: Any) -> Any:
         reason = "the thread length" if self.wall_volume == 0.0 else "the rubber fills the braid"
-        require_length(length, self._shortest, self._longest, reason)
+        return require_length(length, self._shortest, self._longest, reason)
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """A of the ideal cylinder [m^2] and the wall's pull B [N]."""

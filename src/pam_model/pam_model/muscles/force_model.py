@@ -23,13 +23,29 @@ Quantity = float | npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ModelParameter:
-    """One free constant of a force model, as `<muscle>.model_parameters.<name>` gives it."""
+    """One free constant of a force model, as `<muscle>.model_parameters.<name>` gives it.
+
+    Attributes
+    ----------
+    default : float or None
+        Its value where a rig file gives none; None if it has to be given.
+    unit : str
+        SI unit.
+    low, high : float
+        The closed range of values.
+    description : str
+        What it is, for messages and tables.
+    when_zero : callable, optional
+        For a constant whose value 0 means "take it from the geometry": the value that then
+        holds. A fit starts from it, since next to 0 the model is another one.
+    """
 
     default: float | None
     unit: str
     low: float
     high: float
     description: str
+    when_zero: Callable[[MuscleGeometry], float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

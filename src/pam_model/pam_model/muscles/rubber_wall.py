@@ -18,7 +18,7 @@ import numpy as np
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import braid_diameter, require_length, require_positive
-from pam_model.muscles.elastic_wall import all_true
+from pam_model.muscles.elementary import all_true, square_root
 from pam_model.muscles.force_model import ModelParameter
 
 RUBBER_PARAMETERS = {
@@ -85,7 +85,7 @@ class RubberWall:
             if not (volume >= 0.0 and 0.0 < radius**2 <= outer * (1.0 + 1e-9)):
                 raise DomainError(
                     f"a rubber layer of {volume:g} m^3 at radius {radius:g} m does not fit into "
-                    f"a braid of radius {math.sqrt(outer):g} m"
+                    f"a braid of radius {square_root(outer):g} m"
                 )
             self._layers.append((volume, 1.0 / radius**2, max(0.0, outer - radius**2)))
 
@@ -125,7 +125,7 @@ class RubberWall:
         layers = [
             (
                 math.pi * rest_length * half * float(weight),
-                math.sqrt(0.5 * (outer2 + inner2) + half * float(node)),
+                square_root(0.5 * (outer2 + inner2) + half * float(node)),
             )
             for node, weight in zip(_NODES, _WEIGHTS, strict=True)
         ]
@@ -138,7 +138,7 @@ class RubberWall:
 
     def _sum(self, length: Any, term: Callable[[Any, Any, Any, Any], Any]) -> Any:
         """Sum over layers of volume times term(x, y, dy/dL, d2y/dL2)."""
-        require_length(length, 0.0, self.thread_length, "the thread length")
+        length = require_length(length, 0.0, self.thread_length, "the thread length")
         rest, scale = self.rest_length, self._scale
         stretch = length / rest
         outer = (self._square - length * length) * scale
@@ -198,14 +198,14 @@ class RubberWall:
         return self._sum(length, curvature)
 
 
-def _rest_radius(thread_length: float, turns: float, rest_length: float) -> float:
+def _rest_radius(thread_length: float, turns: float, rest_length: float) -> Any:
     require_positive(thread_length=thread_length, turns=turns)
     if not 0.0 < rest_length < thread_length:
         raise DomainError(f"rest_length = {rest_length:g} m is outside (0, {thread_length:g}) m")
-    return 0.5 * float(braid_diameter(thread_length, turns, rest_length))
+    return 0.5 * braid_diameter(thread_length, turns, rest_length)
 
 
-def tube_volume(thread_length: float, turns: float, rest_length: float, thickness: float) -> float:
+def tube_volume(thread_length: float, turns: float, rest_length: float, thickness: float) -> Any:
     """Rubber [m^3] of a wall of this thickness [m] inside the braid at its rest length."""
     outer = _rest_radius(thread_length, turns, rest_length)
     if not 0.0 <= thickness < outer:

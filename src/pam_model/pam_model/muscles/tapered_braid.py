@@ -9,14 +9,16 @@ is the whole muscle's); the cones keep their slant. Volume by frusta, F = -P dV/
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
+from pam_model.dual_numbers import is_dual, root_with_slopes, value_of
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import AffineMuscle, require_length, require_positive
-from pam_model.muscles.elastic_wall import square_root
+from pam_model.muscles.elementary import square_root
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry
 
 END_PARAMETERS = {
@@ -78,19 +80,25 @@ class TaperedBraid(AffineMuscle):
         self.fitting_diameter = fitting_diameter
         self._square = thread_length**2
         self._pitch = (math.pi * turns) ** 2
+        # The iteration for the middle length works on plain numbers.
+        self._plain = tuple(
+            float(value_of(x)) for x in (self._square, self._pitch, fitting_diameter, cone_slant)
+        )
+        self._has_slopes = is_dual(thread_length, turns, cone_slant, fitting_diameter)
         self.middle_bounds = self._find_middle_bounds()
         self._bounds = self._find_bounds()
 
-    def _find_bounds(self) -> tuple[float, float]:
+    def _find_bounds(self) -> tuple[Any, Any]:
         low, high = self.middle_bounds
+        self._plain_bounds = float(value_of(low)), float(value_of(high))
         inside = 1e-9 * (high - low)
-        return float(self._state(low + inside).length), float(self._state(high - inside).length)
+        return self._state(low + inside).length, self._state(high - inside).length
 
     def _keep_room_for(self, wall_volume: float) -> None:
         """Narrow the bounds to lengths at which rubber of this volume [m^3] leaves gas room."""
         low, high = self.middle_bounds
-        middles = np.linspace(low, high, 202)[1:-1]
-        volumes = self._state(middles).volume
+        middles = np.linspace(value_of(low), value_of(high), 202)[1:-1]
+        volumes = value_of(self._state(middles).volume)
         widest = int(np.argmax(volumes))
         if volumes[widest] <= wall_volume:
             raise DomainError(
@@ -98,21 +106,21 @@ class TaperedBraid(AffineMuscle):
                 f"{volumes[widest]:g} m^3 at most"
             )
 
-        def room(middle: float) -> float:
-            return float(self._state(middle).volume) - wall_volume
+        def room(middle: Any) -> Any:
+            return self._state(middle).volume - wall_volume
 
         inside = 1e-9 * (high - low)
         peak = float(middles[widest])
         if room(low + inside) < 0.0:
-            low = float(brentq(room, low + inside, peak, xtol=1e-15))
+            low = _root(room, low + inside, peak)
         if room(high - inside) < 0.0:
-            high = float(brentq(room, peak, high - inside, xtol=1e-15))
+            high = _root(room, peak, high - inside)
         self.middle_bounds = low, high
         self._bounds = self._find_bounds()
 
-    def _find_middle_bounds(self) -> tuple[float, float]:
+    def _find_middle_bounds(self) -> tuple[Any, Any]:
         """Middle lengths between which the cones exist and the muscle lengthens with them [m]."""
-        thread, diameter90 = self.thread_length, self.thread_length / math.sqrt(self._pitch)
+        thread, diameter90 = self.thread_length, self.thread_length / square_root(self._pitch)
         # a hair inside |D - d| = 2 cone_slant, where slopes are infinite
         widest = self.fitting_diameter + 2.0 * (1.0 - 1e-9) * self.cone_slant
         narrowest = max(0.0, self.fitting_diameter - 2.0 * self.cone_slant)
@@ -122,26 +130,25 @@ class TaperedBraid(AffineMuscle):
                 f"the braid reaches D = {diameter90:g} m at most and the fittings have d = "
                 f"{self.fitting_diameter:g} m"
             )
-        low = thread * math.sqrt(1.0 - min(1.0, widest / diameter90) ** 2)
-        high = thread * math.sqrt(1.0 - (narrowest / diameter90) ** 2)
+        low = thread * square_root(1.0 - min(1.0, widest / diameter90) ** 2)
+        high = thread * square_root(1.0 - (narrowest / diameter90) ** 2)
 
-        def slope(middle: float) -> float:
+        def slope(middle: Any) -> Any:
             # dL/dL_m times what is positive in it, finite at either end
-            size = math.sqrt(max(0.0, self._square - middle**2) / self._pitch)
+            size = square_root(max(0.0, self._square - middle**2) / self._pitch)
             excess = size - self.fitting_diameter
-            cone = math.sqrt(max(0.0, self.cone_slant**2 - 0.25 * excess**2))
+            cone = square_root(max(0.0, self.cone_slant**2 - 0.25 * excess**2))
             return 2.0 * cone * self._pitch * size + excess * middle
 
         if slope(high) < 0.0:
-            start = thread * math.sqrt(1.0 - min(1.0, self.fitting_diameter / diameter90) ** 2)
-            high = float(brentq(slope, max(low, start), high, xtol=1e-15))
+            start = thread * square_root(1.0 - min(1.0, self.fitting_diameter / diameter90) ** 2)
+            high = _root(slope, max(low, start), high)
         return low, high
 
     def state(self, middle_length: Any) -> EndState:
         """(20)-(22) at a length of the cylindrical part [m]."""
         low, high = self.middle_bounds
-        require_length(middle_length, low, high, _LIMITS)
-        return self._state(middle_length)
+        return self._state(require_length(middle_length, low, high, _LIMITS))
 
     def _state(self, middle: Any) -> EndState:
         pitch, fitting = self._pitch, self.fitting_diameter
@@ -182,33 +189,60 @@ class TaperedBraid(AffineMuscle):
     def middle_length(self, length: Any) -> Any:
         """L_m [m] of the cylindrical part at a length [m] of the whole muscle."""
         low, high = self._bounds
-        require_length(length, low, high, _LIMITS)
+        length = require_length(length, low, high, _LIMITS)
         if isinstance(length, float):
-            return self._solve(length)
-        return np.vectorize(self._solve, otypes=[float])(length)
+            middle = self._solve(length)
+        else:
+            middle = self._solve_all(np.asarray(value_of(length), dtype=float))
+        if self._has_slopes or is_dual(length):
+            return root_with_slopes(middle, lambda at: self._whole_length(at) - length)
+        return middle
 
     def _solve(self, length: float) -> float:
         """Newton's steps, halved into the bracket where they leave it."""
-        low, high = self.middle_bounds
-        middle = min(max(length - 2.0 * self.cone_slant, low), high)
+        square, pitch, fitting, slant = self._plain
+        low, high = self._plain_bounds
+        middle = min(max(length - 2.0 * slant, low), high)
         if not low < middle < high:
             middle = 0.5 * (low + high)
         for _ in range(100):
-            at = self._length(middle)
-            error = at[0] - length
+            size = math.sqrt((square - middle * middle) / pitch)
+            excess = size - fitting
+            cone = math.sqrt(slant * slant - 0.25 * excess * excess)
+            error = middle + 2.0 * cone - length
             low, high = (low, middle) if error > 0.0 else (middle, high)
-            step = middle - error / at[1]
-            if abs(step - middle) <= 1e-15 * self.thread_length:
+            step = middle - error / (1.0 + excess * middle / (2.0 * cone * pitch * size))
+            if (step - middle) ** 2 <= 1e-30 * square:
                 return step
             middle = step if low < step < high else 0.5 * (low + high)
         return middle
 
-    def _length(self, middle: float) -> tuple[float, float]:
-        """L [m] and dL/dL_m [-]."""
-        size = math.sqrt((self._square - middle * middle) / self._pitch)
-        excess = size - self.fitting_diameter
-        cone = math.sqrt(self.cone_slant * self.cone_slant - 0.25 * excess * excess)
-        return middle + 2.0 * cone, 1.0 + excess * middle / (2.0 * cone * self._pitch * size)
+    def _solve_all(self, length: Any) -> Any:
+        """As `_solve`, for an array of lengths at once."""
+        square, pitch, fitting, slant = self._plain
+        low, high = (np.full(length.shape, bound) for bound in self._plain_bounds)
+        middle = np.clip(length - 2.0 * slant, low, high)
+        middle = np.where((low < middle) & (middle < high), middle, 0.5 * (low + high))
+        done = np.zeros(length.shape, dtype=bool)
+        for _ in range(100):
+            size = np.sqrt((square - middle * middle) / pitch)
+            excess = size - fitting
+            cone = np.sqrt(slant * slant - 0.25 * excess * excess)
+            error = middle + 2.0 * cone - length
+            low, high = np.where(error > 0.0, low, middle), np.where(error > 0.0, middle, high)
+            step = middle - error / (1.0 + excess * middle / (2.0 * cone * pitch * size))
+            settled = (step - middle) ** 2 <= 1e-30 * square
+            inside = np.where((low < step) & (step < high), step, 0.5 * (low + high))
+            middle = np.where(done, middle, np.where(settled, step, inside))
+            done |= settled
+            if np.all(done):
+                break
+        return middle
+
+    def _whole_length(self, middle: Any) -> Any:
+        """L [m] at a middle length [m]."""
+        excess = square_root((self._square - middle * middle) / self._pitch) - self.fitting_diameter
+        return middle + 2.0 * square_root(self.cone_slant**2 - 0.25 * excess**2)
 
     def at(self, length: Any) -> EndState:
         """Everything at a length [m] of the whole muscle."""
@@ -235,9 +269,15 @@ class TaperedBraid(AffineMuscle):
         return state.volume1 / state.length1
 
 
+def _root(function: Callable[[Any], Any], low: Any, high: Any) -> Any:
+    """A root [m] between two lengths by Brent's method, with slopes where there are any."""
+    at = brentq(lambda x: value_of(function(x)), value_of(low), value_of(high), xtol=1e-15)
+    return root_with_slopes(float(at), function)
+
+
 def cylindrical_part(
     geometry: MuscleGeometry, cone_slant: float, fitting_diameter: float
-) -> tuple[float, float, float]:
+) -> tuple[Any, Any, Any]:
     """Thread length b [m], turns n and rest length [m] of the cylinder between the cones.
 
     A rig file's thread runs the whole muscle; at rest, the cones take their share of its length
@@ -252,17 +292,17 @@ def cylindrical_part(
     require_positive(thread_length=thread, turns=turns, rest_length=rest)
     if rest >= thread:
         raise DomainError(f"rest_length = {rest:g} m is outside (0, {thread:g}) m")
-    size = math.sqrt(thread**2 - rest**2) / (math.pi * turns)
+    size = square_root(thread**2 - rest**2) / (math.pi * turns)
     square = cone_slant**2 - 0.25 * (size - fitting_diameter) ** 2
     if square <= 0.0:
         raise DomainError(
             f"|D - d| = {abs(size - fitting_diameter):g} m at rest must be below 2 cone_slant = "
             f"{2.0 * cone_slant:g} m"
         )
-    middle = rest - 2.0 * math.sqrt(square)
+    middle = rest - 2.0 * square_root(square)
     if middle <= 0.0:
         raise DomainError(
             f"rest_length = {rest:g} m leaves no cylinder between two cones of "
-            f"{math.sqrt(square):g} m"
+            f"{square_root(square):g} m"
         )
     return thread * middle / rest, turns * middle / rest, middle

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from pam_model.domain import plain
+from pam_model.dual_numbers import root_with_slopes, value_of
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import AffineMuscle, ThinCylinder, braid_diameter, require_length
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
@@ -130,8 +131,9 @@ class AlFahaam(AffineMuscle):
             geometry.wall_thickness,
         )
 
-    def _find_bounds(self) -> tuple[float, float]:
-        low, high = 0.0, min(self.contractor.thread_length, self.extensor.thread_length)
+    def _find_bounds(self) -> tuple[Any, Any]:
+        low: Any = 0.0
+        high: Any = min(self.contractor.thread_length, self.extensor.thread_length)
         short, long = self._annulus(low), self._annulus(high)
         if short <= 0.0 and long <= 0.0:
             raise DomainError(
@@ -139,62 +141,64 @@ class AlFahaam(AffineMuscle):
                 f"{short:g} m on a short muscle and {long:g} m on a long one"
             )
         if short * long < 0.0:
-            edge = float(brentq(self._annulus, low, high, xtol=1e-15))
+            found = brentq(lambda x: value_of(self._annulus(x)), low, value_of(high), xtol=1e-15)
+            edge = root_with_slopes(float(found), self._annulus)
             low, high = (low, edge) if short > 0.0 else (edge, high)
         return low, high
 
-    def _annulus(self, length: float) -> float:
+    def _annulus(self, length: Any) -> Any:
         inner = braid_diameter(self.contractor.thread_length, self.contractor.turns, length)
         outer = braid_diameter(self.extensor.thread_length, self.extensor.turns, length)
-        return float(outer - inner) - 2.0 * self.wall_thickness
+        return outer - inner - 2.0 * self.wall_thickness
 
     @property
     def length_bounds(self) -> tuple[float, float]:
         """Lengths at which the annulus is open [m]."""
         return self._bounds
 
-    def _check(self, length: Any) -> None:
-        require_length(length, *self._bounds, "the thread length or where the annulus closes")
+    def _check(self, length: Any) -> Any:
+        reason = "the thread length or where the annulus closes"
+        return require_length(length, *self._bounds, reason)
 
     def pair_force(self, contractor_pressure: Any, extensor_pressure: Any, length: Any) -> Any:
         """Pull [N] at both gauge pressures [Pa] and the common length [m]."""
-        self._check(length)
+        length = self._check(length)
         inner = self.contractor.coefficients(length)[0]
         outer = self.extensor.coefficients(length)[0]
         return (contractor_pressure - extensor_pressure) * inner + extensor_pressure * outer
 
     def pair_stiffness(self, contractor_pressure: Any, extensor_pressure: Any, length: Any) -> Any:
         """dF/dL [N/m] at both gauge pressures [Pa] held."""
-        self._check(length)
+        length = self._check(length)
         inner = self.contractor.coefficient_slopes(length)[0]
         outer = self.extensor.coefficient_slopes(length)[0]
         return (contractor_pressure - extensor_pressure) * inner + extensor_pressure * outer
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """A(L) of the contractor [m^2]; B(L) is what the annulus does [N]."""
-        self._check(length)
+        length = self._check(length)
         inner = self.contractor.coefficients(length)[0]
         outer = self.extensor.coefficients(length)[0]
         return inner, self.extensor_pressure * (outer - inner)
 
     def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
         """dA/dL [m] and dB/dL [N/m]."""
-        self._check(length)
+        length = self._check(length)
         inner = self.contractor.coefficient_slopes(length)[0]
         outer = self.extensor.coefficient_slopes(length)[0]
         return inner, self.extensor_pressure * (outer - inner)
 
     def volume(self, length: Any) -> Any:
         """Gas volume of the contractor [m^3]."""
-        self._check(length)
+        length = self._check(length)
         return self.contractor.volume(length)
 
     def volume_slope(self, length: Any) -> Any:
         """dV/dL of the contractor [m^2]."""
-        self._check(length)
+        length = self._check(length)
         return self.contractor.volume_slope(length)
 
     def annulus_volume(self, length: Any) -> Any:
         """Gas volume between the two [m^3]."""
-        self._check(length)
+        length = self._check(length)
         return self.extensor.volume(length) - self.contractor.volume(length)

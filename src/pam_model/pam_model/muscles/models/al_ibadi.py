@@ -17,7 +17,8 @@ import numpy as np
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, braid_diameter, require_length
-from pam_model.muscles.elastic_wall import CurvedMuscle, all_true, exponential
+from pam_model.muscles.elastic_wall import CurvedMuscle
+from pam_model.muscles.elementary import all_true, arc_cosine, exponential, sine, tangent
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 PASCAL_PER_BAR = 1e5
@@ -70,10 +71,10 @@ class AlIbadi(CurvedMuscle):
             )
         self.rest_length = rest_length
         self.decay = decay
-        angle = math.acos(rest_length / thread_length)
-        self._a = 3.0 / math.tan(angle) ** 2
-        self._b = 1.0 / math.sin(angle) ** 2
-        self._area = 0.25 * math.pi * float(braid_diameter(thread_length, turns, rest_length)) ** 2
+        angle = arc_cosine(rest_length / thread_length)
+        self._a = 3.0 / tangent(angle) ** 2
+        self._b = 1.0 / sine(angle) ** 2
+        self._area = 0.25 * math.pi * braid_diameter(thread_length, turns, rest_length) ** 2
 
     @classmethod
     def from_geometry(cls, geometry: MuscleGeometry, constants: Mapping[str, float]) -> AlIbadi:
@@ -91,7 +92,7 @@ class AlIbadi(CurvedMuscle):
 
     def _left(self, pressure: Any, length: Any) -> tuple[Any, Any, Any]:
         """q, extension ratio and 1 - q eps_ext."""
-        require_length(length, *self.length_bounds, "the thread length")
+        length = require_length(length, *self.length_bounds, "the thread length")
         if not all_true(pressure >= 0.0):
             raise DomainError(f"pressure {np.min(pressure):g} Pa must be 0 or above for q(p)")
         q = extension_factor(pressure, self.decay)

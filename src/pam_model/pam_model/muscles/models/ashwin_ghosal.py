@@ -9,12 +9,12 @@ published model adds effects of the ends; here `inactive_length` carries them.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import braid_diameter, require_length
+from pam_model.muscles.elementary import cosine
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 from pam_model.muscles.models.braid_bladder import BraidBladder
 from pam_model.muscles.rubber_wall import RUBBER_PARAMETERS, tube_volume
@@ -101,7 +101,7 @@ class AshwinGhosal(BraidBladder):
 
     def stretches(self, length: Any) -> tuple[Any, Any, Any]:
         """Lambda1, lambda2, lambda3 [-] of the bladder at a length of the active part [m]."""
-        require_length(length, 0.0, self.thread_length, "the thread length")
+        length = require_length(length, 0.0, self.thread_length, "the thread length")
         axial = length / self.rest_length
         hoop = self.radius(length) / self.radius(self.rest_length)
         return axial, hoop, 1.0 / (axial * hoop)
@@ -110,9 +110,9 @@ class AshwinGhosal(BraidBladder):
         """(25): r = b sin(theta)/(2 pi n) [m] at a length of the active part [m]."""
         return 0.5 * braid_diameter(self.thread_length, self.turns, length)
 
-    def length_at(self, angle: float) -> float:
+    def length_at(self, angle: float) -> Any:
         """(24): L = b cos(theta) [m] of the active part at a thread angle [rad]."""
-        return self.thread_length * math.cos(angle)
+        return self.thread_length * cosine(angle)
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """A(L) [m^2] and B(L) [N] at a length of the whole muscle [m]."""

@@ -16,6 +16,11 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
 from pam_model.muscles.rubber_wall import RUBBER_PARAMETERS, RubberWall, tube_volume
 
 
+def _tube_of(geometry: MuscleGeometry) -> Any:
+    size = (geometry.thread_length, geometry.turns, geometry.rest_length)
+    return tube_volume(*size, geometry.wall_thickness)
+
+
 @register(
     equations="-",
     status="derived",
@@ -48,7 +53,7 @@ class BraidBladder(ElasticCylinder):
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         **RUBBER_PARAMETERS,
         "bladder_volume": ModelParameter(
-            0.0, "m^3", 0.0, 0.1, "rubber; 0 takes it from wall_thickness at rest"
+            0.0, "m^3", 0.0, 0.1, "rubber; 0 takes it from wall_thickness at rest", _tube_of
         ),
     }
 
@@ -74,7 +79,7 @@ class BraidBladder(ElasticCylinder):
     ) -> BraidBladder:
         """The model of a muscle in a rig file."""
         size = (geometry.thread_length, geometry.turns, geometry.rest_length)
-        volume = constants["bladder_volume"] or tube_volume(*size, geometry.wall_thickness)
+        volume = constants["bladder_volume"] or _tube_of(geometry)
         return cls(*size, c10=constants["c10"], c01=constants["c01"], bladder_volume=volume)
 
     def energy(self, length: Any) -> Any:

@@ -17,16 +17,15 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import numpy as np
-
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, braid_diameter, require_length
 from pam_model.muscles.elastic_wall import lengths_with_room
+from pam_model.muscles.elementary import square_root
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 
 def _check_wall(wall_thickness: float, diameter: float, where: str) -> None:
-    if not (math.isfinite(wall_thickness) and wall_thickness >= 0.0):
+    if not 0.0 <= wall_thickness < math.inf:
         raise DomainError(f"wall_thickness = {wall_thickness:g} m must be 0 or above")
     if 2.0 * wall_thickness >= diameter:
         raise DomainError(
@@ -67,7 +66,7 @@ class ChouHannaford(ThinCylinder):
         self.wall_thickness = wall_thickness
         self._diameter90 = diameter
         bore = 2.0 * wall_thickness * turns * math.pi
-        self._longest = math.sqrt(self._square - bore * bore)
+        self._longest = square_root(self._square - bore * bore)
 
     @classmethod
     def from_geometry(
@@ -81,13 +80,12 @@ class ChouHannaford(ThinCylinder):
         """(0, sqrt(b^2 - (2 pi n t_k)^2)): there the wall fills the braid [m]."""
         return 0.0, self._longest
 
-    def _check(self, length: Any) -> None:
-        require_length(length, 0.0, self._longest, "where the wall fills the braid")
+    def _check(self, length: Any) -> Any:
+        return require_length(length, 0.0, self._longest, "where the wall fills the braid")
 
     def _angle(self, length: Any) -> tuple[Any, Any]:
         cosine = length / self.thread_length
-        square = 1.0 - cosine * cosine
-        return cosine, math.sqrt(square) if isinstance(square, float) else np.sqrt(square)
+        return cosine, square_root(1.0 - cosine * cosine)
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """(8) without its pressure: A(L) [m^2] and B = 0 [N]."""
@@ -112,7 +110,7 @@ class ChouHannaford(ThinCylinder):
         """(7): V = (pi/4)(D - 2 t_k)^2 L [m^3]."""
         if self.wall_thickness == 0.0:
             return super().volume(length)
-        self._check(length)
+        length = self._check(length)
         bore = braid_diameter(self.thread_length, self.turns, length) - 2.0 * self.wall_thickness
         return 0.25 * math.pi * bore * bore * length
 
@@ -177,9 +175,9 @@ class ChouHannafordIncompressible(ThinCylinder):
         """Lengths at which the wall leaves the gas room [m]."""
         return self._bounds
 
-    def _check(self, length: Any) -> None:
+    def _check(self, length: Any) -> Any:
         reason = f"a wall of {self.wall_volume:g} m^3 leaves no gas volume beyond"
-        require_length(length, *self._bounds, reason)
+        return require_length(length, *self._bounds, reason)
 
     def volume(self, length: Any) -> Any:
         """Outer volume less the wall's [m^3]."""

@@ -66,6 +66,6 @@ class DavisCaldwell(ThinCylinder):
         """Between the two jams, b cos of lock angle and of (18) [m]."""
         return self.limits.shortest_length, self.limits.longest_length
 
-    def _check(self, length: Any) -> None:
+    def _check(self, length: Any) -> Any:
         low, high = self.length_bounds
-        require_length(length, low, high, "where the braid's strands jam")
+        return require_length(length, low, high, "where the braid's strands jam")

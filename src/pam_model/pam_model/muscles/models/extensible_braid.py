@@ -15,7 +15,8 @@ import numpy as np
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, require_length, require_positive
-from pam_model.muscles.elastic_wall import CurvedMuscle, all_true
+from pam_model.muscles.elastic_wall import CurvedMuscle
+from pam_model.muscles.elementary import all_true
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from pam_model.muscles.elastic_wall import direction
+from pam_model.muscles.elementary import direction
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 from pam_model.muscles.rubber_wall import RUBBER_PARAMETERS, RubberWall, tube_volume
 from pam_model.muscles.tapered_braid import END_PARAMETERS, TaperedBraid, cylindrical_part

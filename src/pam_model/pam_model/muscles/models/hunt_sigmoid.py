@@ -17,9 +17,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from pam_model.domain import plain, require
+from pam_model.dual_numbers import is_dual, root_with_slopes, value_of
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, require_length, require_positive
-from pam_model.muscles.elastic_wall import CurvedMuscle, direction
+from pam_model.muscles.elastic_wall import CurvedMuscle
+from pam_model.muscles.elementary import direction, tangent
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 
@@ -135,9 +137,27 @@ class HuntSigmoid(CurvedMuscle):
         """Pull [N] at gauge pressure [Pa], length [m], lengthening speed [m/s]."""
         contraction = self._contraction(length)
         wanted = pressure + self.constants.a6 * direction(velocity)
+        if is_dual(wanted, contraction, *self.constants, self.maximum_contraction):
+            # Solved in plain numbers; the formula then gives the slopes of the root.
+            plainly = HuntSigmoid(
+                value_of(self.braid.thread_length),
+                value_of(self.braid.turns),
+                value_of(self.rest_length),
+                value_of(self.maximum_contraction),
+                HuntConstants(*(value_of(number) for number in self.constants)),
+            )
+            solve = np.vectorize(plainly._solve, otypes=[float])
+            found = solve(value_of(wanted), value_of(contraction))
+            return root_with_slopes(found, lambda f: self._pressure(f, contraction) - wanted)
         if isinstance(wanted, float) and isinstance(contraction, float):
             return self._solve(wanted, contraction)
         return np.vectorize(self._solve, otypes=[float])(wanted, contraction)
+
+    def _pressure(self, force: Any, contraction: Any) -> Any:
+        """The formula without hysteresis and checks, also for dual numbers."""
+        fit = self.constants
+        angle = fit.a2 * (contraction / (self.maximum_contraction - fit.a4 * force) - fit.a3)
+        return fit.a0 + fit.a1 * tangent(angle) + fit.a5 * force
 
     def stiffness(self, pressure: Any, length: Any) -> Any:
         """dF/dL at constant pressure [N/m]."""
@@ -149,7 +169,7 @@ class HuntSigmoid(CurvedMuscle):
         return 1.0 / self._slopes(pressure, length)[0]
 
     def _contraction(self, length: Any) -> Any:
-        require_length(length, *self.length_bounds, "the rest length")
+        length = require_length(length, *self.length_bounds, "the rest length")
         return 1.0 - length / self.rest_length
 
     def _slopes(self, pressure: Any, length: Any) -> tuple[Any, Any]:

@@ -56,7 +56,9 @@ class LinearWall:
     def _strain(self, length: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
         """Axial strain, hoop ratio D/D0 with its first two slopes, E and dE/dL."""
         thread = self._braid.thread_length
-        require_length(length, 0.0, thread * (1.0 - 1e-12), "where the braid's diameter is zero")
+        length = require_length(
+            length, 0.0, thread, "where the braid's diameter is zero", open_high=True
+        )
         axial = length / self.rest_length - 1.0
         size = braid_diameter(thread, self._braid.turns, length)
         rest = braid_diameter(thread, self._braid.turns, self.rest_length)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pam_model.muscles.braid import AffineMuscle, ThinCylinder, require_length, require_positive
-from pam_model.muscles.elastic_wall import exponential
+from pam_model.muscles.elementary import exponential
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 _PASCAL_PER_KILOPASCAL = 1e3
@@ -83,7 +83,7 @@ class Sarosi(AffineMuscle):
         return self._braid.length_bounds
 
     def _percent(self, length: Any) -> Any:
-        require_length(length, *self.length_bounds, "the thread length")
+        length = require_length(length, *self.length_bounds, "the thread length")
         return _PERCENT * (1.0 - length / self.rest_length)
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:

@@ -20,7 +20,8 @@ import numpy as np
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, require_length
-from pam_model.muscles.elastic_wall import direction, rest_diameter, square_root
+from pam_model.muscles.elastic_wall import rest_diameter
+from pam_model.muscles.elementary import direction, square_root
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 
@@ -89,7 +90,7 @@ class Schulte(ThinCylinder):
             "hoop_constant [Pa]": hoop_constant,
             "friction": friction,
         }.items():
-            if not (math.isfinite(value) and value >= 0.0):
+            if not 0.0 <= value < math.inf:
                 raise DomainError(f"{quantity} = {value:g} must be 0 or above")
         self.bladder_length = bladder_length
         self.bladder_diameter = bladder_diameter
@@ -115,15 +116,15 @@ class Schulte(ThinCylinder):
     @property
     def length_bounds(self) -> tuple[float, float]:
         """(0, b) without b, where the braid has no diameter [m]."""
-        return 0.0, math.nextafter(self.thread_length, 0.0)
+        return 0.0, self.thread_length
 
-    def _check(self, length: Any) -> None:
-        longest = self.length_bounds[1]
-        require_length(length, 0.0, longest, "below the thread length: no diameter is left there")
+    def _check(self, length: Any) -> Any:
+        reason = "where the braid has no diameter left"
+        return require_length(length, 0.0, self.thread_length, reason, open_high=True)
 
     def _angle(self, length: Any) -> tuple[Any, Any]:
         """Cosine and sine of the thread angle."""
-        self._check(length)
+        length = self._check(length)
         cosine = length / self.thread_length
         return cosine, square_root(1.0 - cosine * cosine)
 

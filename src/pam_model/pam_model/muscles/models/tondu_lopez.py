@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import NEUTRAL_ANGLE, ThinCylinder, braid_diameter, require_length
+from pam_model.muscles.elementary import arc_cosine, is_finite_positive, sine, tangent
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 
@@ -63,20 +64,20 @@ class TonduLopez(ThinCylinder):
             raise DomainError(
                 f"rest_length = {rest_length:g} m is outside (0, {thread_length:g}) m"
             )
-        angle = math.acos(rest_length / thread_length)
+        angle = arc_cosine(rest_length / thread_length)
         if angle >= NEUTRAL_ANGLE:
             raise DomainError(
-                f"thread angle at rest {math.degrees(angle):.2f} deg must be below "
+                f"thread angle at rest {angle * 180.0 / math.pi:.2f} deg must be below "
                 f"{math.degrees(NEUTRAL_ANGLE):.2f} deg for a muscle that contracts"
             )
-        if not (math.isfinite(k) and k > 0.0):
+        if not is_finite_positive(k):
             raise DomainError(f"k = {k:g} must be above 0")
         self.rest_length = rest_length
         self.k = k
         self.rest_radius = 0.5 * braid_diameter(thread_length, turns, rest_length)
         self.rest_angle = angle
-        self._a = 3.0 / math.tan(angle) ** 2
-        self._b = 1.0 / math.sin(angle) ** 2
+        self._a = 3.0 / tangent(angle) ** 2
+        self._b = 1.0 / sine(angle) ** 2
         self._area = math.pi * self.rest_radius**2
         self._shortest = max(0.0, rest_length * (1.0 - 1.0 / k))
 
@@ -95,17 +96,17 @@ class TonduLopez(ThinCylinder):
         """(l0 (1 - 1/k), b): below, the square in (11) would rise again [m]."""
         return self._shortest, self.thread_length
 
-    def _check(self, length: Any) -> None:
-        require_length(length, self._shortest, self.thread_length, "the thread length")
+    def _check(self, length: Any) -> Any:
+        return require_length(length, self._shortest, self.thread_length, "the thread length")
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """(11) without its pressure: A(L) [m^2] and B = 0 [N]."""
-        self._check(length)
+        length = self._check(length)
         contraction = self.k * (1.0 - length / self.rest_length)
         return contraction_coefficient(self._area, self._a, self._b, contraction), 0.0 * length
 
     def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
         """dA/dL = 2 pi r0^2 A k (1 - k eps)/l0 [m] and 0 [N/m]."""
-        self._check(length)
+        length = self._check(length)
         left = 1.0 - self.k * (1.0 - length / self.rest_length)
         return 2.0 * self._area * self._a * self.k * left / self.rest_length, 0.0 * length

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from pam_model.muscles.elastic_wall import direction, exponential, square_root
+from pam_model.muscles.elementary import direction, exponential, sine, square_root
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 from pam_model.muscles.models.tondu_lopez import TonduLopez
 
@@ -70,7 +70,7 @@ class TonduLopezFriction(TonduLopez):
         self.static_friction = static_friction
         self.kinetic_friction = kinetic_friction
         self.friction_speed = friction_speed
-        self._contact = 2.0 * math.pi * self.rest_radius * rest_length * math.sin(self.rest_angle)
+        self._contact = 2.0 * math.pi * self.rest_radius * rest_length * sine(self.rest_angle)
 
     @classmethod
     def from_geometry(
@@ -86,7 +86,7 @@ class TonduLopezFriction(TonduLopez):
 
     def contact_area(self, length: Any) -> Any:
         """S [m^2] at a length [m]."""
-        self._check(length)
+        length = self._check(length)
         cosine = length / self.thread_length
         left = length / self.rest_length
         return self._contact / (left * square_root(1.0 - cosine * cosine))

@@ -16,7 +16,8 @@ import numpy as np
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import require_length
-from pam_model.muscles.elastic_wall import CurvedMuscle, all_true, exponential
+from pam_model.muscles.elastic_wall import CurvedMuscle
+from pam_model.muscles.elementary import all_true, exponential, sine, tangent
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 from pam_model.muscles.models.tondu_lopez import TonduLopez
 
@@ -74,8 +75,8 @@ class TonduLopezPressureFactor(CurvedMuscle):
         self.constant_factor = constant_factor
         radius, angle = self.braid.rest_radius, self.braid.rest_angle
         self._area = math.pi * radius**2
-        self._a = 3.0 / math.tan(angle) ** 2
-        self._b = 1.0 / math.sin(angle) ** 2
+        self._a = 3.0 / tangent(angle) ** 2
+        self._b = 1.0 / sine(angle) ** 2
         largest = falling_factor + constant_factor
         self._shortest = max(0.0, rest_length * (1.0 - 1.0 / largest))
 
@@ -97,7 +98,9 @@ class TonduLopezPressureFactor(CurvedMuscle):
 
     def _left(self, pressure: Any, length: Any) -> tuple[Any, Any, Any]:
         """k, contraction and 1 - k eps."""
-        require_length(length, self._shortest, self.braid.thread_length, "the thread length")
+        length = require_length(
+            length, self._shortest, self.braid.thread_length, "the thread length"
+        )
         if not all_true(pressure >= 0.0):
             raise DomainError(f"pressure {np.min(pressure):g} Pa must be 0 or above for k(P)")
         k = self.factor(pressure)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from pam_model.muscles.elastic_wall import exponential
+from pam_model.muscles.elementary import exponential
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 from pam_model.muscles.models.tondu_lopez import TonduLopez
 

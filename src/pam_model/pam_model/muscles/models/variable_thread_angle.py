@@ -3,19 +3,31 @@
 Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle".
 Derived from (1), (2), (6) with the angle at rest as a second input: length and diameter at rest
 stay, so b = L0/cos(angle) and n = L0 tan(angle)/(pi D0). Below 54.7 degrees it contracts, above
-it extends.
+it extends. Threads along the axis (angle 0) would carry any force at no change of volume: there
+n is 0 and F = (pi D0^2/4) P (2 cot^2 - 1) at rest length grows without bound, so angles below
+`LEAST_ANGLE` are outside the model's domain.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from pam_model.domain import ROUNDING
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, require_positive
 from pam_model.muscles.elastic_wall import rest_diameter
+from pam_model.muscles.elementary import arc_cosine, cosine, tangent
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
+
+LEAST_ANGLE = math.radians(3.0)
+"""Smallest thread angle at rest [rad]: as for the geometry of any muscle that `fit` looks for."""
+
+
+def _angle_of(geometry: MuscleGeometry) -> Any:
+    rest_diameter(geometry)  # refuses a geometry that is no braid
+    return arc_cosine(geometry.rest_length / geometry.thread_length)
 
 
 @register(
@@ -38,24 +50,32 @@ class VariableThreadAngle(ThinCylinder):
     Raises
     ------
     DomainError
-        For a size not above zero or an angle outside (0, pi/2); by the methods for a length
-        outside (0, b].
+        For a size not above zero or an angle outside [`LEAST_ANGLE`, pi/2); by the methods for
+        a length outside (0, b].
     """
 
     name: ClassVar[str] = "variable_thread_angle"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         "rest_angle": ModelParameter(
-            0.0, "rad", 0.0, 1.55, "thread angle set at rest length; 0 takes the geometry's"
+            0.0,
+            "rad",
+            0.0,
+            1.55,
+            "thread angle set at rest length, at least 0.0524; 0 takes the geometry's",
+            _angle_of,
         ),
     }
 
     def __init__(self, rest_length: float, rest_diameter: float, rest_angle: float) -> None:
         require_positive(rest_length=rest_length, rest_diameter=rest_diameter)
-        if not 0.0 < rest_angle < 0.5 * math.pi:
-            raise DomainError(f"rest_angle = {rest_angle:g} rad is outside (0, pi/2) rad")
+        if not LEAST_ANGLE * (1.0 - ROUNDING) <= rest_angle < 0.5 * math.pi:
+            raise DomainError(
+                f"rest_angle = {rest_angle:g} rad is outside [{LEAST_ANGLE:.4g}, pi/2) rad: "
+                "threads along the axis leave no braid that could contract"
+            )
         super().__init__(
-            rest_length / math.cos(rest_angle),
-            rest_length * math.tan(rest_angle) / (math.pi * rest_diameter),
+            rest_length / cosine(rest_angle),
+            rest_length * tangent(rest_angle) / (math.pi * rest_diameter),
         )
         self.rest_length = rest_length
         self.rest_diameter = rest_diameter
@@ -66,9 +86,8 @@ class VariableThreadAngle(ThinCylinder):
         cls, geometry: MuscleGeometry, constants: Mapping[str, float]
     ) -> VariableThreadAngle:
         """The model of a muscle in a rig file: its length and diameter at rest."""
-        thread, rest = geometry.thread_length, geometry.rest_length
-        diameter = rest_diameter(geometry)
-        return cls(rest, diameter, constants["rest_angle"] or math.acos(rest / thread))
+        angle = constants["rest_angle"] or _angle_of(geometry)
+        return cls(geometry.rest_length, rest_diameter(geometry), angle)
 
     @property
     def free_length_ratio(self) -> float:

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import ThinCylinder, require_length
+from pam_model.muscles.elementary import square_root
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 
@@ -77,7 +78,7 @@ class ZhengShen(ThinCylinder):
         self.insert_diameter = insert_diameter
         self.chamber_diameter = chamber_diameter
         self.extension_pressure = extension_pressure
-        self._longest = math.sqrt(self._square - around * around)
+        self._longest = square_root(self._square - around * around)
         self._insert = 0.25 * math.pi * insert_diameter**2
         self._chamber = 0.25 * math.pi * chamber_diameter**2
 
@@ -91,8 +92,8 @@ class ZhengShen(ThinCylinder):
         """(0, sqrt(b^2 - (pi n d_i)^2)): there the braid touches the rod [m]."""
         return 0.0, self._longest
 
-    def _check(self, length: Any) -> None:
-        require_length(length, 0.0, self._longest, "where the braid touches the rod")
+    def _check(self, length: Any) -> Any:
+        return require_length(length, 0.0, self._longest, "where the braid touches the rod")
 
     def push(self, extension_pressure: Any) -> Any:
         """P_ext pi d_ext^2/4 [N], extension positive, at a gauge pressure [Pa]."""
