@@ -14,6 +14,13 @@ tools/lint.sh || failed+=("lint")
 .venv/bin/python -m pytest -q -m "not vcan" --durations=10 --junitxml="$out/bus-free.xml" \
   --cov --cov-report=term:skip-covered --cov-report=html:"$out/coverage" || failed+=("tests")
 
+# What is fitted must not depend on the processor: OpenBLAS picks its kernel by it, here by name.
+for kernel in Haswell Prescott; do
+  OPENBLAS_CORETYPE="$kernel" OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -q \
+    tests/pam_model/test_fit_and_compare.py tests/pam_model/test_dual_numbers.py \
+    tests/pam_model/test_comparison_page.py || failed+=("fits with the BLAS kernel $kernel")
+done
+
 # only the files that have such tests: an emulated processor takes minutes to read the others
 mapfile -t vcan_files < <(grep -rlw vcan tests --include='test_*.py')
 tools/with_vcan.sh "$out" .venv/bin/python -m pytest -v -m vcan -p no:cacheprovider \

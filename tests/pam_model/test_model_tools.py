@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_model.__main__ import main
-from pam_model.errors import DomainError
+from pam_model.errors import DomainError, PamError
 from pam_model.identify.catalogue import FAMILIES, catalogue
 from pam_model.identify.design import design, jam_angle
-from pam_model.identify.gallery import draw_row
+from pam_model.identify.gallery import default_model, draw_row
 from pam_model.muscles.braid import NEUTRAL_ANGLE
 from pam_model.muscles.force_model import MuscleGeometry, create_force_model, registered_models
 from pam_model.muscles.models.gaylord import Gaylord
@@ -180,3 +180,29 @@ def test_compiled_bank_agrees() -> None:
     assert tick.outputs[:, :2] == pytest.approx(np.array(expected)[:, :2], rel=1e-12)
     assert np.all(np.isnan(tick.outputs[:, 2]))
     assert np.all(np.isnan(other.outputs))  # nothing is shared, and nothing known before inputs
+
+
+def test_list_tells_names_for_a_rig_file_from_other_rows(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    said = {}
+    for row in catalogue():
+        at = next(i for i, line in enumerate(lines) if line.split()[:1] == [row.key])
+        said[row.key] = lines[at + 2].strip()
+        assert said[row.key].startswith("in a rig file: ")
+    assert said["mooney_rivlin"] == "in a rig file: braid_bladder"
+    assert "no length-force model" in said["fill_time"]
+    for row in catalogue():
+        for name in row.models:
+            assert name in said[row.key]
+            create_force_model(name, default_model(name)[1])  # what the list offers is taken
+
+
+def test_a_row_named_instead_of_its_model_is_refused_with_the_model() -> None:
+    geometry = default_model("gaylord")[1]
+    for row in catalogue():
+        if row.models and row.key not in row.models:
+            with pytest.raises(PamError, match=f"rig file is {row.models[0]}"):
+                create_force_model(row.key, geometry)

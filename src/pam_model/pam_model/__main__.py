@@ -35,7 +35,8 @@ def _list(chosen: Arguments) -> Outcome:
         for row in (r for r in rows if r.family == family):
             names = [name for name in row.models if name in known]
             print(f"  {row.key:28s} {row.equations or '-':34s} {row.status}")
-            print(f"      {row.title}" + (f"; model {', '.join(names)}" if names else ""))
+            usable = " or ".join(names) or "none, it is no length-force model"
+            print(f"      {row.title}\n      in a rig file: {usable}")
     return Outcome([{n: getattr(r, n) for n in r.__dataclass_fields__} for r in rows])
 
 
@@ -130,7 +131,12 @@ def _compare(chosen: Arguments) -> Outcome:
         from pam_model.identify.show import save_figure  # noqa: PLC0415
 
         print(save_figure(draw_comparison(comparisons), make_parents(chosen.plot)))
-    return Outcome([c.as_dict() for c in comparisons])
+    results = [c.as_dict() for c in comparisons]
+    if chosen.page:
+        from pam_model.identify.comparison_page import write_comparison  # noqa: PLC0415
+
+        print(write_comparison(results, chosen.page))
+    return Outcome(results)
 
 
 def _design(chosen: Arguments) -> Outcome:
@@ -217,6 +223,12 @@ def _declare_fit(parser: Parser) -> None:
 def _declare_compare(parser: Parser) -> None:
     _add_data(parser)
     parser.add_argument("--models", nargs="+", metavar="NAME", help="only these (default: all)")
+    parser.add_argument(
+        "--page",
+        type=output_file,
+        metavar="FILE",
+        help="also write the tables into this Markdown page, between its markers",
+    )
 
 
 def _declare_design(parser: Parser) -> None:

@@ -189,11 +189,13 @@ def fit(
         raise PamError(f"{data.name}: {len(data)} points are too few for {size} free numbers")
     everything = np.ones(len(data), dtype=bool)
     best = solve(problem, everything, search_starts(problem, starts, seed))
-    lost = numbers_lost_in_noise(problem, best)
-    if free is None:
-        # What no data can place stays where it is, and the others go to their exact optimum.
-        problem.active &= ~lost
+    # To the exact optimum: what follows must not depend on where the search ended.
     best = solve(problem, everything, [best], tolerance=_EXACT)
+    lost = numbers_lost_in_noise(problem, best)
+    if free is None and np.any(lost):
+        # What no data can place stays where it is.
+        problem.active &= ~lost
+        best = solve(problem, everything, [best], tolerance=_EXACT)
     residuals = problem.residuals(best)
     if not np.all(np.isfinite(residuals)):
         raise DomainError(f"model {name}: gives no finite value at some of the points")

@@ -33,6 +33,7 @@ from pam_model.muscles.force_model import (
     MuscleGeometry,
     create_force_model,
     registered_models,
+    unknown_model,
 )
 
 Residual = Literal["force", "length"]
@@ -61,7 +62,7 @@ class FitProblem:
     ) -> None:
         models = registered_models()
         if name not in models:
-            raise PamError(f"unknown force model {name!r}; known: {', '.join(models)}")
+            raise PamError(unknown_model(name))
         if residual not in RESIDUAL_UNITS:
             raise PamError(f"residual = {residual!r}, expected {' or '.join(RESIDUAL_UNITS)}")
         if geometry is None and not fit_geometry:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -137,12 +138,15 @@ class RegisteredModel:
     equations: str
     status: str
     summary: str
+    row: str
 
 
 _REGISTER: dict[str, RegisteredModel] = {}
 
 
-def register(*, equations: str, status: str, summary: str) -> Callable[[type[Any]], type[Any]]:
+def register(
+    *, equations: str, status: str, summary: str, row: str = ""
+) -> Callable[[type[Any]], type[Any]]:
     """Put a model class under its `name`; it needs `from_geometry(geometry, constants)`.
 
     Parameters
@@ -153,6 +157,9 @@ def register(*, equations: str, status: str, summary: str) -> Callable[[type[Any
         "derived", "published", "empirical" or "stand-in".
     summary : str
         One line for the list of models.
+    row : str
+        Name of the catalogue's row that describes the model, where that is another name: a rig
+        file that names the row is told the model.
     """
 
     def enter(model: type[Any]) -> type[Any]:
@@ -160,7 +167,7 @@ def register(*, equations: str, status: str, summary: str) -> Callable[[type[Any
         if name in _REGISTER:
             raise RuntimeError(f"two force models are called {name!r}")
         _REGISTER[name] = RegisteredModel(
-            name, model.from_geometry, model, equations, status, summary
+            name, model.from_geometry, model, equations, status, summary, row or name
         )
         return model
 
@@ -170,6 +177,20 @@ def register(*, equations: str, status: str, summary: str) -> Callable[[type[Any
 def registered_models() -> Mapping[str, RegisteredModel]:
     """Every length-force model by the name a rig file uses, in alphabetical order."""
     return dict(sorted(_REGISTER.items()))
+
+
+def unknown_model(name: object) -> str:
+    """What to say about a name that is no force model: the nearest that is."""
+    models = registered_models()
+    of_row = [entry.name for entry in models.values() if entry.row == name]
+    if of_row:
+        return (
+            f"unknown force model {name!r}: that is a row of `python -m pam_model list`, whose "
+            f"model for a rig file is {', '.join(of_row)}"
+        )
+    close = get_close_matches(str(name), models, 1)
+    hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(models)}"
+    return f"unknown force model {name!r}; {hint}"
 
 
 def create_force_model(
@@ -195,7 +216,7 @@ def create_force_model(
     """
     models = registered_models()
     if name not in models:
-        raise RigError(f"unknown force model {name!r}; known: {', '.join(models)}")
+        raise RigError(unknown_model(name))
     entry = models[name]
     declared: Mapping[str, ModelParameter] = entry.model.parameters
     given = dict(constants or {})

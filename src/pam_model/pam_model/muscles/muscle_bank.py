@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from pam_model.domain import ROUNDING
 from pam_model.errors import DomainError
 from pam_model.muscles.force_model import AffineForceModel, ForceModel
 
@@ -103,6 +104,8 @@ class MuscleBank:
         self.models = tuple(models)
         self.coefficients: Array = np.array([quadratic_coefficients(m) for m in models])
         self.bounds: Array = np.array([m.length_bounds for m in models])
+        # A length that rounding puts above the longest is no mistake; the quadratic goes on there.
+        self.bounds[:, 1] *= 1.0 + ROUNDING
         self.evaluate: Callable[
             [Sequence[float], Sequence[float]], tuple[list[float], list[float]]
         ] = _written_out(self.coefficients, self.bounds)

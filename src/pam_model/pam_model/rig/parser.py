@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any
 
 from pam_model.effects import EFFECTS, Scope
 from pam_model.errors import PamError, RigError
-from pam_model.muscles.force_model import ForceModel, registered_models
+from pam_model.muscles.force_model import ForceModel, registered_models, unknown_model
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.keys import NUMBERS, TURN, Key, Problems, Section
 from pam_model.rig.types import Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
@@ -64,10 +63,8 @@ def _muscle(section: Section, name: str, max_pressure: float) -> Muscle | None:
     model = section.get("model")
     models = registered_models()
     if model not in models:
-        what = ": missing" if model is None else f" = {model!r}: unknown"
-        close = get_close_matches(str(model), models, 1)
-        hint = f"; did you mean {close[0]}?" if close else f"; known: {', '.join(models)}"
-        section.add("model", f"{what} force model{hint}")
+        missing = f"missing force model; known: {', '.join(models)}"
+        section.add("model", f": {missing if model is None else unknown_model(model)}")
     numbers: dict[str, Any] = {
         key: section.number(key, entry)
         for key, entry in NUMBERS["muscle"].items()

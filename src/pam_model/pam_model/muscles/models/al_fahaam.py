@@ -73,6 +73,7 @@ def design_pair_forces(
     equations="(27)-(32)",
     status="derived",
     summary="contractor inside an extensor: pulls, pushes, and stiffens at the same force",
+    row="extensor_contractor",
 )
 class AlFahaam(AffineMuscle):
     """Affine in the contractor's pressure; the extensor's is a constant here.

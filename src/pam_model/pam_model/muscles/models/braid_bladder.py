@@ -25,6 +25,7 @@ def _tube_of(geometry: MuscleGeometry) -> Any:
     equations="-",
     status="derived",
     summary="ideal braid around a thin Mooney-Rivlin bladder (Klute, Hannaford)",
+    row="mooney_rivlin",
 )
 class BraidBladder(ElasticCylinder):
     """Affine in pressure, B(L) is the bladder; gas volume is the braid's less the rubber's.

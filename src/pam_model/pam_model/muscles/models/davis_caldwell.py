@@ -19,6 +19,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
     equations="(15)-(19)",
     status="derived",
     summary="ideal cylinder with the lengths at which the braid's strands jam",
+    row="braid_limits",
 )
 class DavisCaldwell(ThinCylinder):
     """Ideal cylinder, refused beyond the jam limits of its strands.

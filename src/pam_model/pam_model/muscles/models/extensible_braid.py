@@ -91,7 +91,8 @@ class ExtensibleBraid(CurvedMuscle):
 
     def stretched_thread(self, pressure: Any, length: Any) -> Any:
         """Thread length b [m] at gauge pressure [Pa] and length [m]."""
-        require_length(length, 0.0, self.braid.thread_length, "the thread length without tension")
+        reason = "the thread length without tension"
+        length = require_length(length, 0.0, self.braid.thread_length, reason)
         left = 1.0 - self._compliance * pressure * length
         if not all_true(left > 0.0):
             raise DomainError(

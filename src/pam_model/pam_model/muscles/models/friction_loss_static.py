@@ -23,6 +23,7 @@ from pam_model.muscles.thread_friction import FRICTION_PARAMETERS, ThreadFrictio
     equations="(20)-(22)",
     status="stand-in",
     summary="tapered braid, bladder and thread friction from one energy balance",
+    row="friction_loss",
 )
 class FrictionLossStatic(TaperedBraid):
     """Affine in pressure at rest; friction appears with speed.

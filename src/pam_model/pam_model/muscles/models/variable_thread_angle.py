@@ -34,6 +34,7 @@ def _angle_of(geometry: MuscleGeometry) -> Any:
     equations="(1)-(2), (6)",
     status="derived",
     summary="ideal braid with the thread angle at rest as an input: contracts or extends (Hassan)",
+    row="variable_angle",
 )
 class VariableThreadAngle(ThinCylinder):
     """Ideal cylinder of given size at rest and any thread angle.

@@ -22,6 +22,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
     equations="-",
     status="derived",
     summary="sleeve muscle: inserted rod saves gas and adds pull, a second chamber pushes",
+    row="sleeve",
 )
 class ZhengShen(ThinCylinder):
     """Affine in the muscle's pressure; the second chamber's pressure is a constant here.
