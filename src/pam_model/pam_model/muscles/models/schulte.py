@@ -119,7 +119,7 @@ class Schulte(ThinCylinder):
         return 0.0, self.thread_length
 
     def _check(self, length: Any) -> Any:
-        reason = "where the braid has no diameter left"
+        reason = "the thread length, where no diameter is left"
         return require_length(length, 0.0, self.thread_length, reason, open_high=True)
 
     def _angle(self, length: Any) -> tuple[Any, Any]:
