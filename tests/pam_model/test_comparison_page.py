@@ -13,7 +13,7 @@ from pam_model.identify.measurements import load_measurements
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "models.md"
 DATA = ROOT / "tests" / "data" / "festo_platform" / "PtoD_40.csv"
-QUICK = ("gaylord", "tondu_lopez", "sarosi", "wickramatunge", "schulte")
+QUICK = ("gaylord", "tondu_lopez", "sarosi", "wickramatunge")
 """Models that take seconds; the others come from the same command in the same run."""
 
 
