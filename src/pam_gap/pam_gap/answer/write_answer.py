@@ -196,8 +196,11 @@ def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:
     if proposal is not None:
         return proposal.sentence()
     if verdict == "ambiguous":
-        return "the same motion with load cells and at another gravity angle"
+        return "Record the same motion again with load cells, and with gravity at another angle."
     if verdict == "unknown":
-        sensors = "" if present[BOTH_FORCES].any() else " with load cells"
-        return f"holds and slow reversals over the whole range{sensors}, to see what it depends on"
+        sensors = "" if present[BOTH_FORCES].any() else ", with load cells"
+        return (
+            f"Record holds and slow reversals over the whole range{sensors}: they show what the "
+            "remaining error depends on."
+        )
     return ""
