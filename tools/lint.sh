@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Style and types of the whole tree.
+# Style, types and import rules of the whole tree.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
 .venv/bin/mypy --strict src benchmarks
+.venv/bin/lint-imports --no-logo --no-cache

@@ -23,4 +23,9 @@ setup(
     url="https://example.org/pam-suite",
     description="Checks of the suite: faults, fuzzing, endurance, security, withheld effects.",
     license="Apache-2.0",
+    entry_points={
+        "can.interface": [
+            "unpluggable = pam_check.endurance.unpluggable_bus:UnpluggableBus",
+        ]
+    },
 )

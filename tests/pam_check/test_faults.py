@@ -20,12 +20,12 @@ from pam_driver.boards.pam_board.codec import BoardCodec, BoardState, FrameError
 from pam_driver.safety.states import TRANSITIONS, SafetyState
 from pam_driver.safety.states_page import diagram_as_mermaid
 from pam_model.errors import PamError
+from pam_sim import fault_injection
 from pam_sim.boards.pam_board_twin import SimulatedPamBoard
 from pam_sim.boards.protocol import BoardValve
-from pam_sim.faults import injection as fault_injection
+from pam_sim.fault_injection import parse_injection
 from pam_sim.faults import rig_faults
 from pam_sim.faults.frame_faults import FrameFault, FrameFaults
-from pam_sim.faults.injection import parse_injection
 from pam_sim.faults.kinds import KINDS, Reaction, kind_called, write_into
 from pam_sim.faults.rig_faults import POSITION, RigFaults
 from support.rigs import ELBOW

@@ -12,7 +12,7 @@ from pam_check.chain import multicast_bus
 from pam_check.endurance.kill_trials import kill_once
 from pam_check.endurance.lifecycle_cycles_node import WARM, WAYS, Cycles, draw_losses, run_cycles
 from pam_check.endurance.process_use import Use
-from pam_check.endurance.unpluggable_driver_node import PLUG, UnpluggableBus
+from pam_check.endurance.unpluggable_bus import INTERFACE, PLUG, UnpluggableBus
 from pam_driver.bus import BusError, BusState, SendOutcome, open_bus
 from pam_model.errors import PamError
 from support.rigs import ELBOW
@@ -51,8 +51,8 @@ def test_the_bus_is_lost_at_random_but_in_each_way_equally_often():
 def test_a_bus_that_is_unplugged_raises_what_the_system_would(monkeypatch, tmp_path):
     plug, bus = tmp_path / "plug", multicast_bus()
     monkeypatch.setenv(PLUG, str(plug))
-    monkeypatch.setitem(BACKENDS, "udp_multicast", (UnpluggableBus.__module__, "UnpluggableBus"))
-    port = open_bus(bus.interface, bus.channel, port=bus.port)
+    monkeypatch.setitem(BACKENDS, INTERFACE, (UnpluggableBus.__module__, "UnpluggableBus"))
+    port = open_bus(INTERFACE, bus.channel, port=bus.port)
     try:
         assert port.send(0x80, b"\1", 1.0) is SendOutcome.SENT
         plug.write_text(str(errno.ENETDOWN))
@@ -63,7 +63,7 @@ def test_a_bus_that_is_unplugged_raises_what_the_system_would(monkeypatch, tmp_p
         plug.write_text(str(errno.ENODEV))
         assert port.receive_all(1.3) == []
         with pytest.raises(BusError, match="No such device"):
-            open_bus(bus.interface, bus.channel, port=bus.port)
+            open_bus(INTERFACE, bus.channel, port=bus.port)
         port.receive_all(9.0)
         assert port.state is BusState.DOWN
         plug.unlink()

@@ -1,17 +1,10 @@
 """What the rig file names is compensated: the same afflicted plant is tracked better with it."""
 
 import dataclasses
-import math
 
-import numpy as np
 import pytest
 
-from pam_control.compensation.bladder_creep import BladderCreep
-from pam_control.compensation.dry_friction import SMOOTHING_SPEED, DryFriction
-from pam_control.compensation.history_torque import HistoryTorque
 from pam_control.compensation.inverse_dynamics import InverseDynamics
-from pam_control.compensation.thread_hysteresis import ThreadHysteresis
-from pam_control.compensation.valve_inverse import ROUNDED, ValveInverse
 from pam_control.control_step import Measurement
 from pam_control.feedback.margins import margins
 from pam_control.joint_channel import JointChannel, Plan
@@ -19,8 +12,6 @@ from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.effects import EFFECTS
-from pam_model.plant.parameters import PlantParameters
-from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import Joint
 
 SETTLE = 2.0
@@ -226,73 +217,6 @@ def test_payload_is_a_point_mass():
     dynamics = InverseDynamics.from_joint(joint)
     assert dynamics.inertia == pytest.approx(0.04 + 2.0 * 0.3**2)
     assert dynamics.gravity_torque - joint.gravity_torque == pytest.approx(2.0 * 9.80665 * 0.3)
-
-
-def test_dry_friction_is_odd_and_saturates():
-    friction = DryFriction(0.3, 0.6, 0.4, 0.1)
-    for speed in (1e-3, 0.02, 0.1, 2.0):
-        assert friction.torque(-speed) == -friction.torque(speed)
-        assert 0.0 < friction.torque(speed) <= 0.9
-    assert friction.torque(0.0) == 0.0
-    assert friction.torque(30.0 * SMOOTHING_SPEED) == pytest.approx(0.7, rel=1e-3)
-
-
-def test_thread_friction_does_not_know_time_nor_steps():
-    """Rate-independent: a stroke in one piece or in many ends in the same state."""
-    whole, parts = ThreadHysteresis(1e-4, 1e-3), ThreadHysteresis(1e-4, 1e-3)
-    for stroke in (2e-3, -7e-4, 3e-4):
-        whole.move(stroke)
-        for _ in range(50):
-            parts.move(stroke / 50)
-        assert parts.state == pytest.approx(whole.state, abs=1e-12)
-        assert abs(whole.state) < 1.0
-
-
-def test_creep_relaxes_with_its_time_constant():
-    creep = BladderCreep(1000.0, 2.0)
-    creep.move(0.01, 0.0)
-    assert creep.force == pytest.approx(10.0)
-    creep.move(0.0, 2.0)
-    assert creep.force == pytest.approx(10.0 * math.exp(-1.0))
-
-
-def test_history_is_that_of_the_simulated_muscle(rig):
-    """Pushed through the same lengths, controller and plant agree on the torque."""
-    effects = {"hysteresis": {"amplitude": 0.1}, "creep": {"ratio": 0.3, "time_constant": 1.0}}
-    named = rig
-    for name in rig.joints[0].muscles:
-        named = named.with_muscle(dataclasses.replace(rig.muscle(name), effects=effects))
-    time = np.arange(0.0, 4.0, 0.002)
-    q = 0.4 * np.sin(1.5 * time) * np.minimum(time, 1.0)
-    p = np.full((len(time), 2), 2.5e5)
-    torques = []
-    for each in (rig, named):
-        parameters = PlantParameters.from_rig(each, 0)
-        start = initial_state(parameters, pressures=(2.5e5, 2.5e5))
-        result = simulate(
-            parameters, np.zeros((len(time), 2)), 0.002, start, positions=q, pressures=p
-        )
-        torques.append(rig.joints[0].pulley_radius * (result.forces[:, 0] - result.forces[:, 1]))
-    history = HistoryTorque(
-        tuple(named.muscle(name) for name in rig.joints[0].muscles), rig.joints[0].pulley_radius
-    )
-    own = [history.advance(t, x, (2.5e5, 2.5e5)) for t, x in zip(time, q, strict=True)]
-    difference = np.array(own) - (torques[1] - torques[0])
-    assert np.abs(torques[1] - torques[0]).max() > 0.2
-    assert np.abs(difference).max() < 0.02 * np.abs(torques[1] - torques[0]).max()
-
-
-@pytest.mark.parametrize("overlap", [0.0, 0.05, 0.3])
-@pytest.mark.parametrize("null", [-0.1, 0.0, 0.07])
-def test_spool_undoes_overlap_and_null_offset(overlap, null):
-    inverse = ValveInverse(0.5, overlap, null)
-    for opening in (-0.8, -0.2, -ROUNDED, ROUNDED, 0.3, 0.9):
-        spool = inverse.spool(opening) + null
-        passed = math.copysign(max(0.0, abs(spool) - overlap) / (1.0 - overlap), spool)
-        assert passed == pytest.approx(opening, abs=1e-12)
-    assert inverse.spool(0.0) == -null
-    assert inverse.opening(-0.2) == pytest.approx(-0.4)
-    assert inverse.opening(0.2) == 0.2
 
 
 def test_sensor_errors_are_taken_out_of_what_is_reported(rig):

@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pam_check.faults.campaign import make_chain
 from pam_gap.live.live_gap import LiveWindow
 from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
 from pam_model.rig import load_rig
+from support.mixed_rig import TWO_JOINTS, drive
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
 MUSCLES = ["elbow_flexor", "elbow_extensor"]
@@ -157,6 +159,52 @@ def test_node_reports_on_diagnostics(
         keys = {pair.key for pair in status.values}
         assert "joint_states.elbow.position 0.5 s [rad]" in keys
         assert "times the noise" in status.message
+    finally:
+        node.send_signal(signal.SIGINT)
+        _, errors = node.communicate(timeout=20.0 * patience)
+    assert node.returncode == 0, errors
+
+
+@pytest.mark.system
+def test_node_watches_the_valves_of_both_kinds(
+    probe: Any, ros_environment: dict[str, str], patience: float
+) -> None:
+    from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticArray
+    from sensor_msgs.msg import JointState
+
+    messages = drive(make_chain(load_rig(TWO_JOINTS)), 4.0)
+    heard = probe.listen(DiagnosticArray, "/diagnostics")
+    node = subprocess.Popen(
+        [sys.executable, "-m", "pam_gap", "monitor", "--ros-args", "--params-file",
+         str(TWO_JOINTS), "-p", "window:=3.0", "-p", "period:=0.5"],
+        env=os.environ | ros_environment | {"NUMBA_NUM_THREADS": "1"},
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+    def ratios() -> dict[str, float]:
+        return {
+            status.name: float(pair.value)
+            for status in (heard[-1].status if heard else ())
+            for pair in status.values
+            if pair.key == "stage valve [times the noise]"
+        }
+
+    try:
+        out = {
+            topic: probe.publisher(JointState, topic, 30.0 * patience)
+            for topic in ("valve_commands", "pressure_states", "joint_states")
+        }
+        begin = time.time() - messages[0].time
+        for entry in messages:
+            whole, part = divmod(begin + entry.time, 1.0)
+            for topic, (name, position, velocity, effort) in entry.topics.items():
+                message = JointState(name=name, position=position, velocity=velocity, effort=effort)
+                message.header.stamp = Time(sec=int(whole), nanosec=int(part * 1e9))
+                out[topic.removeprefix("sent_")].publish(message)
+            time.sleep(max(begin + entry.time - time.time(), 0.0))
+        probe.wait_for("the gap of both joints", lambda: len(ratios()) == 2, 30.0 * patience)
+        assert all(math.isfinite(ratio) for ratio in ratios().values())
     finally:
         node.send_signal(signal.SIGINT)
         _, errors = node.communicate(timeout=20.0 * patience)

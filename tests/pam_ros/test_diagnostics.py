@@ -1,6 +1,8 @@
 """Health as REP-107 messages."""
 
+import ast
 import math
+from pathlib import Path
 
 import pytest
 
@@ -39,3 +41,29 @@ def test_loop_statistics_name_their_unit() -> None:
     values = loop_values(LoopStatistics(cycles=10, late=2, skipped=1, worst_lateness=0.004))
     assert values["worst lateness [ms]"] == pytest.approx(4.0)
     assert values["late cycles"] == 2
+
+
+def test_two_robots_are_told_apart_by_their_namespaces() -> None:
+    def names(namespace: str) -> list[tuple[str, str]]:
+        board = diagnostic_status("pam_driver: board 0", OK, "fine", {}, "board 0")
+        safety = diagnostic_status("pam_driver: safety", OK, "fine", {})
+        array = diagnostic_array(Time(), board, safety, namespace=namespace)
+        return [(status.name, status.hardware_id) for status in array.status]
+
+    plain = [("pam_driver: board 0", "board 0"), ("pam_driver: safety", "")]
+    assert names("/") == names("") == plain
+    assert names("/lab/robot1") == [
+        ("lab/robot1/pam_driver: board 0", "lab/robot1/board 0"),
+        ("lab/robot1/pam_driver: safety", ""),
+    ]
+
+
+def test_every_node_tells_its_namespace_with_its_health() -> None:
+    told = {}
+    for path in Path(__file__).parents[2].glob("src/*/pam_*/**/*_node.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("diagnostic_array"):
+                given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
+                told[path.name] = given.get("namespace")
+    assert len(told) >= 5
+    assert set(told.values()) == {"self.get_namespace()"}, told

@@ -34,9 +34,10 @@ def _declare_faults(parser: Parser) -> None:
 
 
 def _processes(given: Arguments) -> Outcome:
-    from pam_check.faults.process_campaign import run  # noqa: PLC0415  (rclpy)
+    from pam_check.faults.operator_node import open_operator  # noqa: PLC0415  (rclpy)
+    from pam_check.faults.process_campaign import run  # noqa: PLC0415
 
-    return run(given)
+    return run(given, open_operator)
 
 
 def _declare_processes(parser: Parser) -> None:
@@ -133,8 +134,13 @@ def _declare_fuzz(parser: Parser) -> None:
 
 def _fuzz_callbacks(given: Arguments) -> Outcome:
     from pam_check.fuzz.callbacks_node import run  # noqa: PLC0415  (rclpy)
+    from pam_control.controller_node import ControllerNode  # noqa: PLC0415
+    from pam_driver.driver_node import DriverNode  # noqa: PLC0415
+    from pam_gap.live.monitor_node import MonitorNode  # noqa: PLC0415
+    from pam_model.model_node import ModelNode  # noqa: PLC0415
+    from pam_sim.rig_node import RigNode  # noqa: PLC0415
 
-    return run(given)
+    return run(given, (DriverNode, ControllerNode, ModelNode, RigNode, MonitorNode))
 
 
 def _declare_fuzz_callbacks(parser: Parser) -> None:

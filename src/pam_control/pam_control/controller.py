@@ -15,7 +15,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 
-from pam_control.compensation.sensor_correction import SensorCorrection
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
 from pam_control.feedback.gain_design import DesignTask, design_pressure_gain
 from pam_control.feedback.kept_designs import KeptDesigns
@@ -26,6 +25,7 @@ from pam_control.joint_channel import JointChannel, Pair
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
+from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
 
 LONGEST_STEP = 0.02  # s; a longer pause between two steps counts as this

@@ -114,14 +114,22 @@ class ControllerNode(Node):  # type: ignore[misc]
             Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
         )
         self.create_timer(1.0, self._report)
+        # Arguments for the process would give this node the name of the first one, too: what they
+        # say of topics is taken from the first node.
         self._hearing = rclpy.create_node(
-            "pam_controller_inputs", enable_rosout=False, start_parameter_services=False
+            f"{self.get_name()}_inputs",
+            namespace=self.get_namespace(),
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
         )
         for topic, callback in (
             ("joint_states", self._on_joint_states),
             ("pressure_states", self._on_pressure_states),
         ):
-            self._hearing.create_subscription(JointState, topic, callback, sensed)
+            self._hearing.create_subscription(
+                JointState, self.resolve_topic_name(topic), callback, sensed
+            )
         self._ending = threading.Event()
         self._hearing_thread = threading.Thread(target=self._hear, name="inputs", daemon=True)
         priority = int(self._declared.number("loop.realtime_priority"))
@@ -304,7 +312,9 @@ class ControllerNode(Node):  # type: ignore[misc]
             statuses.append(self._joint_status(index))
         with _unless_ending():
             stamp = self.get_clock().now().to_msg()
-            self._health_out.publish(health.diagnostic_array(stamp, *statuses))
+            self._health_out.publish(
+                health.diagnostic_array(stamp, *statuses, namespace=self.get_namespace())
+            )
 
     def _loop_status(self, now: float) -> Any:
         values = health.loop_values(self.loop.statistics)
@@ -315,13 +325,13 @@ class ControllerNode(Node):  # type: ignore[misc]
         values["pressure loop gain [1/s]"] = self._controller.settings.pressure_gain
         level = health.STALE if self._reason else health.OK
         text = f"sends no commands: {self._reason}" if self._reason else "controlling"
-        return health.diagnostic_status("pam_controller: loop", level, text, values)
+        return health.diagnostic_status(f"{self.get_name()}: loop", level, text, values)
 
     def _command_status(self, now: float) -> Any:
         text, when = self._last_rejection
         recent = now - when < REJECTION_SHOWN
         return health.diagnostic_status(
-            "pam_controller: commands",
+            f"{self.get_name()}: commands",
             health.WARN if recent else health.OK,
             text if recent else "no message rejected lately",
             {"rejected messages": self._rejected, "last rejection": text},
@@ -354,7 +364,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         }
         clipping = counts.clipped > 0.5 * cycles
         return health.diagnostic_status(
-            f"pam_controller: {channel.joint.name}",
+            f"{self.get_name()}: {channel.joint.name}",
             health.WARN if clipping else health.OK,
             f"cut by {', '.join(told.clipped)}" if clipping and told.clipped else "in reach",
             values,

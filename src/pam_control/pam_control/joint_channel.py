@@ -12,7 +12,7 @@ from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
 from pam_control.references.trajectory import JointReference
-from pam_model.effects import effect_value
+from pam_model.effects import adjusted
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Joint, Rig
 
@@ -87,13 +87,13 @@ class JointChannel:
         self.history = HistoryTorque(self.muscles, self.model.pulley_radius)
         self.valve_time_constants = tuple(valve_time_constant(m) for m in self.muscles)
         self.command_delays = tuple(
-            effect_value(muscle.effects, "command_delay", "delay") for muscle in self.muscles
+            adjusted("valve.command_delay", None, muscle.effects) for muscle in self.muscles
         )
         # a lag well above the pressure loop's crossover acts as a delay
         self.pressure_lags = tuple(
-            effect_value(muscle.effects, "pressure_lag", "time_constant") for muscle in self.muscles
+            adjusted("pressure_sensor.lag", None, muscle.effects) for muscle in self.muscles
         )
-        self.position_delay = effect_value(joint.effects, "position_delay", "delay")
+        self.position_delay = adjusted("position_sensor.delay", None, joint.effects)
         self.pid = Pid()
         self.loops = tuple(
             create_pressure_loop(rig, muscle, gas_space)

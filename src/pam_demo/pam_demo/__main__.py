@@ -13,9 +13,10 @@ EFFECT = "EFFECT.PARAMETER=VALUE"
 
 
 def _demo(given: Arguments) -> Outcome:
-    from pam_demo.demo import run  # noqa: PLC0415  (rclpy, matplotlib)
+    from pam_demo.demo import run  # noqa: PLC0415  (matplotlib)
+    from pam_demo.player_node import open_player  # noqa: PLC0415  (rclpy)
 
-    return run(given)
+    return run(given, open_player)
 
 
 def _declare_demo(parser: Parser) -> None:

@@ -6,16 +6,14 @@ import base64
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jinja2
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
 from pam_gap.answer.diagnosis import Diagnosis
-
-if TYPE_CHECKING:
-    from pam_demo.close_loop import ClosedLoopFigure, TrackedMotion
 
 ASKED, BEFORE, AFTER = "#1d2433", "#d1495b", "#00798c"
 STYLE: Any = {  # matplotlib's own type lists every key

@@ -16,18 +16,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from rich.console import Console
 
-from pam_check.chain import BusChoice, Chain, best_bus, private_domain, set_environment
+from pam_check.chain import BusChoice, Chain, best_bus, private_domain
 from pam_check.processes import NodeProcess, Setting
 from pam_demo.figures import evaluate, show, target_text
 from pam_demo.motions import APPROACH, Motion, all_motions
 from pam_demo.page import write_page, write_picture
-from pam_demo.player_node import TAIL, Player, VentedError
+from pam_demo.player import TAIL, OpenPlayer, Player, VentedError
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
-from pam_model.rig import Rig, load_rig
+from pam_model.rig import load_rig
 from pam_sim.rig import parse_effects
 from pam_sim.simulated_rig import apply_effects
 
@@ -80,7 +79,11 @@ def _play(
 
 
 def perform(
-    chain: Chain, rig: Rig, bag: Path, plays: list[tuple[str, Motion]], plant: dict[str, Setting]
+    chain: Chain,
+    player: Player,
+    bag: Path,
+    plays: list[tuple[str, Motion]],
+    plant: dict[str, Setting],
 ) -> list[dict[str, Any]]:
     """Run the programme and record it; which law played which motion from when [s].
 
@@ -93,47 +96,47 @@ def perform(
     """
     runs: list[dict[str, Any]] = []
     total = sum(APPROACH + motion.duration + TAIL for _, motion in plays)
-    with set_environment(chain.environment):
-        rclpy.init(args=[])
-    player = Player(rig.joint_names)
-    try:
-        with progress(total, "starting the nodes") as bar:
-            chain.processes["recorder"] = NodeProcess(
-                "pam_demo.recorder_node",
-                environment=chain.environment,
-                arguments=["--out", str(bag)],
-            )
-            chain.start("rig", plant | REALTIME["rig"])
-            chain.start("driver", {"startup_timeout": START_TIMEOUT} | REALTIME["driver"])
-            chain.start("model")
-            player.wait_for_driver(START_TIMEOUT, chain.check)
-            law_now = ""
-            done = 0.0
-            for law, motion in plays:
-                if law != law_now:
-                    if law_now:
-                        player.vent(chain.check)
-                        chain.stop("controller")
-                        player.activate(chain.check)
-                    bar.show(done, "starting the controller")
-                    chain.start("controller", LAWS[law] | REALTIME["controller"])
-                    player.wait_for_controller(START_TIMEOUT, chain.check)
-                    law_now = law
-                label = f"{motion.title}, {law.replace('_', ' ')}"
-                bar.show(done, label)
-                advance = partial(_advance, bar, done)
-                start, repeats = _play(player, motion, chain, advance)
-                runs.append({"law": law, "motion": motion.name, "start": start, "repeats": repeats})
-                done += APPROACH + motion.duration + TAIL
-            bar.show(total, "done")
-    finally:
-        player.destroy_node()
-        rclpy.try_shutdown()
+    with progress(total, "starting the nodes") as bar:
+        chain.processes["recorder"] = NodeProcess(
+            "pam_demo.recorder_node",
+            environment=chain.environment,
+            arguments=["--out", str(bag)],
+        )
+        chain.start("rig", plant | REALTIME["rig"])
+        chain.start("driver", {"startup_timeout": START_TIMEOUT} | REALTIME["driver"])
+        chain.start("model")
+        player.wait_for_driver(START_TIMEOUT, chain.check)
+        law_now = ""
+        done = 0.0
+        for law, motion in plays:
+            if law != law_now:
+                if law_now:
+                    player.vent(chain.check)
+                    chain.stop("controller")
+                    player.activate(chain.check)
+                bar.show(done, "starting the controller")
+                chain.start("controller", LAWS[law] | REALTIME["controller"])
+                player.wait_for_controller(START_TIMEOUT, chain.check)
+                law_now = law
+            label = f"{motion.title}, {law.replace('_', ' ')}"
+            bar.show(done, label)
+            advance = partial(_advance, bar, done)
+            start, repeats = _play(player, motion, chain, advance)
+            runs.append({"law": law, "motion": motion.name, "start": start, "repeats": repeats})
+            done += APPROACH + motion.duration + TAIL
+        bar.show(total, "done")
     return runs
 
 
-def run(given: Arguments) -> Outcome:
+def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     """All of the demo; the command of `pam_demo.__main__`.
+
+    Parameters
+    ----------
+    given : Arguments
+        From the command line.
+    open_player : callable
+        Makes the one who plays the motions.
 
     Raises
     ------
@@ -162,17 +165,18 @@ def run(given: Arguments) -> Outcome:
     environment["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
     chain = Chain([rig_path], bus, environment)
     try:
-        with chain:
+        with chain, open_player(rig.joint_names, environment) as player:
             plays = programme(motions, not (given.no_baselines or given.short))
-            runs = perform(chain, rig, bag, plays, plant)
+            runs = perform(chain, player, bag, plays, plant)
     finally:
         for name, text in chain.outputs.items():
             (out / f"{name}.log").write_text(text)
     (out / "runs.json").write_text(json.dumps(runs, indent=1))
     results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig)
     (out / "figures.json").write_text(json.dumps(results.as_json(), indent=1))
-    page = write_page(out / "demo.html", results, str(bus), rig.joints[0].muscles)
-    write_picture(out / "demo.png", results, rig.joints[0].muscles)
+    muscles = {name: rig.valve_kinds[name] for name in rig.joints[0].muscles}
+    page = write_page(out / "demo.html", results, str(bus), muscles)
+    write_picture(out / "demo.png", results, muscles)
     show(results, Console())
     print(f"recording: {bag}\npage:      {page}\ntook {time.monotonic() - began:.0f} s")
     missed = [figure for figure in results.figures if figure.met is False]

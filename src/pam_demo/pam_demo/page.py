@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from pam_demo.figures import (
     target_text,
 )
 from pam_demo.recording import Array
+from pam_ros.valve_command import FLOW
 
 COLOURS = {"full": "#1f5fbf", "no_feedforward": "#d9822b", "pressure_ratio_pid": "#8e5bb5"}
 ASKED = "#1d2433"
@@ -68,7 +69,7 @@ def _line(axes: Axes, times: Array, values: Array, **style: Any) -> None:
     axes.plot(times, values, **style)
 
 
-def _motion_plot(plays: list[Play], muscles: tuple[str, ...]) -> Canvas:
+def _motion_plot(plays: list[Play], muscles: Mapping[str, str]) -> Canvas:
     """One column of axes for one motion: angle, error, stiffness, pressures, valves."""
     first = plays[0]
     canvas = Canvas(figsize=(10.4, 9.0), layout="constrained")
@@ -96,7 +97,7 @@ def _motion_plot(plays: list[Play], muscles: tuple[str, ...]) -> Canvas:
     )
     stiffness.set_ylabel("stiffness\n[N m/rad]")
     stiffness.set_ylim(bottom=0.0)
-    for element, (colour, name) in enumerate(zip(PAIR, muscles, strict=False)):
+    for element, (colour, (name, kind)) in enumerate(zip(PAIR, muscles.items(), strict=False)):
         _line(
             pressure,
             first.pressures.times,
@@ -107,13 +108,14 @@ def _motion_plot(plays: list[Play], muscles: tuple[str, ...]) -> Canvas:
         _line(
             valve,
             first.valves.times,
-            first.valves.values[:, element],
+            first.valves.values[:, element] / (1.0 if kind == FLOW else 1e5),
             color=colour,
             label=name,
             linewidth=0.8,
         )
     pressure.set_ylabel("pressure\n[bar gauge]")
-    valve.set_ylabel("valve\n[-1..1]")
+    units = {"-1..1" if kind == FLOW else "bar gauge" for kind in muscles.values()}
+    valve.set_ylabel(f"valve\n[{' or '.join(sorted(units))}]")
     valve.set_xlabel("time [s]")
     for axes in (angle, stiffness, pressure):
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), borderaxespad=0.3)
@@ -144,7 +146,7 @@ def _svg(draw: Callable[[], Canvas]) -> str:
     return base64.b64encode(buffer.getvalue()).decode()
 
 
-def write_picture(path: Path, results: Results, muscles: tuple[str, ...]) -> Path:
+def write_picture(path: Path, results: Results, muscles: Mapping[str, str]) -> Path:
     """Write the arm's motion as one picture, as README shows it.
 
     Parameters
@@ -153,8 +155,8 @@ def write_picture(path: Path, results: Results, muscles: tuple[str, ...]) -> Pat
         PNG file to write.
     results : Results
         Its first motion is shown, by every law that played it.
-    muscles : tuple of str
-        In the order of the recorded arrays.
+    muscles : mapping
+        Muscle -> kind of its valve, in the order of the recorded arrays.
 
     Returns
     -------
@@ -174,7 +176,7 @@ def _css(figure: Figure) -> str:
     return {None: "", True: "good", False: "bad"}[figure.met]
 
 
-def write_page(path: Path, results: Results, bus: str, muscles: tuple[str, ...]) -> Path:
+def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str]) -> Path:
     """Write the page.
 
     Parameters
@@ -185,8 +187,8 @@ def write_page(path: Path, results: Results, bus: str, muscles: tuple[str, ...])
         What it shows.
     bus : str
         Which bus, for people.
-    muscles : tuple of str
-        In the order of the recorded arrays.
+    muscles : mapping
+        Muscle -> kind of its valve, in the order of the recorded arrays.
 
     Returns
     -------

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -18,19 +19,16 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from pam_check.chain import set_environment
 from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
+from pam_demo.player import TAIL, VentedError
 from pam_model.errors import PamError
 
 Progress = Callable[[float], None]
-TAIL = 0.3  # s, recorded after a motion's end
 ANSWER_TIMEOUT = 10.0  # s, for the driver's services
 
 
-class VentedError(PamError):
-    """The driver has vented by itself; the message has its reason."""
-
-
-class Player(Node):  # type: ignore[misc]
+class PlayerNode(Node):  # type: ignore[misc]
     """Publishes references for the joints of a rig; all but the first hold still."""
 
     def __init__(self, joints: tuple[str, ...]) -> None:
@@ -220,3 +218,16 @@ class Player(Node):  # type: ignore[misc]
         message = JointState(name=list(self._joints[:1]), position=[float(motion.positions[index])])
         message.header.stamp = self.get_clock().now().to_msg()
         self._stream.publish(message)
+
+
+@contextmanager
+def open_player(joints: tuple[str, ...], environment: Mapping[str, str]) -> Iterator[PlayerNode]:
+    """A player of these joints in the ROS domain of this environment; ended when left."""
+    with set_environment(environment):
+        rclpy.init(args=[])
+    player = PlayerNode(joints)
+    try:
+        yield player
+    finally:
+        player.destroy_node()
+        rclpy.try_shutdown()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +14,7 @@ from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
 from pam_model.errors import PamError
+from pam_ros.valve_command import commands_of_any_kind
 
 Array = npt.NDArray[np.float64]
 
@@ -42,14 +45,23 @@ class Series:
 
 
 LOOP_COUNTS = ("cycles", "late cycles", "skipped cycles")
+COMMAND = "command"
+"""Not a field of a message: the one of two that holds a muscle's valve command."""
 FIELDS = {
     "/joint_states": "position",
     "/pressure_states": "effort",
-    "/valve_commands": "position",
+    "/valve_commands": COMMAND,
     "/pam_controller/reference": "position",
     "/joint_stiffness": "data",
     "/ground_truth/joint_states": "position",
 }
+
+
+def _values(message: Any, field: str) -> Sequence[float]:
+    if field != COMMAND:
+        return cast(Sequence[float], getattr(message, field))
+    told = commands_of_any_kind(message.name, message.position, message.effort).values
+    return [told.get(name, math.nan) for name in message.name]
 
 
 def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str, Series]:
@@ -60,7 +72,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
     bag : Path
         A rosbag2 folder.
     fields : dict, optional
-        Topic -> field of its message.
+        Topic -> field of its message, or COMMAND.
 
     Returns
     -------
@@ -80,7 +92,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
             wanted = [entry for entry in reader.connections if entry.topic in fields]
             for connection, received, raw in reader.messages(connections=wanted):
                 message = reader.deserialize(raw, connection.msgtype)
-                values = getattr(message, fields[connection.topic])
+                values = _values(message, fields[connection.topic])
                 header = getattr(message, "header", None)
                 stamp = (
                     received * 1e-9

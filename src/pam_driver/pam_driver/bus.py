@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import can
+from can.interfaces.udp_multicast import UdpMulticastBus
 
 from pam_driver.identifiers import EXTENDED
 from pam_model.errors import PamError
@@ -99,7 +100,7 @@ class CanPort:
         self._bus: can.BusABC | None = bus
         self._extended = frozenset(extended)
         # a multicast group also hears its own frames
-        self._hears_itself = options["interface"] == "udp_multicast"
+        self._hears_itself = isinstance(bus, UdpMulticastBus)
         self._sent_ids: set[int] = set()
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=1024)
         self._controller = BusState.ERROR_ACTIVE

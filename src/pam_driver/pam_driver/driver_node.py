@@ -303,7 +303,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._diagnostics.commanders = self.count_publishers("valve_commands")
         statuses = self._diagnostics.statuses(self._loop.statistics, time.monotonic())
         self._diagnostics_topic.publish(
-            diagnostic_array(self.get_clock().now().to_msg(), *statuses)
+            diagnostic_array(
+                self.get_clock().now().to_msg(), *statuses, namespace=self.get_namespace()
+            )
         )
 
 

@@ -81,6 +81,18 @@ def _declare_effects(parser: Parser) -> None:
     )
 
 
+def _rules(given: Arguments) -> Outcome:
+    from pam_gap.rules.page import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _declare_rules(parser: Parser) -> None:
+    parser.add_argument(
+        "--out", type=output_folder, default="docs", help="folder (default: %(default)s)"
+    )
+
+
 def _monitor(arguments: Sequence[str]) -> int:
     from pam_gap.live.monitor_node import main as monitor  # noqa: PLC0415  (rclpy)
 
@@ -107,6 +119,7 @@ DIAGNOSE = Command(
 COMMANDS = (
     DIAGNOSE,
     Command("effects", "write the page of effects", _declare_effects, _effects),
+    Command("rules", "write the page of constants", _declare_rules, _rules),
     NodeCommand("monitor", "watch the gap on live topics (a ROS node)", _monitor),
     NodeCommand("play", "play a proposed experiment on the rig (a ROS node)", _play),
 )

@@ -68,9 +68,9 @@ def _show(chosen: Arguments) -> Outcome:
             _, geometry = default_model(name)
         model = create_force_model(name, geometry, constants)
         figure = draw_force_model(model, geometry.rest_length, pressures)
+    picture = save_figure(figure, make_parents(chosen.output or Path(f"{chosen.name}.png")))
     print(f"{row.title}: equations {row.equations or '-'}, {row.status}")
     print(f"  domain: {row.domain}\n  use it: {row.use}\n  not for: {row.avoid}")
-    picture = save_figure(figure, make_parents(chosen.output or Path(f"{chosen.name}.png")))
     print(picture)
     facts = {n: getattr(row, n) for n in row.__dataclass_fields__}
     return Outcome({**facts, "picture": picture})

@@ -121,7 +121,8 @@ class ModelNode(Node):  # type: ignore[misc]
             **{f"problem {index}": line for index, line in enumerate(self._problems)},
         }
         status = diagnostic_status(f"{self.get_name()}: estimates", level, text, values)
-        self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), status))
+        stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(diagnostic_array(stamp, status, namespace=self.get_namespace()))
 
 
 HELP = NodeHelp(

@@ -61,8 +61,25 @@ def loop_values(statistics: LoopStatistics) -> dict[str, object]:
     }
 
 
-def diagnostic_array(stamp: Any, *statuses: Any) -> Any:
-    """The message for /diagnostics, from a builtin_interfaces Time and the parts' health."""
+def diagnostic_array(stamp: Any, *statuses: Any, namespace: str = "/") -> Any:
+    """The message for /diagnostics, which all robots share.
+
+    Parameters
+    ----------
+    stamp : builtin_interfaces.msg.Time
+        When the parts were looked at.
+    statuses : diagnostic_msgs.msg.DiagnosticStatus
+        The parts' health.
+    namespace : str, optional
+        Of the node; where it has one, names and hardware identifiers begin with it, as
+        "robot1/pam_driver: safety", so that two robots are told apart.
+    """
+    robot = namespace.strip("/")
+    if robot:
+        for status in statuses:
+            status.name = f"{robot}/{status.name}"
+            if status.hardware_id:
+                status.hardware_id = f"{robot}/{status.hardware_id}"
     array = DiagnosticArray(status=list(statuses))
     array.header.stamp = stamp
     return array

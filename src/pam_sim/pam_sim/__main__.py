@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from pam_model.argument_types import count, input_file, named_number, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, run_program
+from pam_model.errors import PamError
 
 
 def _rig(given: Arguments) -> Outcome:
@@ -67,7 +68,11 @@ def _fault_tables(given: Arguments) -> Outcome:
     from pam_sim.faults.kinds import write_into  # noqa: PLC0415
 
     for page in given.pages:
-        page.write_text(write_into(page.read_text(encoding="utf-8")), encoding="utf-8")
+        try:
+            text = write_into(page.read_text(encoding="utf-8"))
+        except (PamError, UnicodeDecodeError) as error:
+            raise PamError(f"{page}: {error}") from None
+        page.write_text(text, encoding="utf-8")
         print(f"written: {page}")
     return Outcome({"written": given.pages})
 

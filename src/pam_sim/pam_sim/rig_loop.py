@@ -12,8 +12,8 @@ from functools import partial
 from pam_driver.bus import CanPort
 from pam_model.errors import PamError
 from pam_ros.periodic import PeriodicLoop
+from pam_sim.fault_injection import inject, mend, parse_injection
 from pam_sim.faults.frame_faults import FaultyPort, FrameFaults
-from pam_sim.faults.injection import inject, mend, parse_injection
 from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
 

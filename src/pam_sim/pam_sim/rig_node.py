@@ -186,7 +186,8 @@ class RigNode(Node):  # type: ignore[misc]
         if fresh > 0:
             level, text = WARN, f"the host is late: {fresh:.0f} turns in larger pieces"
         status = diagnostic_status(f"{self.get_name()}: simulation", level, text, report)
-        self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), status))
+        stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(diagnostic_array(stamp, status, namespace=self.get_namespace()))
 
 
 def _joint_state(

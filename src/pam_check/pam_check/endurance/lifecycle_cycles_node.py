@@ -29,12 +29,13 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
+from pam_check.chain import MODULES, Chain, multicast_bus, private_domain, set_environment
 from pam_check.endurance.process_use import Use, use_of
-from pam_check.endurance.unpluggable_driver_node import PLUG
+from pam_check.endurance.unpluggable_bus import INTERFACE, PLUG
 from pam_check.processes import NodeProcess
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
+from pam_model.rig import load_rig
 
 PATIENCE = 30.0  # s
 WARM = 10  # cycles until caches are filled; none of them without a bus but for the last two
@@ -180,8 +181,13 @@ def _chain(rig: Path, plug: Path) -> Iterator[tuple[LifecycleCycler, Chain, Node
         with Chain([rig], bus, environment) as chain:
             chain.start("rig")
             driver = NodeProcess(
-                "pam_check.endurance.unpluggable_driver_node",
-                {**bus.parameters, "autostart": False},
+                MODULES["driver"],
+                {
+                    "bus.interface": INTERFACE,
+                    "bus.channel": bus.channel,
+                    "bus.options": f"port={bus.port}",
+                    "autostart": False,
+                },
                 [rig],
                 {**environment, PLUG: str(plug)},
             )
@@ -264,7 +270,9 @@ def run(given: Arguments) -> Outcome:
             f"--unplugged {unplugged}: expected at most {most}: the bus is not lost in the first "
             f"{WARM} of --cycles {given.cycles}"
         )
-    done = run_cycles(chosen_rig(given), given.cycles, unplugged, given.seed)
+    rig = chosen_rig(given)
+    load_rig(rig)  # a mistake in it is told here, before any process starts
+    done = run_cycles(rig, given.cycles, unplugged, given.seed)
     before, after = done.before, done.after
     growth = 100.0 * (after.memory / before.memory - 1.0)
     print(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import rclpy
@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from pam_check.chain import set_environment
 from pam_check.faults.chain import AMPLITUDE, FREQUENCY
 from pam_driver.boards.pam_board.codec import (
     BoardCodec,
@@ -198,3 +199,18 @@ class FaultOperator(Node):  # type: ignore[misc]
                     self.fault = status.message
                 elif "suspected" in status.message:
                     self.suspicion = status.message
+
+
+@contextlib.contextmanager
+def open_operator(
+    joints: tuple[str, ...], port: CanPort, environment: Mapping[str, str]
+) -> Iterator[FaultOperator]:
+    """An operator of these joints in the ROS domain of this environment; ended when left."""
+    with set_environment(environment):
+        rclpy.init(args=[])
+    operator = FaultOperator(joints, port)
+    try:
+        yield operator
+    finally:
+        operator.destroy_node()
+        rclpy.try_shutdown()

@@ -15,21 +15,19 @@ from __future__ import annotations
 import re
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
-import rclpy
-
-from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
-from pam_check.faults.operator_node import FaultOperator
-from pam_driver.bus import open_bus
+from pam_check.chain import Chain, multicast_bus, private_domain
+from pam_driver.bus import CanPort, open_bus
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
-from pam_sim.faults.injection import INJECTIONS
+from pam_sim.fault_injection import INJECTIONS
 from pam_sim.faults.kinds import KINDS, FaultKind, Reaction, kinds_called
 
 HOST = 0.06  # s, for the way of the injection, a status of the board and a host that is busy
@@ -82,6 +80,58 @@ class Observation:
     told: str
 
 
+class Operator(Protocol):
+    """Who moves the joints, breaks things and listens; `operator_node` is the one that speaks ROS.
+
+    Attributes
+    ----------
+    last_air, last_enabled : float
+        When a board last let air move, when the driver last told one to, monotonic [s].
+    fault, suspicion : str
+        What the driver's diagnostics said last, since `forget`.
+    """
+
+    last_air: float
+    last_enabled: float
+    fault: str
+    suspicion: str
+
+    @property
+    def moves_air(self) -> bool:
+        """Whether any board has said so last."""
+        ...
+
+    def forget(self) -> None:
+        """What diagnostics said is of no interest any more."""
+        ...
+
+    def run(self, duration: float, until: Callable[[], bool] = ...) -> bool:
+        """Move and listen for so long [s], or until something holds; whether it does."""
+        ...
+
+    def inject(self, text: str) -> float:
+        """Bring a fault of the rig about; returns when."""
+        ...
+
+    def trigger(self, name: str) -> None:
+        """Call a service of the rig or the driver."""
+        ...
+
+    def ready(self) -> bool:
+        """Whether all that is needed is there."""
+        ...
+
+    def make_move(self, patience: float) -> None:
+        """Mend, clear, activate until the boards let air move."""
+        ...
+
+
+OpenOperator = Callable[
+    [tuple[str, ...], CanPort, Mapping[str, str]], AbstractContextManager[Operator]
+]
+"""Makes the operator of these joints on this bus, in the ROS domain of this environment."""
+
+
 def time_outs(told: str) -> set[str]:
     """The time-outs that diagnostics name as the only reasons of a stop; empty if any is none."""
     _, _, reasons = told.partition("latched: ")
@@ -126,7 +176,7 @@ def _doubt(kind: FaultKind, seen: Observation) -> str:
     return ""
 
 
-def _begin(chain: Chain, operator: FaultOperator, kind: FaultKind) -> float:
+def _begin(chain: Chain, operator: Operator, kind: FaultKind) -> float:
     """Bring the fault about; returns when."""
     if kind.name in INJECTIONS:
         return operator.inject(kind.name)
@@ -153,7 +203,7 @@ def _end(chain: Chain, kind: FaultKind) -> None:
         chain.start(name)
 
 
-def observe(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Observation:
+def observe(chain: Chain, operator: Operator, kind: FaultKind) -> Observation:
     """Bring one fault about on a chain in motion, and look."""
     operator.make_move(PATIENCE)
     operator.forget()
@@ -177,7 +227,7 @@ def observe(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Observati
     return Observation(stopped, silent, max(after, 0.0), operator.fault or operator.suspicion)
 
 
-def run_kind(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Row:
+def run_kind(chain: Chain, operator: Operator, kind: FaultKind) -> Row:
     """One fault until the host leaves no doubt: name, reaction, ms, diagnostics, tries, verdict."""
     tries = 0
     verdict = REPEAT
@@ -192,7 +242,9 @@ def run_kind(chain: Chain, operator: FaultOperator, kind: FaultKind) -> Row:
     return kind.name, kind.reaction.value, f"{1e3 * seen.after:.0f}", told, str(tries), shown
 
 
-def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> Iterator[Row]:
+def run_all(
+    rig_path: Path, kinds: Sequence[FaultKind], open_operator: OpenOperator
+) -> Iterator[Row]:
     """Every kind in turn on one chain of processes.
 
     Raises
@@ -204,11 +256,11 @@ def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> Iterator[Row]:
     bus = multicast_bus()
     rig = load_rig(rig_path)
     port = open_bus(bus.interface, bus.channel, port=bus.port)
-    with set_environment(environment):
-        rclpy.init(args=[])
-    operator = FaultOperator(rig.joint_names, port)
     try:
-        with Chain([rig_path], bus, environment) as chain:
+        with (
+            open_operator(rig.joint_names, port, environment) as operator,
+            Chain([rig_path], bus, environment) as chain,
+        ):
             for name in START:
                 chain.start(name)
             if not operator.run(PATIENCE, operator.ready):
@@ -218,12 +270,10 @@ def run_all(rig_path: Path, kinds: Sequence[FaultKind]) -> Iterator[Row]:
                 print(f"{row[0]}: {row[2]} ms, {row[-1]}", flush=True)
                 yield row
     finally:
-        operator.destroy_node()
-        rclpy.try_shutdown()
         port.close()
 
 
-def run(given: Arguments) -> Outcome:
+def run(given: Arguments, open_operator: OpenOperator) -> Outcome:
     """Inject, print and write the table; the command of `pam_check.__main__`.
 
     Raises
@@ -235,7 +285,7 @@ def run(given: Arguments) -> Outcome:
     kinds = kinds_called(given.kind, possible)
     done: list[Row] = []
     try:
-        for row in run_all(chosen_rig(given), kinds):
+        for row in run_all(chosen_rig(given), kinds, open_operator):
             done.append(row)  # those before one that cannot be run count too
     except PamError as error:
         left = len(kinds) - len(done)

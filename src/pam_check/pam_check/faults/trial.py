@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pam_check.faults import host_faults
 from pam_check.faults.chain import STEP, FaultChain
 from pam_driver.safety.states import SafetyState
-from pam_sim.faults import injection as fault_injection
+from pam_sim import fault_injection
 from pam_sim.faults.kinds import FaultKind, Reaction
 
 AFTERWARDS = 0.3  # s, to see that a vent stays

@@ -8,13 +8,11 @@ and stamps are garbage; types are not, since ROS checks those.
 
 from __future__ import annotations
 
-import importlib
 import random
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -33,13 +31,6 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 
 CHANNEL: Final = "fuzz"
-NODES: Final[Mapping[str, str]] = {
-    "pam_driver": "pam_driver.driver_node:DriverNode",
-    "pam_controller": "pam_control.controller_node:ControllerNode",
-    "pam_model": "pam_model.model_node:ModelNode",
-    "pam_rig": "pam_sim.rig_node:RigNode",
-    "pam_gap": "pam_gap.live.monitor_node:MonitorNode",
-}
 _SECONDS = (0, 0, 1, -1, -(2**31), 2**31 - 1)
 _NANOSECONDS = (0, 1, 999_999_999, 10**9, 2**32 - 1)
 
@@ -108,8 +99,15 @@ class Messages:
 
 
 @contextmanager
-def made_nodes(rig: Path) -> Iterator[list[Any]]:
-    """The nodes of NODES for a rig file, the driver measuring; ended when left.
+def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[Any]]:
+    """One node of each kind for a rig file, the driver measuring; ended when left.
+
+    Parameters
+    ----------
+    rig : Path
+        Rig file of the nodes.
+    kinds : sequence of callable
+        The nodes' classes, the driver's first.
 
     Raises
     ------
@@ -125,11 +123,8 @@ def made_nodes(rig: Path) -> Iterator[list[Any]]:
         rclpy.init(args=[*arguments, "-p", "pam_driver:autostart:=false"])
     nodes: list[Any] = []
     try:
-        for target in NODES.values():
-            module, _, kind = target.partition(":")
-            if find_spec(module.split(".")[0]) is None:  # pam_gap builds upon this package
-                continue
-            node = getattr(importlib.import_module(module), kind)()
+        for kind in kinds:
+            node = kind()
             node.get_logger().set_level(LoggingSeverity.FATAL)  # each refusal is a warning
             nodes.append(node)
         nodes[0].trigger_configure()
@@ -168,7 +163,9 @@ def no_air(port: CanPort, codec: BoardCodec, now: float) -> None:
         frames = port.receive_all(now)
 
 
-def fuzz_callbacks(rig: Path, count: int, seed: int) -> dict[str, list[str]]:
+def fuzz_callbacks(
+    rig: Path, count: int, seed: int, kinds: Sequence[Callable[[], Any]]
+) -> dict[str, list[str]]:
     """Messages through every callback; what escaped, by node and topic.
 
     Parameters
@@ -179,6 +176,8 @@ def fuzz_callbacks(rig: Path, count: int, seed: int) -> dict[str, list[str]]:
         Messages for each callback, in blocks of BLOCK.
     seed : int
         Of the first block.
+    kinds : sequence of callable
+        The nodes' classes, the driver's first.
 
     Raises
     ------
@@ -190,15 +189,15 @@ def fuzz_callbacks(rig: Path, count: int, seed: int) -> dict[str, list[str]]:
     given = load_rig(rig)
     port = open_bus("virtual", f"{CHANNEL}_pam_driver")
     try:
-        with made_nodes(rig) as nodes:
+        with made_nodes(rig, kinds) as nodes:
             for node in nodes:
-                for topic, kind, callback in callbacks(node):
+                for topic, message_type, callback in callbacks(node):
                     escaped = failed.setdefault(f"{node.get_name()} {topic}", [])
                     for block in range(seed, seed + max(1, count // BLOCK)):
                         messages = Messages(given, random.Random(block))
                         try:
                             for _ in range(BLOCK):
-                                callback(messages.message(kind))
+                                callback(messages.message(message_type))
                             for timer in node.timers:
                                 timer.callback()
                             no_air(port, codec, time.monotonic())
@@ -211,7 +210,7 @@ def fuzz_callbacks(rig: Path, count: int, seed: int) -> dict[str, list[str]]:
     return failed
 
 
-def run(given: Arguments) -> Outcome:
+def run(given: Arguments, kinds: Sequence[Callable[[], Any]]) -> Outcome:
     """Fuzz and print; the command of `pam_check.__main__`.
 
     Raises
@@ -219,7 +218,7 @@ def run(given: Arguments) -> Outcome:
     PamError
         For a rig that cannot be used, or a node that cannot be made.
     """
-    failed = fuzz_callbacks(chosen_rig(given), given.count, given.seed)
+    failed = fuzz_callbacks(chosen_rig(given), given.count, given.seed, kinds)
     for name, escaped in failed.items():
         print(f"{name}: {given.count} messages, {len(escaped)} blocks failed")
         for text in escaped[:3]:

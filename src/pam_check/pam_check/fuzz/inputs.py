@@ -45,7 +45,7 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.boards.pam_board_twin import SimulatedPamBoard
-from pam_sim.faults.injection import parse_injection
+from pam_sim.fault_injection import parse_injection
 
 Target = Callable[[random.Random], None]
 _NUMBERS = (math.nan, math.inf, -math.inf, 0.0, -0.0, 1e308, -1e308, 5e-324, 1.0, -1.0, 2**63)

@@ -1,10 +1,11 @@
 """Torque that overcomes dry friction of a joint while it follows a reference.
 
-T(qd) = (T_c + (T_s - T_c) exp(-(qd/w_s)^2) + T_coulomb) tanh(qd/SMOOTHING_SPEED)
+T(qd) = (sum of the friction laws that the rig file names)(qd) tanh(qd/SMOOTHING_SPEED)
 
-The sign comes from the REFERENCE velocity: a measured one would make the friction's jump part of
-the loop, where delay turns it into a limit cycle. The jump at a reversal is rounded, since a
-valve cannot jump either; below the rounding speed, and at rest, the integrator does the rest.
+The sign comes from the velocity of the REFERENCE: with a measured velocity the jump of the friction
+would be part of the feedback loop, where delay turns it into a limit cycle. The jump at a reversal
+is smoothed, since a valve cannot jump either; below the smoothing speed, and at rest, the
+integrator does the rest. The laws stand in the files of the effects (`pam_model.effects`).
 
 Source: H. Olsson, K. J. Astrom, C. Canudas de Wit, M. Gafvert, P. Lischinsky, "Friction models
 and friction compensation", European Journal of Control 4(3), 1998.
@@ -13,9 +14,11 @@ and friction compensation", European Journal of Control 4(3), 1998.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from pam_model.effects import effect_value
+from pam_model.effects import TorqueFeedforward, active, filled
+from pam_model.effects import slots as slot_kinds
 from pam_model.rig import Joint
 
 SMOOTHING_SPEED = 0.03  # rad/s
@@ -23,41 +26,34 @@ SMOOTHING_SPEED = 0.03  # rad/s
 
 @dataclass(frozen=True, slots=True)
 class DryFriction:
-    """Coulomb and Stribeck friction of one joint.
+    """All dry friction of one joint.
 
     Attributes
     ----------
-    coulomb : float
-        The same at every speed [N m].
-    static, kinetic : float
-        Of the Stribeck curve, at rest and at speed [N m].
-    stribeck_speed : float
-        Over which it falls from one to the other [rad/s].
+    laws : tuple of callable
+        Each gives a magnitude [N m] at a joint velocity [rad/s].
     """
 
-    coulomb: float = 0.0
-    static: float = 0.0
-    kinetic: float = 0.0
-    stribeck_speed: float = 0.1
+    laws: tuple[Callable[[float], float], ...] = ()
 
     @classmethod
     def from_joint(cls, joint: Joint) -> DryFriction:
         """With the effects that the rig file names."""
-        static = effect_value(joint.effects, "stribeck_friction", "static_torque")
-        kinetic = effect_value(joint.effects, "stribeck_friction", "torque")
+
+        def bound(law: Callable[..., float], values: tuple[float, ...]) -> Callable[[float], float]:
+            return lambda velocity: law(velocity, *values)
+
         return cls(
-            effect_value(joint.effects, "coulomb_friction", "torque"),
-            max(static, kinetic),
-            kinetic,
-            effect_value(joint.effects, "stribeck_friction", "speed"),
+            tuple(
+                bound(slot.law, effect.values(joint.effects))
+                for effect, slot in filled(slot_kinds.DryFriction)
+                if isinstance(effect.control, TorqueFeedforward) and active(effect, joint.effects)
+            )
         )
 
     def torque(self, velocity: float) -> float:
         """What friction takes [N m] at a reference velocity [rad/s]."""
-        level = self.coulomb + self.kinetic
-        if self.static != self.kinetic:
-            share = velocity / self.stribeck_speed
-            level += (self.static - self.kinetic) * math.exp(-share * share)
-        if level == 0.0:
-            return 0.0
-        return level * math.tanh(velocity / SMOOTHING_SPEED)
+        level = 0.0
+        for law in self.laws:
+            level += law(velocity)
+        return level * math.tanh(velocity / SMOOTHING_SPEED) if level else 0.0

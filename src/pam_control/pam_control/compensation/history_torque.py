@@ -1,11 +1,10 @@
-"""Torque of what two muscles remember: thread friction and creep along the joint's reference."""
+"""Torque of what the two muscles of a joint remember, along the joint's reference."""
 
 from __future__ import annotations
 
 import math
 
-from pam_control.compensation.bladder_creep import BladderCreep
-from pam_control.compensation.thread_hysteresis import ThreadHysteresis
+from pam_control.compensation.muscle_memory import MuscleMemory
 from pam_model.rig import Muscle
 
 Pair = tuple[float, float]
@@ -19,28 +18,23 @@ class HistoryTorque:
     muscles : (Muscle, Muscle)
         Agonist, antagonist.
     pulley_radius : float
-        As it is, not as written [m].
+        The true one, not the written one [m].
     """
 
     def __init__(self, muscles: tuple[Muscle, ...], pulley_radius: float) -> None:
         self._radius = pulley_radius
-        self._frictions = [ThreadHysteresis.from_muscle(muscle) for muscle in muscles]
-        self._creeps = [BladderCreep.from_muscle(muscle) for muscle in muscles]
-        self.is_neutral = not any(
-            [friction.area for friction in self._frictions]
-            + [creep.stiffness for creep in self._creeps]
-        )
+        self._agonist, self._antagonist = (MuscleMemory.from_muscle(m) for m in muscles)
+        self.is_neutral = self._agonist.is_neutral and self._antagonist.is_neutral
         self._position = self._time = math.nan
 
     def reset(self) -> None:
         """Forget the past."""
         self._position = self._time = math.nan
-        for friction, creep in zip(self._frictions, self._creeps, strict=True):
-            friction.reset()
-            creep.reset()
+        self._agonist.reset()
+        self._antagonist.reset()
 
     def advance(self, time: float, position: float, pressures: Pair) -> float:
-        """Go on to where the reference is at `time`; the torque the muscles then add.
+        """Move to where the reference is at `time`; return the torque that the muscles then add.
 
         Parameters
         ----------
@@ -49,7 +43,7 @@ class HistoryTorque:
         position : float
             Of the reference [rad].
         pressures : (float, float)
-            About those the muscles have then, gauge [Pa].
+            Approximate pressures of the muscles at that time, gauge [Pa].
 
         Returns
         -------
@@ -60,17 +54,10 @@ class HistoryTorque:
             return 0.0
         if not math.isnan(self._position):
             stroke = self._radius * (position - self._position)
-            step = max(time - self._time, 0.0)
-            for sign, friction, creep in zip(
-                (-1.0, 1.0), self._frictions, self._creeps, strict=True
-            ):
-                friction.move(sign * stroke)
-                creep.move(sign * stroke, step)
+            duration = max(time - self._time, 0.0)
+            self._agonist.move(-stroke, duration)
+            self._antagonist.move(stroke, duration)
         self._position, self._time = position, time
-        forces = [
-            friction.force(pressure) + creep.force
-            for friction, creep, pressure in zip(
-                self._frictions, self._creeps, pressures, strict=True
-            )
-        ]
-        return self._radius * (forces[0] - forces[1])
+        return self._radius * (
+            self._agonist.pull(pressures[0]) - self._antagonist.pull(pressures[1])
+        )

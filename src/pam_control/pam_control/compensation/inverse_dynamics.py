@@ -2,20 +2,24 @@
 
 inertia qdd + viscous_friction qd + dry friction(qd) + gravity_torque sin(q - gravity_angle)
 
-A payload, a point mass m at l from the axis, adds m l^2 and m g l.
+All numbers are those after the effects that the rig file names, such as a payload.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pam_control.compensation.dry_friction import DryFriction
 from pam_control.references.trajectory import JointReference
-from pam_model.effects import effect_value
+from pam_model.effects import TorqueFeedforward, active, adjusted, filled
+from pam_model.effects.slots import JointTorque
 from pam_model.rig import Joint
 
-GRAVITY = 9.80665  # m/s^2
+
+def _bound(law: Callable[..., float], values: tuple[float, ...]) -> Callable[[float, float], float]:
+    return lambda position, velocity: law(position, velocity, *values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +37,9 @@ class InverseDynamics:
     gravity_angle : float
         Where gravity pulls straight along the limb [rad].
     dry_friction : DryFriction
-        Coulomb and Stribeck friction.
+        All dry friction.
+    smooth_torques : tuple of callable
+        Torques [N m] at a position [rad] and velocity [rad/s] that act beside the muscles.
     """
 
     inertia: float
@@ -41,18 +47,23 @@ class InverseDynamics:
     gravity_torque: float
     gravity_angle: float
     dry_friction: DryFriction = field(default_factory=DryFriction)
+    smooth_torques: tuple[Callable[[float, float], float], ...] = ()
 
     @classmethod
     def from_joint(cls, joint: Joint) -> InverseDynamics:
         """With the numbers of the rig file and the effects that it names."""
-        mass = effect_value(joint.effects, "payload", "mass")
-        distance = effect_value(joint.effects, "payload", "distance")
+        effects = joint.effects
         return cls(
-            joint.inertia + mass * distance * distance,
-            joint.viscous_friction + effect_value(joint.effects, "viscous_friction", "extra"),
-            joint.gravity_torque + mass * GRAVITY * distance,
+            adjusted("joint.inertia", joint.inertia, effects),
+            adjusted("joint.viscous_friction", joint.viscous_friction, effects),
+            adjusted("joint.gravity_torque", joint.gravity_torque, effects),
             joint.gravity_angle,
             DryFriction.from_joint(joint),
+            tuple(
+                _bound(slot.law, effect.values(effects))
+                for effect, slot in filled(JointTorque)
+                if isinstance(effect.control, TorqueFeedforward) and active(effect, effects)
+            ),
         )
 
     def gravity(self, position: float) -> float:
@@ -65,9 +76,11 @@ class InverseDynamics:
 
     def torque(self, reference: JointReference) -> float:
         """Torque [N m] for the motion `reference`."""
+        added = sum(law(reference.position, reference.velocity) for law in self.smooth_torques)
         return (
             self.inertia * reference.acceleration
             + self.viscous_friction * reference.velocity
             + self.dry_friction.torque(reference.velocity)
             + self.gravity(reference.position)
+            - added
         )

@@ -1,60 +1,69 @@
-"""From the opening a flow valve should have to the spool position that gives it.
+"""From the opening that a flow valve should have to the spool command that gives it.
 
-Undone, outermost first: an exhaust path that passes less than the supply path, the overlap of the
-spool (no flow while |x| < x_o, from there evenly up to full opening at 1), a closed position that
-is not at zero. Within ROUNDED of the closed position the jump across the overlap is a straight
-line: a valve that crosses its overlap with every noise of a pressure sensor wears and hisses.
+The inverse laws stand in the files of the effects (`pam_model.effects`), beside the laws that they
+undo. First come effects of the flow path, such as an exhaust that passes less than the supply path;
+the result may saturate. Then come the effects between spool and opening, in the reverse of the
+order in which the plant applies them.
 
-Source: dead-zone inverse as in G. Tao, P. V. Kokotovic, Adaptive Control of Systems with Actuator
-and Sensor Nonlinearities, Wiley 1996.
+Source: inverses of actuator nonlinearities as in G. Tao, P. V. Kokotovic, Adaptive Control of
+Systems with Actuator and Sensor Nonlinearities, Wiley 1996.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
-from pam_model.effects import effect_value
+from pam_model.effects import EFFECTS, Effect, Inverse, active, filled
+from pam_model.effects.slots import Opening
 from pam_model.rig import Muscle
 
-ROUNDED = 0.01  # of full opening
+Law = Callable[[float], float]
+
+
+def _inverse_of(effect: Effect, muscle: Muscle) -> Law | None:
+    """The inverse law with this muscle's parameters; None where there is nothing to undo."""
+    if not isinstance(effect.control, Inverse) or not active(effect, muscle.effects):
+        return None
+    law, values = effect.control.law, effect.values(muscle.effects)
+    return lambda opening: law(opening, *values)
 
 
 @dataclass(frozen=True, slots=True)
 class ValveInverse:
-    """One valve's imperfections; at their defaults nothing changes.
+    """One valve's imperfections; without any, nothing changes.
 
     Attributes
     ----------
-    exhaust_ratio : float
-        Exhaust over supply conductance [-].
-    overlap : float
-        Spool travel without flow, each way [-].
-    null_offset : float
-        Opening at zero command [-].
+    flow_path : tuple of callable
+        Opening for two equal paths to opening of the true valve [-].
+    spool_path : tuple of callable
+        Opening to spool position [-], the last law of the plant first.
     """
 
-    exhaust_ratio: float = 1.0
-    overlap: float = 0.0
-    null_offset: float = 0.0
+    flow_path: tuple[Law, ...] = ()
+    spool_path: tuple[Law, ...] = ()
 
     @classmethod
     def from_muscle(cls, muscle: Muscle) -> ValveInverse:
         """With the effects that the rig file names."""
+        invert = partial(_inverse_of, muscle=muscle)
+        at_spool = [effect for effect, _ in filled(Opening)]
+        flow = [effect for effect in EFFECTS.values() if effect not in at_spool]
         return cls(
-            effect_value(muscle.effects, "exhaust_restriction", "ratio"),
-            effect_value(muscle.effects, "valve_dead_zone", "overlap"),
-            effect_value(muscle.effects, "valve_null_offset", "offset"),
+            tuple(law for law in map(invert, flow) if law is not None),
+            tuple(law for law in map(invert, reversed(at_spool)) if law is not None),
         )
 
     def opening(self, nominal: float) -> float:
         """The opening [-] that passes what `nominal` would on a valve with two equal paths."""
-        return nominal / self.exhaust_ratio if nominal < 0.0 else nominal
+        for law in self.flow_path:
+            nominal = law(nominal)
+        return nominal
 
     def spool(self, opening: float) -> float:
         """The spool position [-] with this opening [-]."""
-        if self.overlap > 0.0:
-            size = abs(opening)
-            jump = self.overlap * min(size / ROUNDED, 1.0)
-            opening = math.copysign(jump + (1.0 - self.overlap) * size, opening)
-        return opening - self.null_offset
+        for law in self.spool_path:
+            opening = law(opening)
+        return opening

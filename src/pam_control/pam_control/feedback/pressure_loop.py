@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from pam_control.compensation.valve_inverse import ValveInverse
-from pam_model.effects import effect_value
-from pam_model.gas import flow_for_pressure_rate, mass_flow, valve_opening
+from pam_model.effects import active, adjusted, filled
+from pam_model.effects.slots import Leak
+from pam_model.gas import flow_for_pressure_rate, reference_density, valve_opening
 from pam_model.joints.antagonistic_joint import JointMuscle
 from pam_model.rig import Muscle, Rig
 
@@ -68,9 +69,8 @@ class PressureLoopSettings:
 
 
 def valve_time_constant(muscle: Muscle) -> float:
-    """The valve's lag [s], with what the rig file adds as `valve_lag`."""
-    extra = effect_value(muscle.effects, "valve_lag", "extra_time_constant")
-    return muscle.valve.time_constant + extra
+    """The valve's lag [s] after the effects that the rig file names."""
+    return adjusted("valve.time_constant", muscle.valve.time_constant, muscle.effects)
 
 
 class PressureLoop(Protocol):
@@ -118,12 +118,17 @@ class FlowValveLoop:
         self._lengths = (low + LENGTH_EDGE, high - LENGTH_EDGE)
         self._valve = muscle.valve
         self._inverse = ValveInverse.from_muscle(muscle)
-        self._leak = effect_value(muscle.effects, "leakage", "conductance")
+        self._leaks = tuple(
+            (slot.law, effect.values(muscle.effects))
+            for effect, slot in filled(Leak)
+            if active(effect, muscle.effects)
+        )
         self._time_constant = valve_time_constant(muscle)
         self._dead_volume = gas_space.dead_volume
         self._ambient = rig.gas.ambient_pressure
         self._supply = rig.supply_pressure
         self._temperature = rig.gas.temperature
+        self._density = reference_density(rig.gas.temperature)
         self._exponent = rig.gas.polytropic_exponent
         self._opening = math.nan
         self._lagged = 0.0
@@ -149,14 +154,9 @@ class FlowValveLoop:
             temperature=self._temperature,
             exponent=self._exponent,
         )
-        if self._leak > 0.0:
-            flow += mass_flow(
-                self._leak,
-                self._valve.critical_ratio,
-                absolute,
-                self._ambient,
-                self._temperature,
-            )
+        for law, values in self._leaks:
+            leaving = law(absolute, self._ambient, self._valve.critical_ratio, *values)
+            flow += leaving * self._density
         opening = valve_opening(
             flow,
             absolute,

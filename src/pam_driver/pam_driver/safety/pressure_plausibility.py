@@ -1,12 +1,15 @@
 """Whether measured pressures can be true: the gas of each muscle, the torques at each joint.
 
-Pressure: an observer of the nominal gas (ISO 6358 valve, polytropic chamber) driven by the valve
-command and slowly pulled to the measurement. What it is off by is the sum of what the nominal
-physics misses within its memory: a leak, a burst, a stuck valve, a stuck or swapped sensor.
+Pressure: an observer of the gas (ISO 6358 valve, polytropic chamber) driven by the valve command
+and slowly pulled to the measurement. Its error is the sum of what this physics misses within its
+memory: a leak, a burst, a stuck valve, a stuck or swapped sensor.
 
-Joint: the two muscles against each other. Torque of the measured pressures less what inertia,
-friction and gravity take, low-passed; a pressure sensor that drifts shows here, since the pressure
-observer follows it. At the end stops nothing is said.
+Joint: the two muscles against each other. The torque of the measured pressures minus what inertia,
+friction and gravity take, low-pass filtered. A pressure sensor that drifts shows here, since the
+pressure observer follows it. At the end stops nothing is judged.
+
+Both know the effects that the rig file names: each effect's file (`pam_model.effects`) says what
+this check does about it, and holds the law that is used here.
 
 The observer is a Luenberger observer with one gain (D. G. Luenberger, IEEE Trans. Military
 Electronics 8, 1964); judging by its residual: R. J. Patton, P. M. Frank, R. N. Clark, Fault
@@ -16,13 +19,18 @@ Diagnosis in Dynamic Systems, 1989.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from pam_model.effects import active, adjusted, filled
+from pam_model.effects.slots import DryFriction, JointTorque, Leak, Opening
 from pam_model.errors import PamError
-from pam_model.gas import pressure_rate, valve_flow
+from pam_model.gas import pressure_rate, reference_density, valve_flow
+from pam_model.joints.effective_force_model import effective_force_model
+from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Joint, Muscle, Rig
 
 OBSERVER_GAIN: Final = 5.0  # 1/s
@@ -53,6 +61,10 @@ class Deviation(NamedTuple):
     text: str
 
 
+def _radius(joint: Joint) -> float:
+    return adjusted("joint.pulley_radius", joint.pulley_radius, joint.effects)
+
+
 class _MuscleObserver:
     """The gas of one muscle."""
 
@@ -62,7 +74,7 @@ class _MuscleObserver:
         joint = rig.joint_of(muscle.name)
         self.joint = None if joint is None else rig.joints.index(joint)
         sign = 0.0 if joint is None else -1.0 if joint.agonist == muscle.name else 1.0
-        self._lever = 0.0 if joint is None else sign * joint.pulley_radius
+        self._lever = 0.0 if joint is None else sign * _radius(joint)
         self._limits = (0.0, 0.0) if joint is None else joint.position_limits
         model = rig.force_model(muscle.name)
         spread = np.linspace(*self._limits, _VOLUME_POINTS) if joint else np.zeros(1)
@@ -71,19 +83,38 @@ class _MuscleObserver:
         # a cubic is exact for a cylindrical braid and near enough for the others
         fit = np.polyfit(lengths, volumes, 3 if joint else 0)
         self._volume = tuple(float(c) for c in np.concatenate([np.zeros(4 - len(fit)), fit]))
-        valve = muscle.valve
+        valve, effects = muscle.valve, muscle.effects
+        self._dead_volume = max(0.0, adjusted("dead_volume", muscle.dead_volume, effects))
+        self._openings = [
+            (slot.law, effect.values(effects))
+            for effect, slot in filled(Opening)
+            if active(effect, effects)
+        ]
+        self._leaks = [
+            (slot.law, effect.values(effects))
+            for effect, slot in filled(Leak)
+            if active(effect, effects)
+        ]
+        self._exhaust_ratio = adjusted("valve.exhaust_ratio", None, effects)
+        self._density = reference_density(rig.gas.temperature)
+        time_constant = adjusted("valve.time_constant", valve.time_constant, effects)
         self._is_flow = valve.kind == "flow"
         self._ambient = rig.gas.ambient_pressure
         self._supply = rig.supply_pressure
         self._exponent, self._temperature = rig.gas.polytropic_exponent, rig.gas.temperature
-        self._keep = math.exp(-period / valve.time_constant)
+        self._keep = math.exp(-period / time_constant)
         self._period = period
         self._command = -1.0 if self._is_flow else 0.0
+        delay = round(adjusted("valve.command_delay", None, effects) / period)
+        # the oldest entry is the command that acts now
+        self._commands = deque([self._command] * (delay + 1), maxlen=delay + 1)
         self._pressure = math.nan
 
     def update(
         self, command: float, pressure: float, position: float, velocity: float, supply: float
     ) -> None:
+        self._commands.append(command)
+        command = self._commands[0]
         measured = pressure + self._ambient
         if not math.isfinite(measured):
             self._pressure = math.nan
@@ -95,16 +126,20 @@ class _MuscleObserver:
         length_rate = self._lever * velocity if low < position < high else 0.0
         length = self.muscle.neutral_length + self._lever * min(max(position, low), high)
         a, b, c, d = self._volume
-        volume = ((a * length + b) * length + c) * length + d + self.muscle.dead_volume
+        volume = ((a * length + b) * length + c) * length + d + self._dead_volume
         volume_rate = ((3.0 * a * length + 2.0 * b) * length + c) * length_rate
         self._command = command + self._keep * (self._command - command)
         valve, inside = self.muscle.valve, self._pressure
         if self._is_flow:
             opening = min(max(self._command, -1.0), 1.0)
+            for law, values in self._openings:
+                opening = law(opening, *values)
         else:
             target = self._command * (valve.full_scale or 0.0) + self._ambient
             # fully open until close to its set point
             opening = min(max((target - inside) / 2e4, -1.0), 1.0)
+        if opening < 0.0:
+            opening *= self._exhaust_ratio
         flow = valve_flow(
             opening,
             inside,
@@ -114,6 +149,9 @@ class _MuscleObserver:
             critical_ratio=valve.critical_ratio,
             temperature=self._temperature,
         )
+        for law, values in self._leaks:
+            leaving = law(inside, self._ambient, valve.critical_ratio, *values)
+            flow -= leaving * self._density
         rate = float(
             pressure_rate(
                 flow,
@@ -136,10 +174,26 @@ class _JointBalance:
         self.joint = joint
         self.imbalance = 0.0
         self.muscles = tuple(rig.muscle_names.index(name) for name in joint.muscles)
-        self._models = tuple(rig.force_model(name) for name in joint.muscles)
+        effects = joint.effects
+        self._radius = _radius(joint)
+        self._inertia = adjusted("joint.inertia", joint.inertia, effects)
+        self._damping = adjusted("joint.viscous_friction", joint.viscous_friction, effects)
+        self._gravity = adjusted("joint.gravity_torque", joint.gravity_torque, effects)
+        self._torques = [
+            (slot.law, effect.values(effects))
+            for effect, slot in filled(JointTorque)
+            if active(effect, effects)
+        ]
+        # its direction at rest is unknown: that much torque says nothing
+        self._dry_friction = sum(
+            slot.law(0.0, *effect.values(effects))
+            for effect, slot in filled(DryFriction)
+            if active(effect, effects)
+        )
+        self._models = tuple(effective_force_model(rig, name) for name in joint.muscles)
         self._neutral = tuple(rig.muscle(name).neutral_length for name in joint.muscles)
         highest = rig.muscle(joint.agonist).max_pressure
-        self.scale = joint.pulley_radius * float(self._models[0].force(highest, self._neutral[0]))
+        self.scale = self._radius * float(self._models[0].force(highest, self._neutral[0]))
         self._weight = 1.0 - math.exp(-period / TORQUE_MEMORY)
         self._velocity = math.nan
         self._settled = 0.0
@@ -154,7 +208,7 @@ class _JointBalance:
             return
         if self._velocity != self._velocity:
             self._velocity = velocity
-        radius = joint.pulley_radius
+        radius = self._radius
         try:
             torque = radius * float(
                 self._models[0].force(first, self._neutral[0] - radius * position)
@@ -167,15 +221,19 @@ class _JointBalance:
         self._velocity += self._weight * (velocity - self._velocity)
         rest = (
             torque
-            - joint.viscous_friction * velocity
-            - joint.gravity_torque * math.sin(position - joint.gravity_angle)
+            - self._damping * velocity
+            - self._gravity * math.sin(position - joint.gravity_angle)
         )
+        for law, values in self._torques:
+            rest += law(position, velocity, *values)
         self._settled += self._weight * (rest - self._settled)
-        self.imbalance = self._settled - joint.inertia * acceleration
+        imbalance = self._settled - self._inertia * acceleration
+        beyond = max(abs(imbalance) - self._dry_friction, 0.0)
+        self.imbalance = math.copysign(beyond, imbalance)
 
 
 class PressurePlausibility:
-    """Judges the measurements of a rig by its nominal physics.
+    """Judges the measurements of a rig by its physics, with the effects that its file names.
 
     Parameters
     ----------
@@ -193,6 +251,7 @@ class PressurePlausibility:
     def __init__(self, rig: Rig, period: float) -> None:
         self.period = period
         self._limits = rig.plausibility
+        self._correction = SensorCorrection(rig)
         self._muscles = tuple(_MuscleObserver(rig, muscle, period) for muscle in rig.muscles)
         self._joints = tuple(
             _JointBalance(rig, joint, period * _TORQUE_EVERY) for joint in rig.joints
@@ -215,12 +274,14 @@ class PressurePlausibility:
             By muscle, what its valve was last told: fraction of full scale; a vent is -1 for a
             flow valve and 0 for a regulator.
         pressures : sequence of float
-            By muscle [Pa gauge], NaN if not known: its observer begins anew.
+            As measured, by muscle [Pa gauge]; NaN if not known: its observer begins anew.
         positions, velocities : sequence of float
-            By joint [rad], [rad/s].
+            As measured, by joint [rad], [rad/s].
         supply_pressures : sequence of float
             By muscle [Pa absolute]; NaN: as in the rig file.
         """
+        pressures = self._correction.pressures(pressures)
+        positions = self._correction.positions(positions)
         for index, muscle in enumerate(self._muscles):
             place = muscle.joint
             position = 0.0 if place is None else positions[place]

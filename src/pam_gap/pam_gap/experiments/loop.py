@@ -7,11 +7,12 @@ what was expected is what is played.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from pam_gap.experiments.excitations import LOOP_RATE, Excitation
 from pam_model.gas import REFERENCE_DENSITY
-from pam_model.rig import Rig
+from pam_model.rig import Muscle, Rig
+from pam_ros.valve_command import PRESSURE_REGULATOR
 
 GAS_CONSTANT = 287.05  # J/(kg K)
 
@@ -26,6 +27,38 @@ def loop_gain(rig: Rig, joint: int) -> float:
     return LOOP_RATE * max(volume, 1e-6) / (GAS_CONSTANT * rig.gas.temperature * flow)
 
 
+def _full_scale(muscle: Muscle) -> float:
+    """The highest set point that the muscle's valve takes, if it takes one at all [Pa gauge]."""
+    return math.inf if muscle.valve.full_scale is None else muscle.valve.full_scale
+
+
+def holding_commands(rig: Rig, pressures: Mapping[str, float]) -> list[float]:
+    """Commands under which every muscle of a rig keeps the air that it has.
+
+    Parameters
+    ----------
+    rig : Rig
+        Whose muscles.
+    pressures : mapping
+        Muscle -> measured pressure [Pa gauge]; a muscle whose pressure is not known and whose valve
+        is a regulator is vented.
+
+    Returns
+    -------
+    list of float
+        In the order of the rig: 0 shuts a flow valve, a regulator is asked for what it has.
+    """
+    commands = []
+    for muscle in rig.muscles:
+        held = 0.0
+        if muscle.valve.kind == PRESSURE_REGULATOR:
+            measured = pressures.get(muscle.name, math.nan)
+            highest = min(muscle.max_pressure, _full_scale(muscle))
+            held = min(max(measured, 0.0), highest) if math.isfinite(measured) else 0.0
+        commands.append(held)
+    return commands
+
+
 class ExperimentLoop:
     """Valve commands of one excitation, sample by sample.
 
@@ -38,12 +71,11 @@ class ExperimentLoop:
     """
 
     def __init__(self, rig: Rig, joint: int, excitation: Excitation) -> None:
-        self.is_regulated = [
-            rig.muscle(m).valve.kind == "pressure_regulator" for m in rig.joints[joint].muscles
-        ]
+        muscles = [rig.muscle(m) for m in rig.joints[joint].muscles]
+        self.is_regulated = [muscle.valve.kind == PRESSURE_REGULATOR for muscle in muscles]
         self._highest = [
-            min(rig.muscle(m).max_pressure, rig.supply_gauge_pressure)
-            for m in rig.joints[joint].muscles
+            min(0.95 * min(muscle.max_pressure, rig.supply_gauge_pressure), _full_scale(muscle))
+            for muscle in muscles
         ]
         self._gain = loop_gain(rig, joint)
         self._excitation = excitation
@@ -84,7 +116,7 @@ class ExperimentLoop:
         )
 
     def _command(self, i: int, wanted: float, measured: float) -> float:
-        wanted = min(max(wanted, 0.0), 0.95 * self._highest[i])
+        wanted = min(max(wanted, 0.0), self._highest[i])
         if self.is_regulated[i]:
             return wanted
         return min(max(self._gain * (wanted - measured), -1.0), 1.0)

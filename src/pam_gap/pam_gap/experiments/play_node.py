@@ -3,7 +3,8 @@
 `ros2 run pam_gap play --ros-args --params-file RIG -p experiment:=OUT/next_experiment`
 
 The driver is active and no controller runs. The joint is first brought to where the experiment
-begins; at the end both muscles are vented and the node ends.
+begins; at the end both muscles are vented and the node ends. The muscles of other joints keep the
+air that they have at the beginning.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from pam_gap.experiments.files import read_experiment
-from pam_gap.experiments.loop import ExperimentLoop
+from pam_gap.experiments.loop import ExperimentLoop, holding_commands
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.spin import spin_node
+from pam_ros.valve_command import ValveCommandFormat
 
 PARAMETERS = (
     Parameter("experiment", "", "-", 0, 0, "folder that a diagnosis has written"),
@@ -45,13 +47,15 @@ class PlayNode(Node):  # type: ignore[misc]
     def __init__(self) -> None:
         super().__init__("pam_play", automatically_declare_parameters_from_overrides=True)
         parameters = NodeParameters(self, PARAMETERS, rig_of_node)
-        rig = parameters.described
+        self._rig = rig = parameters.described
         name = str(parameters["joint"]) or rig.joint_names[0]
         if name not in rig.joint_names:
             raise PamError(f"joint = {name!r}: must be one of {', '.join(rig.joint_names)}")
         joint = list(rig.joint_names).index(name)
         self._joint = rig.joints[joint]
         self._muscle_names = list(rig.muscle_names)
+        self._command_format = ValveCommandFormat(rig.valve_kinds)
+        self._held = holding_commands(rig, {})
         self._excitation = read_experiment(Path(str(parameters["experiment"])))
         self._loop = ExperimentLoop(rig, joint, self._excitation)
         self._approach = parameters.number("approach")
@@ -89,6 +93,7 @@ class PlayNode(Node):  # type: ignore[misc]
             if not known:
                 return
             self._begin = now + self._approach
+            self._held = holding_commands(self._rig, self._pressures)
             self.get_logger().info(f"{self._excitation.name}: {self._excitation.instruction}")
         time = now - self._begin
         if not known and not self._problem:
@@ -98,20 +103,18 @@ class PlayNode(Node):  # type: ignore[misc]
         if time < self._excitation.duration and not self._problem:
             self._send(self._loop.commands(time, self._position, pressures))
         elif time < self._excitation.duration + VENT_TIME:
-            self._send([0.0 if regulated else -1.0 for regulated in self._loop.is_regulated])
+            vented = dict(zip(self._muscle_names, self._command_format.vented, strict=True))
+            self._send([vented[muscle] for muscle in self._joint.muscles])
         else:
             self.done = True
 
     def _send(self, commands: Sequence[float]) -> None:
+        """Command the joint's muscles; those of other joints keep their air."""
+        whole = list(self._held)
+        for muscle, value in zip(self._joint.muscles, commands, strict=True):
+            whole[self._muscle_names.index(muscle)] = value
         message = JointState(name=self._muscle_names)
-        position = [0.0] * len(self._muscle_names)
-        effort = [math.nan] * len(self._muscle_names)
-        for muscle, value, regulated in zip(
-            self._joint.muscles, commands, self._loop.is_regulated, strict=True
-        ):
-            at = self._muscle_names.index(muscle)
-            position[at], effort[at] = (math.nan, value) if regulated else (value, math.nan)
-        message.position, message.effort = position, effort
+        message.position, message.effort = self._command_format.pack(whole)
         message.header.stamp = self.get_clock().now().to_msg()
         self._commands.publish(message)
 

@@ -23,6 +23,7 @@ from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_st
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
+from pam_ros.valve_command import ValveCommandFormat
 
 PARAMETERS = (
     Parameter("window", 6.0, "s", 3.0, 60.0, "how much of the past is judged"),
@@ -43,7 +44,7 @@ class MonitorNode(Node):  # type: ignore[misc]
         self._rig = self._parameters.described
         self._window = LiveWindow(self._rig, self._parameters.number("window"))
         self._messages = 0
-        self._regulated = all(m.valve.kind == "pressure_regulator" for m in self._rig.muscles)
+        self._command_format = ValveCommandFormat(self._rig.valve_kinds)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(JointState, "valve_commands", self._take_commands, _SENSED)
         self.create_subscription(JointState, "pressure_states", self._take_pressures, _SENSED)
@@ -60,9 +61,8 @@ class MonitorNode(Node):  # type: ignore[misc]
 
     def _take_commands(self, message: Any) -> None:
         self._messages += 1
-        # a regulator's command is its effort [Pa], a spool's its position
-        values = message.effort if self._regulated else message.position
-        self._window.take(COMMANDS, self._stamp(message), message.name, values)
+        commands = self._command_format.known(message.name, message.position, message.effort)
+        self._window.take(COMMANDS, self._stamp(message), [*commands], [*commands.values()])
 
     def _take_pressures(self, message: Any) -> None:
         self._messages += 1
@@ -78,7 +78,9 @@ class MonitorNode(Node):  # type: ignore[misc]
             self._window.forget()
         statuses = [self._status(self._window.gap(i)) for i in range(len(self._rig.joints))]
         stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(diagnostic_array(stamp, *statuses))
+        self._diagnostics.publish(
+            diagnostic_array(stamp, *statuses, namespace=self.get_namespace())
+        )
 
     def _status(self, gap: LiveGap) -> Any:
         name = f"{self.get_name()}: {gap.joint}"

@@ -19,18 +19,19 @@ from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.recordings.broken_bag import STORAGES, is_unfinished, salvage, storage_files
 from pam_gap.recordings.recording import COMMANDS, SUPPLY, RawChannel, RawRecording, RecordingError
+from pam_ros.valve_command import commands_of_any_kind
 
 _COMMANDS = "valve_commands"
 _SENT = "sent_valve_commands"
 """What the driver told the boards and when: where it was recorded, it stands for the commands."""
 
 _FIELDS = {
-    _SENT: ("position", "effort"),
-    _COMMANDS: ("position", "effort"),
     "pressure_states": ("effort",),
     "joint_states": ("position",),
     "muscle_states": ("effort", "position"),
 }
+
+_TOPICS = (_SENT, _COMMANDS, *_FIELDS)
 
 GROUND_TRUTH = "ground_truth"
 """Namespace of what a simulated rig tells about itself: no measurement, so never read."""
@@ -52,7 +53,7 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
         *namespace, leaf = connection.topic.split("/")
         if GROUND_TRUTH in namespace:
             continue
-        if leaf in _FIELDS or leaf == SUPPLY:
+        if leaf in _TOPICS or leaf == SUPPLY:
             found[leaf].add(connection.topic)
     if any(c.topic.rsplit("/", 1)[-1] == ESTIMATES for c in reader.connections):
         found.pop("muscle_states", None)
@@ -70,12 +71,10 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
     }
 
 
-def _channel(topic: str, name: str, field: str) -> str:
-    if topic in (_COMMANDS, _SENT):
-        return f"{COMMANDS}{name}"
-    if topic == "pressure_states":
-        return f"{topic}.{name}"
-    return f"{topic}.{name}.{field}"
+def _commands(message: Any) -> tuple[list[tuple[str, float]], tuple[str, ...]]:
+    """Rows of a message with valve commands, and the muscles whose command cannot be told."""
+    read = commands_of_any_kind(message.name, message.position, message.effort)
+    return [(f"{COMMANDS}{name}", value) for name, value in read.values.items()], read.ambiguous
 
 
 def _joint_state(topic: str, message: Any) -> list[tuple[str, float]]:
@@ -84,14 +83,12 @@ def _joint_state(topic: str, message: Any) -> list[tuple[str, float]]:
         values = getattr(message, field)
         if len(values) != len(message.name):
             continue
-        known = [
-            (_channel(topic, name, field), float(value))
+        end = "" if topic == "pressure_states" else f".{field}"
+        rows += [
+            (f"{topic}.{name}{end}", float(value))
             for name, value in zip(message.name, values, strict=True)
             if np.isfinite(value)
         ]
-        rows += known
-        if known and topic in (_COMMANDS, _SENT):
-            break
     return rows
 
 
@@ -131,12 +128,13 @@ def _read(files: Sequence[Path], path: Path) -> RawRecording:
     values: dict[str, list[float]] = defaultdict(list)
     unstamped: dict[str, int] = defaultdict(int)
     spoilt: dict[str, int] = defaultdict(int)
+    ambiguous: dict[tuple[str, str], int] = defaultdict(int)
     with AnyReader(files, default_typestore=typestore) as reader:
         topics = _topics(reader, path)
         if not topics:
             seen = sorted({c.topic for c in reader.connections})[:8]
             raise RecordingError(
-                f"{path}: none of the topics {', '.join(_FIELDS)}; it holds "
+                f"{path}: none of the topics {', '.join(_TOPICS)}; it holds "
                 f"{', '.join(seen) or 'nothing'}"
             )
         for topic, connections in topics.items():
@@ -153,13 +151,15 @@ def _read(files: Sequence[Path], path: Path) -> RawRecording:
                 else:
                     unstamped[topic] += 1
                 time = 1e-9 * (nanoseconds - reader.start_time)
-                rows = (
-                    _joint_state(topic, message)
-                    if topic in _FIELDS
-                    else [(SUPPLY, float(getattr(message, "fluid_pressure", np.nan)))]
-                    if hasattr(message, "fluid_pressure")
-                    else [(SUPPLY, float(getattr(message, "data", np.nan)))]
-                )
+                if topic in (_COMMANDS, _SENT):
+                    rows, unclear = _commands(message)
+                    for muscle in unclear:
+                        ambiguous[topic, muscle] += 1
+                elif topic in _FIELDS:
+                    rows = _joint_state(topic, message)
+                else:
+                    field = "fluid_pressure" if hasattr(message, "fluid_pressure") else "data"
+                    rows = [(SUPPLY, float(getattr(message, field, np.nan)))]
                 for name, value in rows:
                     stamps[name].append(time)
                     values[name].append(value)
@@ -175,5 +175,10 @@ def _read(files: Sequence[Path], path: Path) -> RawRecording:
     remarks += [
         f"{topic}: {count} messages cannot be read and are left out"
         for topic, count in spoilt.items()
+    ]
+    remarks += [
+        f"{topic}: {count} commands of {muscle} stand in position and in effort, which no valve "
+        "takes; left out"
+        for (topic, muscle), count in ambiguous.items()
     ]
     return RawRecording(path, channels, remarks)

@@ -18,7 +18,7 @@ from pam_model.effects.parts import (
     Stage,
     TorqueFeedforward,
 )
-from pam_model.effects.registry import EFFECTS, adjusted, effect_value, filled
+from pam_model.effects.registry import EFFECTS, active, adjusted, effect_value, filled
 
 __all__ = [
     "EFFECTS",
@@ -39,6 +39,7 @@ __all__ = [
     "Search",
     "Stage",
     "TorqueFeedforward",
+    "active",
     "adjusted",
     "effect_value",
     "filled",

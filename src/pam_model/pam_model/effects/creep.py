@@ -38,12 +38,14 @@ def maxwell_rate(
     return speed - stretch / time_constant
 
 
-def maxwell_step(stretch: float, stroke: float, step: float, time_constant: float) -> float:
-    """The stretch [m] after lengthening by `stroke` [m] evenly within `step` [s]; exact."""
-    if step <= 0.0:
+def maxwell_step(
+    stretch: float, stroke: float, duration: float, ratio: float, time_constant: float
+) -> float:
+    """The stretch [m] after lengthening by `stroke` [m] evenly within `duration` [s]; exact."""
+    if duration <= 0.0:
         return stretch + stroke
-    decay = math.exp(-step / time_constant)
-    return stretch * decay + stroke * time_constant / step * (1.0 - decay)
+    decay = math.exp(-duration / time_constant)
+    return stretch * decay + stroke * time_constant / duration * (1.0 - decay)
 
 
 def creep_pull(
@@ -94,7 +96,8 @@ EFFECT = Effect(
     slots=(PullState("creep", creep_pull, maxwell_rate, creep_response, unsettled),),
     control=TorqueFeedforward(
         "computes a Maxwell element along the reference lengths and compensates its torque; the "
-        "element starts relaxed"
+        "element starts relaxed",
+        maxwell_step,
     ),
     plausibility=Nothing(
         "it is a few per cent of the pull, which `plausibility.torque_share` leaves room for"

@@ -21,9 +21,10 @@ from pam_model.effects.parts import (
     Scope,
     Search,
     Stage,
+    TorqueFeedforward,
     Treatment,
 )
-from pam_model.effects.slots import SCOPES, TARGETS, Adjusts, DryFriction, Slot, laws_of
+from pam_model.effects.slots import SCOPES, TARGETS, Adjusts, DryFriction, PullState, Slot, laws_of
 from pam_model.errors import PamError
 
 
@@ -159,6 +160,18 @@ class Effect:
                 self._check_arguments(f"slot {kind}: {name}", law, context)
         if isinstance(self.control, Inverse):
             self._check_arguments("control: law", self.control.law, ("opening",))
+        self._check_feedforward()
+
+    def _check_feedforward(self) -> None:
+        if isinstance(self.control, TorqueFeedforward) and any(
+            isinstance(slot, PullState) for slot in self.slots
+        ):
+            if self.control.step is None:
+                self._refuse("control: a TorqueFeedforward of a PullState needs a step")
+            else:
+                self._check_arguments(
+                    "control: step", self.control.step, ("state", "stroke", "duration")
+                )
 
     def _check_arguments(
         self, what: str, law: Callable[..., object], context: tuple[str, ...]

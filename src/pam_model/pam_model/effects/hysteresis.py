@@ -18,7 +18,7 @@ from pam_model.effects.parts import (
     TorqueFeedforward,
 )
 from pam_model.effects.slots import PullState
-from pam_model.physics.dahl import dahl_rate, dahl_slope
+from pam_model.physics.dahl import dahl_rate, dahl_slope, dahl_step
 
 
 def friction_area(braid_area: float, amplitude: float) -> float:
@@ -31,6 +31,13 @@ def friction_rate(
 ) -> float:
     """dz/dt [1/s] at dL/dt = `speed` [m/s], no faster than a step [s] can follow."""
     return dahl_rate(state, speed, presliding_length, step)
+
+
+def friction_step(
+    state: float, stroke: float, duration: float, amplitude: float, presliding_length: float
+) -> float:
+    """State z after a monotonic stroke [m] of any size; exact, and the duration plays no part."""
+    return dahl_step(state, stroke, presliding_length)
 
 
 def friction_pull(
@@ -84,7 +91,8 @@ EFFECT = Effect(
     slots=(PullState("hysteresis", friction_pull, friction_rate, friction_response, unsettled),),
     control=TorqueFeedforward(
         "computes Dahl friction along the reference lengths and compensates its torque; the "
-        "friction state starts at zero"
+        "friction state starts at zero",
+        friction_step,
     ),
     plausibility=Nothing(
         "its state cannot be told from the pressures; it is a few per cent of the pull, which "

@@ -81,9 +81,19 @@ class Delay:
 
 @dataclass(frozen=True, slots=True)
 class TorqueFeedforward:
-    """The controller adds the torque that it costs along the reference."""
+    """The controller adds the torque that it costs along the reference.
+
+    Attributes
+    ----------
+    how : str
+        One or two sentences, for the controller's page.
+    step : callable, optional
+        For an effect with a PullState: step(state, stroke, duration, *parameters) -> the state
+        after the muscle has lengthened evenly by `stroke` [m] within `duration` [s].
+    """
 
     how: str
+    step: Callable[..., float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

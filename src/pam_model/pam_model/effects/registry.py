@@ -158,6 +158,11 @@ def effect_value(effects: EffectValues, effect: str, parameter: str) -> float:
     return EFFECTS[effect].parameters[parameter].neutral
 
 
+def active(effect: Effect, effects: EffectValues) -> bool:
+    """Whether the parameters that a muscle, joint or rig carries switch an effect on."""
+    return effect.name in effects and not effect.is_neutral(effects[effect.name])
+
+
 def filled[S: Slot](kind: type[S]) -> tuple[tuple[Effect, S], ...]:
     """The effects that fill a kind of slot, in the order in which the plant applies them."""
     found = [
@@ -181,8 +186,7 @@ def adjusted(target: str, written: float | None, effects: EffectValues) -> float
     written : float or None
         As the rig file states it; None for a target that has an ideal value.
     effects : mapping
-        `muscle.effects` for a target of a muscle, `joint.effects` for one of a joint, `rig.effects`
-        for the reservoir's.
+        `muscle.effects` for a target of a muscle, `joint.effects` for one of a joint.
 
     Raises
     ------

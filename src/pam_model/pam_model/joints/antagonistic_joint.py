@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import cast
 
-from pam_model.effects import effect_value
+from pam_model.effects import adjusted
 from pam_model.errors import DomainError
 from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.pressure_line import Point, PressureLine
@@ -165,21 +165,22 @@ class AntagonisticJoint:
                     f"min_pressure = {min_pressure:g} Pa must be from 0 to below {high:g} Pa, "
                     f"the most that {name} gets"
                 )
-            extra = effect_value(muscle.effects, "dead_volume", "extra_volume")
+            effects = muscle.effects if with_effects else {}
             muscles.append(
                 JointMuscle(
                     effective_force_model(rig, name) if with_effects else rig.force_model(name),
                     muscle.neutral_length,
                     min_pressure,
                     high,
-                    max(0.0, muscle.dead_volume + (extra if with_effects else 0.0)),
+                    max(0.0, adjusted("dead_volume", muscle.dead_volume, effects)),
                 )
             )
-        scale = effect_value(joint.effects, "pulley_radius", "scale") if with_effects else 1.0
         return cls(
             muscles[0],
             muscles[1],
-            joint.pulley_radius * scale,
+            adjusted(
+                "joint.pulley_radius", joint.pulley_radius, joint.effects if with_effects else {}
+            ),
             ambient_pressure=rig.gas.ambient_pressure,
             exponent=rig.gas.polytropic_exponent,
         )

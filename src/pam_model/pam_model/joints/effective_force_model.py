@@ -1,9 +1,9 @@
-"""A muscle's static force with what its rig file says the nominal model leaves out.
+"""The static force of a muscle, with the effects that its rig file names.
 
-End caps, bladder elasticity, extensible threads and a compliant cable are functions of pressure
-and length, so estimator and controller can account for them; effects with a memory (hysteresis,
-creep) are left to simulation. `pam_model.effects` has the laws. Scalars only: this is the view of
-a joint, not of a fit.
+Effects on the contraction ratio, passive pulls, stretching threads and a compliant cable are
+functions of pressure and length, so that estimator and controller can account for them. Effects
+with a memory (hysteresis, creep) are left out. The laws stand in the files of the effects
+(`pam_model.effects`). Scalars only: this is the view of a joint, not of a fit.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
-from pam_model.effects import effect_value
-from pam_model.effects.bladder_elasticity import bladder_pull
-from pam_model.effects.braid_extensibility import stretched_thread
+from pam_model.effects import active, adjusted, filled
 from pam_model.effects.end_caps import length_inside_caps
+from pam_model.effects.slots import Law2, Law3, PassivePull, Thread
 from pam_model.muscles.braid import trapped_gas_slope
 from pam_model.muscles.force_model import AffineForceModel, ForceModel, ModelParameter
 from pam_model.rig.types import Muscle, Rig
@@ -49,16 +48,19 @@ def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
     """
     muscle = rig.muscle(muscle_name)
     model = rig.force_model(muscle_name)
-    factor = effect_value(muscle.effects, "end_caps", "factor")
-    linear = effect_value(muscle.effects, "bladder_elasticity", "linear")
-    cubic = effect_value(muscle.effects, "bladder_elasticity", "cubic")
-    thread = effect_value(muscle.effects, "braid_extensibility", "compliance")
-    cable = effect_value(muscle.effects, "cable_compliance", "compliance")
-    if factor != 1.0 or linear != 0.0 or cubic != 0.0:
+    factor = adjusted("contraction_factor", 1.0, muscle.effects)
+    pulls = tuple(
+        (slot.law, effect.values(muscle.effects))
+        for effect, slot in filled(PassivePull)
+        if active(effect, muscle.effects)
+    )
+    cable = adjusted("series_compliance", None, muscle.effects)
+    if factor != 1.0 or pulls:
         kind = _AffineEnds if isinstance(model, AffineForceModel) else _Ends
-        model = kind(model, muscle, factor, linear, cubic)
-    if thread != 0.0:
-        model = _ExtensibleBraid(model, muscle, thread)
+        model = kind(model, muscle, factor, pulls)
+    for effect, slot in filled(Thread):
+        if active(effect, muscle.effects):
+            model = _ExtensibleBraid(model, muscle, slot.law, effect.values(muscle.effects))
     if cable != 0.0:
         model = _SeriesCable(model, cable)
     return model
@@ -116,14 +118,18 @@ class _Wrapper(ABC):
 
 
 class _Ends(_Wrapper):
-    """End caps (the nominal force at k times the contraction) and the bladder's own force."""
+    """The nominal force at a multiple of the contraction, plus pulls that need no pressure."""
 
     def __init__(
-        self, inner: ForceModel, muscle: Muscle, factor: float, linear: float, cubic: float
+        self,
+        inner: ForceModel,
+        muscle: Muscle,
+        factor: float,
+        pulls: tuple[tuple[Law2, tuple[float, ...]], ...],
     ) -> None:
         super().__init__(inner)
         self._rest = muscle.rest_length
-        self._factor, self._linear, self._cubic = factor, linear, cubic
+        self._factor, self._pulls = factor, pulls
 
     @property
     def length_bounds(self) -> tuple[float, float]:
@@ -136,16 +142,21 @@ class _Ends(_Wrapper):
     def _inside(self, length: float) -> float:
         return length_inside_caps(length, self._rest, self._factor)
 
-    def _bladder(self, length: float) -> tuple[float, float]:
-        return bladder_pull(length - self._rest, self._linear, self._cubic)
+    def _passive(self, length: float) -> tuple[float, float]:
+        """Passive pull [N] and its slope [N/m]."""
+        pull = slope = 0.0
+        for law, values in self._pulls:
+            own = law(length, self._rest, *values)
+            pull, slope = pull + own[0], slope + own[1]
+        return pull, slope
 
     def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:
         braid = self.inner.force(pressure, self._inside(length), self._factor * velocity)
-        return float(braid) + self._bladder(length)[0]
+        return float(braid) + self._passive(length)[0]
 
     def stiffness(self, pressure: float, length: float) -> float:
         braid = self._factor * float(self.inner.stiffness(pressure, self._inside(length)))
-        return braid + self._bladder(length)[1]
+        return braid + self._passive(length)[1]
 
 
 class _AffineEnds(_Ends):
@@ -155,11 +166,11 @@ class _AffineEnds(_Ends):
 
     def coefficients(self, length: float) -> tuple[float, float]:
         scale, passive = self.inner.coefficients(self._inside(length))
-        return float(scale), float(passive) + self._bladder(length)[0]
+        return float(scale), float(passive) + self._passive(length)[0]
 
     def coefficient_slopes(self, length: float) -> tuple[float, float]:
         scale, passive = self.inner.coefficient_slopes(self._inside(length))
-        rate = self._factor * float(passive) + self._bladder(length)[1]
+        rate = self._factor * float(passive) + self._passive(length)[1]
         return self._factor * float(scale), rate
 
     def pressure_slope(self, pressure: float, length: float) -> float:
@@ -167,22 +178,24 @@ class _AffineEnds(_Ends):
 
 
 class _ExtensibleBraid(_Wrapper):
-    """Threads that stretch: the cylinder's force at their true length, less that at the written."""
+    """Threads that stretch to a length b: the cylinder's force at b, less that at b_0."""
 
-    def __init__(self, inner: ForceModel, muscle: Muscle, compliance: float) -> None:
+    def __init__(
+        self, inner: ForceModel, muscle: Muscle, law: Law3, values: tuple[float, ...]
+    ) -> None:
         super().__init__(inner)
         self._thread = muscle.thread_length
         self._scale = 1.0 / (4.0 * math.pi * muscle.turns**2)
-        self._compliance = compliance
+        self._law, self._values = law, values
 
     def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:
-        thread, _, _ = stretched_thread(pressure, length, self._thread, self._compliance)
-        longer = thread * thread - self._thread * self._thread
+        stretched = self._law(pressure, length, self._thread, *self._values)[0]
+        longer = stretched * stretched - self._thread * self._thread
         return float(self.inner.force(pressure, length, velocity)) - pressure * longer * self._scale
 
     def stiffness(self, pressure: float, length: float) -> float:
-        thread, _, by_length = stretched_thread(pressure, length, self._thread, self._compliance)
-        rate = 2.0 * thread * by_length
+        stretched, _, by_length = self._law(pressure, length, self._thread, *self._values)
+        rate = 2.0 * stretched * by_length
         return float(self.inner.stiffness(pressure, length)) - pressure * rate * self._scale
 
 

@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pam_model.effects import effect_value
 from pam_model.errors import DomainError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig.types import Rig
 
 NAN = math.nan
@@ -64,17 +64,9 @@ class JointEstimator:
         self.max_age = max_age
         self.closed_chambers = closed_chambers
         self._joints = {name: AntagonisticJoint.from_rig(rig, name) for name in rig.joint_names}
-        self._calibration = {
-            muscle.name: (
-                effect_value(muscle.effects, "pressure_gain", "gain"),
-                effect_value(muscle.effects, "pressure_bias", "bias"),
-            )
-            for muscle in rig.muscles
-        }
-        self._offset = {
-            joint.name: effect_value(joint.effects, "position_offset", "offset")
-            for joint in rig.joints
-        }
+        self._correction = SensorCorrection(rig)
+        self._muscle_numbers = {name: number for number, name in enumerate(rig.muscle_names)}
+        self._joint_numbers = {name: number for number, name in enumerate(rig.joint_names)}
         self._pressures: dict[str, tuple[float, float]] = {}
         self._positions: dict[str, tuple[float, float, float]] = {}
 
@@ -85,14 +77,13 @@ class JointEstimator:
         """
         taken = 0
         for index, name in enumerate(names):
-            known = self._calibration.get(name)
-            if known is not None:
+            number = self._muscle_numbers.get(name)
+            if number is not None:
                 taken += 1
                 if self._is_overtaken(stamp, self._pressures.get(name)):
                     continue
-                gain, bias = known
                 value = pressures[index] if index < len(pressures) else NAN
-                self._pressures[name] = stamp, (value - bias) / gain
+                self._pressures[name] = stamp, self._correction.pressure(number, value)
         return taken
 
     def take_positions(
@@ -108,13 +99,15 @@ class JointEstimator:
         """
         taken = 0
         for index, name in enumerate(names):
-            if name in self._offset:
+            number = self._joint_numbers.get(name)
+            if number is not None:
                 taken += 1
                 if self._is_overtaken(stamp, self._positions.get(name)):
                     continue
                 position = positions[index] if index < len(positions) else NAN
                 velocity = velocities[index] if index < len(velocities) else NAN
-                self._positions[name] = stamp, position - self._offset[name], velocity
+                corrected = self._correction.position(number, position)
+                self._positions[name] = stamp, corrected, velocity
         return taken
 
     def _is_overtaken(self, stamp: float, kept: tuple[float, ...] | None) -> bool:

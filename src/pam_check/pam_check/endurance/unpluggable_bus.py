@@ -1,24 +1,25 @@
-"""The driver on a multicast bus that can be unplugged, for tests of what it does then.
+"""A multicast bus that can be unplugged, for tests of what the driver does then.
 
-`PAM_UNPLUGGED=/tmp/plug python -m pam_check.endurance.unpluggable_driver_node --ros-args ...` is
-the driver's node. While the file holds the number of a system error, python-can raises it from
-every call, as SocketCAN does: ENETDOWN (100) for an interface that is set down, ENODEV (19) for an
-adapter that is pulled out, which also cannot be opened then.
+It is an interface of python-can by the name INTERFACE, which python-can finds as a plug-in
+(`can.interface` in this package's setup.py), so that the driver's own program uses it:
+`PAM_UNPLUGGED=/tmp/plug ros2 run pam_driver driver_node --ros-args -p bus.interface:=unpluggable
+-p bus.channel:=239.74.163.2 -p bus.options:=port=43113 ...`. While the file holds the number of a
+system error, every call raises it, as SocketCAN does: ENETDOWN (100) for an interface that is set
+down, ENODEV (19) for an adapter that is pulled out, which also cannot be opened then.
 """
 
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 from typing import Any, Final
 
 import can
-from can.interfaces import BACKENDS
 from can.interfaces.udp_multicast import UdpMulticastBus
 
-from pam_driver import driver_node
+from pam_driver.bus import hear_own_group_only
 
+INTERFACE: Final = "unpluggable"
 PLUG: Final = "PAM_UNPLUGGED"  # environment variable: path of the file
 
 
@@ -32,15 +33,16 @@ def failure() -> int:
 
 
 class UnpluggableBus(UdpMulticastBus):
-    """A multicast bus that fails as an interface does that is gone."""
+    """A multicast bus that fails as an interface does that is gone; it never leaves the machine."""
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
+    def __init__(self, channel: str, port: int, **_: Any) -> None:
         number = failure()
         if number:
             # what python-can's own constructor would have set, for its destructor
             self._is_shutdown = True
             raise can.CanInitializationError(os.strerror(number), number)
-        super().__init__(*arguments, **options)
+        super().__init__(channel, port, hop_limit=0)
+        hear_own_group_only(self)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         _raise_failure()
@@ -56,13 +58,3 @@ def _raise_failure() -> None:
     number = failure()
     if number:
         raise can.CanOperationError(os.strerror(number), number)
-
-
-def main() -> int:
-    """Run the driver's node on such a bus."""
-    BACKENDS["udp_multicast"] = (__name__, UnpluggableBus.__name__)
-    return driver_node.main()
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,82 @@
+"""What a muscle remembers of its motion, run along the lengths that it is asked to take.
+
+Thread friction, creep and every other effect with a state and an exact step run ahead of time along
+the reference, so they add nothing to the feedback loop. A state starts at 0, since nothing tells in
+which state the muscle was left. The laws stand in the files of the effects (`pam_model.effects`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from pam_model.effects import TorqueFeedforward, active, filled
+from pam_model.effects.slots import PullState
+from pam_model.rig import Muscle
+
+
+@dataclass(slots=True)
+class _State:
+    """One effect's state and its laws with the muscle's parameters."""
+
+    slot: PullState
+    treatment: TorqueFeedforward
+    values: tuple[float, ...]
+    value: float = 0.0
+
+
+@dataclass(slots=True)
+class MuscleMemory:
+    """The states of one muscle along its reference.
+
+    Attributes
+    ----------
+    braid_area : float
+        b^2/(4 pi n^2) [m^2].
+    braid_slope : float
+        6 rest_length/(4 pi n^2) [m].
+    """
+
+    braid_area: float
+    braid_slope: float
+    _states: list[_State] = field(default_factory=list)
+
+    @classmethod
+    def from_muscle(cls, muscle: Muscle) -> MuscleMemory:
+        """With the effects that the rig file names."""
+        scale = 1.0 / (4.0 * math.pi * muscle.turns**2)
+        return cls(
+            muscle.thread_length**2 * scale,
+            6.0 * muscle.rest_length * scale,
+            [
+                _State(slot, effect.control, effect.values(muscle.effects))
+                for effect, slot in filled(PullState)
+                if isinstance(effect.control, TorqueFeedforward) and active(effect, muscle.effects)
+            ],
+        )
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether it never adds a pull."""
+        return not self._states
+
+    def reset(self) -> None:
+        """Forget the past."""
+        for state in self._states:
+            state.value = 0.0
+
+    def move(self, stroke: float, duration: float) -> None:
+        """Lengthen by `stroke` [m] evenly within `duration` [s]."""
+        for state in self._states:
+            step = state.treatment.step
+            assert step is not None  # checked where the effect is declared
+            state.value = step(state.value, stroke, duration, *state.values)
+
+    def pull(self, pressure: float) -> float:
+        """Pull that the states add [N] at a gauge pressure [Pa]."""
+        return sum(
+            state.slot.pull(
+                state.value, pressure, self.braid_area, self.braid_slope, *state.values
+            )[0]
+            for state in self._states
+        )

@@ -1,0 +1,65 @@
+"""The table of constants as a page of the documentation: `python -m pam_gap rules`."""
+
+from __future__ import annotations
+
+from pam_gap.rules.rule import DECISION, DIAGNOSIS, PROPOSAL
+from pam_gap.rules.table import table
+from pam_model.command_line import Arguments, Outcome
+
+PAGE = "constants_of_the_diagnosis.md"
+GROUPS = {
+    "recording": "Noise of the channels",
+    "prediction": "Prediction and fit",
+    "search": "Search and held-out scores",
+    "decision": "Decision",
+    "experiment": "Next experiment",
+}
+ACTS = {
+    DECISION: "decision",
+    DIAGNOSIS: "diagnosis",
+    PROPOSAL: "no verdict",
+}
+_HEAD = """# Constants of the diagnosis
+
+Every hand-set constant that can change an answer of the diagnosis. The page is written by
+`python -m pam_gap rules` from `pam_gap.rules`, where the code reads the values.
+
+*Acts on* tells from which step on a change has an effect:
+
+- *decision*: the verdict can be decided again from the evidence that a diagnosis keeps;
+- *diagnosis*: the recording has to be diagnosed again;
+- *no verdict*: only notes, figures or the next experiment change.
+
+A *level* is the sum over channels of log (mean squared error / noise floor) on held-out data. A
+difference of levels is twice the log likelihood ratio per observation of two Gaussian models.
+
+What a change of each constant does to a check on withheld rigs is shown in the
+[table of changes](how_often_right.md#how-much-the-verdicts-depend-on-the-constants).
+"""
+
+
+def to_markdown() -> str:
+    """The page."""
+    parts = [_HEAD]
+    for group, title in GROUPS.items():
+        parts.append(
+            f"\n## {title}\n\n"
+            "| constant | value | unit | acts on | decides | trades | origin |\n"
+            "|---|---|---|---|---|---|---|\n"
+        )
+        parts += [
+            f"| `{e.path}` | {e.value:g} | {e.unit} | {ACTS[e.acts]} | {e.decides} | {e.trades} | "
+            f"{e.origin} |\n"
+            for e in table()
+            if e.group == group
+        ]
+    return "".join(parts)
+
+
+def run(given: Arguments) -> Outcome:
+    """Write the page; the command of `pam_gap.__main__`."""
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / PAGE
+    path.write_text(to_markdown(), encoding="utf-8")
+    print(f"written: {path}")
+    return Outcome({"page": str(path), "constants": len(table())})

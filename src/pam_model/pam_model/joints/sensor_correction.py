@@ -1,0 +1,55 @@
+"""From the readings of sensors to true values: static errors that the rig file names, undone.
+
+A reading is gain times pressure plus bias, or position plus offset, with gain, bias and offset as
+the effects of the rig file make them (`pam_model.effects`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pam_model.effects import adjusted
+from pam_model.physics.pressure_sensor import true_pressure
+from pam_model.rig.types import Rig
+
+
+class SensorCorrection:
+    """The static sensor errors that a rig file names.
+
+    Parameters
+    ----------
+    rig : Rig
+        As read from a file.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._offsets = [
+            adjusted("position_sensor.offset", None, joint.effects) for joint in rig.joints
+        ]
+        self._gains = [
+            adjusted("pressure_sensor.gain", None, muscle.effects) for muscle in rig.muscles
+        ]
+        self._biases = [
+            adjusted("pressure_sensor.bias", None, muscle.effects) for muscle in rig.muscles
+        ]
+
+    def position(self, joint: int, measured: float) -> float:
+        """True position [rad] of a joint, by its number in the rig."""
+        return measured - self._offsets[joint]
+
+    def pressure(self, muscle: int, measured: float) -> float:
+        """True gauge pressure [Pa] of a muscle, by its number in the rig."""
+        return float(true_pressure(measured, self._gains[muscle], self._biases[muscle]))
+
+    def positions(self, measured: Sequence[float]) -> list[float]:
+        """True positions [rad], in the rig's order."""
+        return [
+            float(value) - offset for value, offset in zip(measured, self._offsets, strict=True)
+        ]
+
+    def pressures(self, measured: Sequence[float]) -> list[float]:
+        """True gauge pressures [Pa], in the rig's order."""
+        return [
+            float(true_pressure(float(value), gain, bias))
+            for value, gain, bias in zip(measured, self._gains, self._biases, strict=True)
+        ]

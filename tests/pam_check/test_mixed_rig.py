@@ -1,0 +1,109 @@
+"""A rig with flow valves at one joint and pressure regulators at the other, through every tool."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pam_check.faults.campaign import make_chain
+from pam_check.faults.chain import FaultChain
+from pam_check.faults.host_faults import INJECTIONS
+from pam_driver.safety.states import SafetyState
+from pam_gap.diagnose import diagnose
+from pam_gap.live.live_gap import LiveWindow
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.import_recording import import_recording
+from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
+from pam_model.rig import Rig, load_rig
+from pam_ros.valve_command import ValveCommandFormat
+from support.mixed_rig import TWO_JOINTS, Heard, drive, write_bag
+
+SPOOLS = ("shoulder_flexor", "shoulder_extensor")
+REGULATORS = ("elbow_flexor", "elbow_extensor")
+
+
+@pytest.fixture(scope="module")
+def mixed() -> Rig:
+    return load_rig(TWO_JOINTS)
+
+
+@pytest.fixture(scope="module")
+def chain(mixed: Rig) -> FaultChain:
+    return make_chain(mixed)
+
+
+@pytest.fixture(scope="module")
+def heard(chain: FaultChain) -> list[Heard]:
+    return drive(chain, 8.0)
+
+
+def test_driver_and_controller_move_both_joints(chain: FaultChain, heard: list[Heard]) -> None:
+    assert chain.driver.state is SafetyState.ACTIVE
+    assert not chain.driver.intake.rejected
+    positions = np.array([entry.topics["joint_states"][1] for entry in heard])
+    assert (np.ptp(positions, axis=0) > 0.5).all()
+
+
+def test_both_kinds_of_command_are_imported(heard: list[Heard], mixed: Rig, tmp_path: Path) -> None:
+    recording = import_recording(write_bag(tmp_path / "bag", heard))
+    commands = {m: recording.values[f"{COMMANDS}{m}"] for m in mixed.muscle_names}
+    for muscle in SPOOLS:
+        assert np.abs(commands[muscle]).max() <= 1.0
+    for muscle in REGULATORS:
+        assert commands[muscle].max() > 1e5
+        pressure = recording.values[f"{PRESSURES}{muscle}"]
+        assert np.corrcoef(commands[muscle], pressure)[0, 1] > 0.9
+    for joint in range(2):
+        problem = PredictionProblem(mixed, joint, [recording])
+        assert problem.has_commands
+
+
+@pytest.mark.parametrize("joint", ["shoulder", "elbow"])
+def test_a_joint_on_either_kind_of_valve_is_diagnosed(
+    heard: list[Heard], tmp_path: Path, joint: str
+) -> None:
+    bag = write_bag(tmp_path / "bag", heard[-2000:])
+    (found,) = diagnose([bag], TWO_JOINTS, tmp_path / "out", joint=joint, show_progress=False)
+    assert found.joint == joint
+    assert not [note for note in found.left_out if "valve" in note]
+    assert not found.effects
+
+
+def test_the_gap_of_both_joints_is_watched_up_to_the_valve(heard: list[Heard], mixed: Rig) -> None:
+    window, form = LiveWindow(mixed, 5.0), ValveCommandFormat(mixed.valve_kinds)
+    for entry in heard:
+        names, position, _, effort = entry.topics["sent_valve_commands"]
+        commands = form.known(names, position, effort)
+        window.take(COMMANDS, entry.time, [*commands], [*commands.values()])
+        window.take(PRESSURES, entry.time, names, entry.topics["pressure_states"][3])
+        joints, angles, *_ = entry.topics["joint_states"]
+        window.take(JOINTS, entry.time, joints, angles)
+    for joint in range(2):
+        gap = window.gap(joint)
+        assert not gap.problem
+        assert gap.stages is not None
+        assert gap.stages["valve"] < 5.0
+
+
+@pytest.mark.parametrize(
+    ("name", "refused"),
+    [
+        ("command_nan", "not_finite"),
+        ("command_out_of_range", "out_of_range"),
+        ("command_wrong_size", "size"),
+        ("command_two_publishers", ""),
+    ],
+)
+def test_command_faults_are_brought_about_on_both_kinds_of_valve(
+    chain: FaultChain, name: str, refused: str
+) -> None:
+    before = sum(chain.driver.intake.rejected.values())
+    INJECTIONS[name](chain, {"duration": 0.05, "share": 1.0}, random.Random(1))
+    # longer than the fault, which is shorter than a command may be old
+    drive(chain, 0.06)
+    assert sum(chain.driver.intake.rejected.values()) - before == (25 if refused else 0)
+    assert chain.driver.intake.rejected[refused] == (25 if refused else 0)
+    assert chain.driver.state is SafetyState.ACTIVE

@@ -1,0 +1,109 @@
+"""The controller's inverses of known effects: valves, friction, and what muscles remember."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from pam_control.compensation.dry_friction import SMOOTHING_SPEED, DryFriction
+from pam_control.compensation.history_torque import HistoryTorque
+from pam_control.compensation.muscle_memory import MuscleMemory
+from pam_control.compensation.valve_inverse import ValveInverse
+from pam_model.effects.valve_dead_zone import ROUNDED
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import initial_state, simulate
+
+
+def with_effects(rig, **effects):
+    """The agonist of the elbow with these effects."""
+    return dataclasses.replace(rig.muscle(rig.joints[0].agonist), effects=effects)
+
+
+def test_dry_friction_is_odd_and_saturates(rig):
+    joint = dataclasses.replace(
+        rig.joints[0],
+        effects={
+            "coulomb_friction": {"torque": 0.3},
+            "stribeck_friction": {"static_torque": 0.6, "torque": 0.4, "speed": 0.1},
+        },
+    )
+    friction = DryFriction.from_joint(joint)
+    for speed in (1e-3, 0.02, 0.1, 2.0):
+        assert friction.torque(-speed) == -friction.torque(speed)
+        assert 0.0 < friction.torque(speed) <= 0.9
+    assert friction.torque(0.0) == 0.0
+    assert friction.torque(30.0 * SMOOTHING_SPEED) == pytest.approx(0.7, rel=1e-3)
+    assert DryFriction.from_joint(rig.joints[0]).laws == ()
+
+
+def test_thread_friction_does_not_know_time_nor_steps(rig):
+    """Rate-independent: a stroke in one piece or in many ends in the same state."""
+    muscle = with_effects(rig, hysteresis={"amplitude": 0.1, "presliding_length": 1e-3})
+    whole, parts = MuscleMemory.from_muscle(muscle), MuscleMemory.from_muscle(muscle)
+    saturated = 0.1 * muscle.thread_length**2 / (4.0 * math.pi * muscle.turns**2)
+    for stroke in (2e-3, -7e-4, 3e-4):
+        whole.move(stroke, 1.0)
+        for _ in range(50):
+            parts.move(stroke / 50, 7e-3)
+        assert parts.pull(2e5) == pytest.approx(whole.pull(2e5), rel=1e-12)
+        assert abs(whole.pull(2e5)) < 2e5 * saturated
+
+
+def test_creep_relaxes_with_its_time_constant(rig):
+    muscle = with_effects(rig, creep={"ratio": 0.2, "time_constant": 2.0})
+    creep = MuscleMemory.from_muscle(muscle)
+    creep.move(0.01, 0.0)
+    at_once = creep.pull(2e5)
+    stiffness = 0.2 * 6.0 * 3e5 * muscle.rest_length / (4.0 * math.pi * muscle.turns**2)
+    assert at_once == pytest.approx(0.01 * stiffness)
+    creep.move(0.0, 2.0)
+    assert creep.pull(2e5) == pytest.approx(at_once * math.exp(-1.0))
+
+
+def test_history_is_that_of_the_simulated_muscle(rig):
+    """Pushed through the same lengths, controller and plant agree on the torque."""
+    effects = {"hysteresis": {"amplitude": 0.1}, "creep": {"ratio": 0.3, "time_constant": 1.0}}
+    named = rig
+    for name in rig.joints[0].muscles:
+        named = named.with_muscle(dataclasses.replace(rig.muscle(name), effects=effects))
+    time = np.arange(0.0, 4.0, 0.002)
+    q = 0.4 * np.sin(1.5 * time) * np.minimum(time, 1.0)
+    p = np.full((len(time), 2), 2.5e5)
+    torques = []
+    for each in (rig, named):
+        parameters = PlantParameters.from_rig(each, 0)
+        start = initial_state(parameters, pressures=(2.5e5, 2.5e5))
+        result = simulate(
+            parameters, np.zeros((len(time), 2)), 0.002, start, positions=q, pressures=p
+        )
+        torques.append(rig.joints[0].pulley_radius * (result.forces[:, 0] - result.forces[:, 1]))
+    history = HistoryTorque(
+        tuple(named.muscle(name) for name in rig.joints[0].muscles), rig.joints[0].pulley_radius
+    )
+    own = [history.advance(t, x, (2.5e5, 2.5e5)) for t, x in zip(time, q, strict=True)]
+    difference = np.array(own) - (torques[1] - torques[0])
+    assert np.abs(torques[1] - torques[0]).max() > 0.2
+    assert np.abs(difference).max() < 0.02 * np.abs(torques[1] - torques[0]).max()
+
+
+@pytest.mark.parametrize("overlap", [0.0, 0.05, 0.3])
+@pytest.mark.parametrize("null", [-0.1, 0.0, 0.07])
+def test_spool_undoes_overlap_and_null_offset(rig, overlap, null):
+    inverse = ValveInverse.from_muscle(
+        with_effects(
+            rig,
+            valve_dead_zone={"overlap": overlap},
+            valve_null_offset={"offset": null},
+            exhaust_restriction={"ratio": 0.5},
+        )
+    )
+    for opening in (-0.8, -0.2, -ROUNDED, ROUNDED, 0.3, 0.9):
+        spool = inverse.spool(opening) + null
+        passed = math.copysign(max(0.0, abs(spool) - overlap) / (1.0 - overlap), spool)
+        assert passed == pytest.approx(opening, abs=1e-12)
+    assert inverse.spool(0.0) == -null
+    assert inverse.opening(-0.2) == pytest.approx(-0.4)
+    assert inverse.opening(0.2) == 0.2

@@ -1,0 +1,322 @@
+"""Every tool and node answers a wrong command line in one line with exit code 2, and --help with 0.
+
+The cases are made of the tools' own tables of commands, so that a new command or option is among
+them without being named here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from pam_check.__main__ import main as pam_check
+from pam_check.chain import private_domain, set_environment
+from pam_control import controller_node
+from pam_demo.__main__ import main as pam_demo
+from pam_driver import driver_node
+from pam_gap.__main__ import main as pam_gap
+from pam_gap.experiments import play_node
+from pam_gap.live import monitor_node
+from pam_model import argument_types, model_node
+from pam_model.__main__ import main as pam_model
+from pam_model.command_line import Command
+from pam_sim import rig_node
+from pam_sim.__main__ import main as pam_sim
+from support.rigs import ELBOW
+from support.source_tree import imported_names, modules
+
+Main = Callable[[Sequence[str]], int]
+TOOLS: dict[str, Main] = {
+    "pam_model": pam_model,
+    "pam_sim": pam_sim,
+    "pam_gap": pam_gap,
+    "pam_check": pam_check,
+    "pam_demo": pam_demo,
+}
+COMMANDS = [
+    (tool, command)
+    for tool in TOOLS
+    for command in sys.modules[f"{tool}.__main__"].COMMANDS
+    if isinstance(command, Command)
+]
+NODES = {
+    "driver": driver_node.main,
+    "controller": controller_node.main,
+    "model": model_node.main,
+    "rig": rig_node.main,
+    "monitor": monitor_node.main,
+    "play": play_node.main,
+}
+HEAVY = {"numpy", "scipy", "pandas", "numba", "matplotlib", "rclpy", "can", "cantools", "tqdm"}
+LONGEST_HELP = 0.3  # s of processor time, which other programs do not lengthen
+
+
+def actions(command: Command) -> list[argparse.Action]:
+    """What a command declares."""
+    parser = argparse.ArgumentParser(add_help=False)
+    command.declare(parser)
+    return list(parser._actions)  # argparse offers no other way to see them
+
+
+def kind(action: argparse.Action) -> str:
+    """Name of the type of an argument, such as `input_file`."""
+    return "" if action.type is None else action.type.__qualname__.split(".")[0]
+
+
+def wrong_values(kind: str, folder: Path) -> list[str]:
+    """Values that an argument of a type must refuse."""
+    file, missing = folder / "file", folder / "missing"
+    file.write_text("")
+    return {
+        "count": ["-1", "1.5", "many", ""],
+        "number": ["nan", "many", ""],
+        "named_number": ["x=abc", "x"],
+        "input_path": [str(missing)],
+        "input_file": [str(missing), str(folder)],
+        "input_folder": [str(missing), str(file)],
+        "output_file": [str(folder), str(file / "below")],
+        "output_folder": [str(file), str(file / "below")],
+        "": [],
+    }[kind]
+
+
+def refused(main: Main, arguments: Sequence[str], capfd: pytest.CaptureFixture[str]) -> str:
+    """The one line in which a command line is refused."""
+    code = main(arguments)
+    told = capfd.readouterr()
+    assert code == 2, (arguments, told)
+    assert told.out == "", arguments
+    lines = told.err.splitlines()
+    assert len(lines) == 1, (arguments, told.err)
+    assert lines[0].startswith("error: ")
+    return lines[0]
+
+
+each_tool = pytest.mark.parametrize("tool", TOOLS)
+each_command = pytest.mark.parametrize(
+    ("tool", "command"), COMMANDS, ids=[f"{tool} {command.name}" for tool, command in COMMANDS]
+)
+each_node = pytest.mark.parametrize("node", NODES)
+
+
+@each_tool
+def test_a_tool_without_a_command_says_what_it_wants(tool, capfd):
+    commands = [command.name for owner, command in COMMANDS if owner == tool]
+    if tool != "pam_demo":  # runs the demo
+        assert "COMMAND" in refused(TOOLS[tool], [], capfd)
+    line = refused(TOOLS[tool], ["nonsense"], capfd)
+    assert all(name in line for name in commands)
+    assert TOOLS[tool](["--help"]) == 0
+    told = capfd.readouterr().out
+    assert all(name in told for name in commands)
+
+
+@each_command
+def test_help_of_a_command_names_all_its_options(tool, command, capfd):
+    assert TOOLS[tool]([command.name, "--help"]) == 0
+    told = capfd.readouterr().out
+    options = [option for action in actions(command) for option in action.option_strings]
+    options += ["--json"] + ["--check"] * bool(command.bad_news)
+    assert all(option in told for option in options)
+
+
+@each_command
+def test_every_argument_refuses_what_it_cannot_use(tool, command, tmp_path, capfd):
+    refused(TOOLS[tool], [command.name, "--nonsense"], capfd)
+    before: list[str] = []  # positional arguments ahead of the one that is wrong
+    for action in actions(command):
+        assert action.type is None or hasattr(argument_types, kind(action)), (
+            f"{action.dest}: a bare {action.type} lets in what the command cannot use"
+        )
+        for value in wrong_values(kind(action), tmp_path):
+            wrong = [action.option_strings[0]] if action.option_strings else before
+            line = refused(TOOLS[tool], [command.name, *wrong, value], capfd)
+            assert value in line
+            assert not action.option_strings or action.option_strings[0] in line
+        if action.required and action.option_strings:
+            line = refused(TOOLS[tool], [command.name], capfd)
+            assert action.option_strings[0] in line
+        if not action.option_strings:
+            before = [*before, str(ELBOW) if "input" in kind(action) else "name"]
+
+
+# what else a command needs before it reads its --rig
+BESIDE_A_RIG = {
+    "diagnose": [str(ELBOW), "--out", "out"],
+    "fuzz": ["frames"],
+    "security": ["policy.xml"],
+}
+
+
+@each_command
+def test_an_empty_rig_file_is_named(tool, command, tmp_path, capfd, monkeypatch):
+    if not any(action.dest == "rig" for action in actions(command)):
+        pytest.skip("takes no rig")
+    monkeypatch.chdir(tmp_path)
+    empty = tmp_path / "empty.yaml"
+    empty.write_text("")
+    arguments = [command.name, *BESIDE_A_RIG.get(command.name, []), "--rig", str(empty)]
+    assert "empty.yaml" in refused(TOOLS[tool], arguments, capfd)
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "told"),
+    [
+        ("pam_gap", ["blind", "--cases", "0"], "python -m pam_check blind"),
+        ("pam_gap", ["close-loop"], "python -m pam_demo close-loop"),
+        ("pam_check", ["blind", "--cases", "0"], "--cases: 0"),
+        ("pam_check", ["faults", "--kind", "encoder_stuk"], "encoder_stuck"),
+        ("pam_check", ["processes", "--kind", "nonsense"], "nonsense"),
+        ("pam_check", ["fuzz", "nonsense"], "frames"),
+        ("pam_check", ["lifecycle", "--cycles", "10", "--unplugged", "5"], "--unplugged 5"),
+        ("pam_demo", ["close-loop", "--hide", "x=abc"], "--hide x=abc"),
+        ("pam_demo", ["close-loop", "--hide", "x=1"], "effect x"),
+        ("pam_demo", ["--true-effects", "x=abc"], "--true-effects x=abc"),
+        ("pam_gap", ["diagnose", "--rig", str(ELBOW), "--out", "out"], "no recording"),
+        ("pam_gap", ["diagnose", "empty.csv", "--rig", str(ELBOW), "--out", "out"], "empty.csv"),
+        ("pam_gap", ["diagnose", "folder", "--rig", str(ELBOW), "--out", "out"], "folder"),
+        ("pam_model", ["fit", "tondu_lopez", "empty.csv"], "empty.csv"),
+        ("pam_model", ["compare", "empty.csv"], "empty.csv"),
+        ("pam_model", ["show", "nonsense"], "nonsense"),
+        ("pam_model", ["show", "gaylord", "--output", "picture.nonsense"], "nonsense"),
+        ("pam_sim", ["rig", "--rig", str(ELBOW), "--dbc", "empty.csv"], "empty.csv"),
+        ("pam_sim", ["rig", "--rig", str(ELBOW), "--effect", "x=1"], "effect x"),
+        ("pam_sim", ["fault-tables", "empty.csv"], "empty.csv"),
+    ],
+)
+def test_a_mistake_that_shows_later_is_one_line_as_well(
+    tool, arguments, told, tmp_path, capfd, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "folder").mkdir()
+    assert told in refused(TOOLS[tool], arguments, capfd)
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments"),
+    [
+        ("pam_model", ["list"]),
+        ("pam_model", ["show", "gaylord"]),
+        ("pam_model", ["design", "--force", "100", "--stroke", "0.03", "--pressure", "3e5"]),
+        ("pam_check", ["security", "policy.xml", "--rig", str(ELBOW)]),
+        ("pam_check", ["fuzz", "frames", "--count", "1000", "--rig", str(ELBOW)]),
+    ],
+)
+def test_json_is_the_only_thing_on_standard_output(tool, arguments, tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert TOOLS[tool]([*arguments, "--json"]) == 0
+    told = capfd.readouterr()
+    assert json.loads(told.out)
+    assert told.err == ""  # no progress bar where nobody looks
+
+
+def test_help_loads_nothing_heavy_and_takes_less_than_a_third_of_a_second():
+    lines = [f"from {tool}.__main__ import main as {tool}" for tool in TOOLS]
+    lines += [f"{tool}(['{command.name}', '--help'])" for tool, command in COMMANDS]
+    lines += ["import sys", "print('LOADED', *{name.split('.')[0] for name in sys.modules})"]
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True
+    )
+    loaded = set(done.stdout.rpartition("LOADED")[2].split())
+    assert loaded & HEAVY == set()
+    for tool in TOOLS:
+        before = os.times()
+        subprocess.run([sys.executable, "-m", tool, "--help"], capture_output=True, check=True)
+        after = os.times()
+        used = after.children_user + after.children_system
+        assert used - before.children_user - before.children_system < LONGEST_HELP, tool
+
+
+def test_one_module_parses_all_command_lines_and_draws_all_progress_bars():
+    allowed = {"pam_model.command_line", "pam_model.argument_types"}
+    users = {
+        name: imported_names(path) & {"argparse", "optparse", "click", "typer", "tqdm"}
+        for name, path in modules().items()
+        if name not in allowed
+    }
+    assert {name: found for name, found in users.items() if found} == {}
+
+
+# --- nodes -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def as_before() -> Iterator[None]:
+    """The signals and the interpreter's switch interval, which a node's start changes."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    interval = sys.getswitchinterval()
+    with set_environment(private_domain()):
+        yield
+    sys.setswitchinterval(interval)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@each_node
+@pytest.mark.usefixtures("as_before")
+def test_help_of_a_node_tells_parameters_topics_and_an_example(node, capfd):
+    assert NODES[node](["--help"]) == 0
+    told = capfd.readouterr()
+    assert told.err == ""
+    for text in ("usage: ros2 run pam_", "subscribes:", "publishes:", "parameters:", "example:"):
+        assert text in told.out
+    assert "docs/rig_file.md" in told.out
+
+
+@each_node
+@pytest.mark.usefixtures("as_before")
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([], "no rig"),
+        (["--nonsense"], "--nonsense"),
+        (["nonsense"], "nonsense"),
+        (["--ros-args", "--nonsense"], "--nonsense"),
+        (["--ros-args", "--params-file", "missing.yaml"], "missing.yaml: no such file"),
+        (["--ros-args", "--params-file", "folder"], "folder: is a folder"),
+        (["--ros-args", "--params-file", "empty.yaml"], "no rig"),
+        (["--ros-args", "--params-file", "text.yaml"], "text.yaml"),
+        (["--ros-args", "--params-file", str(ELBOW), "-p", "nonsense:=1"], "nonsense"),
+    ],
+)
+def test_a_node_refuses_a_wrong_start_in_one_line(node, words, told, tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "empty.yaml").write_text("")
+    (tmp_path / "text.yaml").write_text("a: [\n")
+    assert told in refused(NODES[node], words, capfd)
+
+
+def test_the_help_of_a_node_names_the_topics_that_it_uses():
+    """The policy is compared with running nodes by a test of its own."""
+    from pam_check.security.policy import POLICY
+    from pam_control.controller_parameters import HELP as CONTROLLER
+    from pam_driver.driver_parameters import HELP as DRIVER
+
+    heard = {"pam_controller": set(POLICY["pam_controller_inputs"].subscribes)}
+    for name, text in (
+        ("pam_driver", DRIVER),
+        ("pam_controller", CONTROLLER),
+        ("pam_model", model_node.HELP),
+        ("pam_rig", rig_node.HELP),
+    ):
+        rights = POLICY[name]
+        published = {entry.name.lstrip("/") for entry in text.publishes}
+        policy = {one.replace("{muscle}", "<muscle>") for one in rights.publishes}
+        assert published == {one for one in policy if "transition_event" not in one}
+        subscribed = {entry.name for entry in text.subscribes}
+        assert subscribed == set(rights.subscribes) | heard.get(name, set())
+        served = {entry.name for entry in text.serves}
+        assert served <= set(rights.serves)
+        assert {one for one in rights.serves if "state" not in one and "transition" not in one} == (
+            served
+        )
