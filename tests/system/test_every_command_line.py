@@ -31,7 +31,7 @@ from pam_model.command_line import Command
 from pam_sim import rig_node
 from pam_sim.__main__ import main as pam_sim
 from support.rigs import ELBOW
-from support.source_tree import imported_names, modules
+from support.source_tree import ROOT, imported_names, modules
 
 Main = Callable[[Sequence[str]], int]
 TOOLS: dict[str, Main] = {
@@ -234,6 +234,19 @@ def test_help_loads_nothing_heavy_and_takes_less_than_a_third_of_a_second():
         after = os.times()
         used = after.children_user + after.children_system
         assert used - before.children_user - before.children_system < LONGEST_HELP, tool
+
+
+def test_the_page_of_exit_codes_names_every_command_with_a_check():
+    page = (ROOT / "docs" / "exit_codes.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| `python -m ")]
+    named = {
+        (tool, command.name)
+        for tool, command in COMMANDS
+        for row in rows
+        if (f"python -m {tool} " in row and f"{command.name}`" in row)
+        or (f"python -m {tool}`" in row and command.name == "run")
+    }
+    assert named == {(tool, command.name) for tool, command in COMMANDS if command.bad_news}
 
 
 def test_one_module_parses_all_command_lines_and_draws_all_progress_bars():
