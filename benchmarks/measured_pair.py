@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pam_gap.diagnose import diagnose
+from pam_gap.diagnosis_files import diagnose_files
 from pam_model.argument_types import make_parents, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.rig import load_rig
@@ -45,7 +45,7 @@ def _run(given: Arguments) -> Outcome:
     table, rig = given.out / "recording.csv.gz", DATA / "rig.yaml"
     made = contract_table(DATA / "recording.csv.gz", rig)
     made.to_csv(make_parents(table), index=False, float_format="%.7g")
-    answers = diagnose([], rig, given.out, shut=[table])
+    answers = diagnose_files([], rig, given.out, shut=[table])
     for answer in answers:
         print(f"{answer.joint}: {answer.sentence}")
     return Outcome([answer.to_json() for answer in answers])

@@ -71,12 +71,12 @@ def plant(copy: Path) -> Iterator[Plant]:
         ("pam_ros.periodic", "from pam_model import errors", "Imports run downhill only"),
         ("pam_driver.bus", "import pam_control.settings", "Imports run downhill only"),
         ("pam_sim.rig", "import pam_control.settings", "The simulated rig borrows"),
-        ("pam_gap.diagnose", "import pam_driver.bus", "The diagnosis needs the models alone"),
+        ("pam_gap.rules", "import pam_driver.bus", "The diagnosis needs the models alone"),
         ("pam_model.errors", "import pam_ros.spin", "Of the models only the node knows ROS"),
         ("pam_model.errors", "import pam_model.rig.file", "No circle"),
         ("pam_demo.demo", "import pam_demo.player_node", "Nodes are started, not imported"),
         ("pam_demo.demo", "import rclpy", "ROS stays in the nodes"),
-        ("pam_gap.diagnose", "import importlib", "No module is imported by a name in a string"),
+        ("pam_gap.rules", "import importlib", "No module is imported by a name in a string"),
     ],
 )  # fmt: skip
 def test_a_planted_import_breaks_its_rule(copy: Path, plant: Plant, module, line, rule):

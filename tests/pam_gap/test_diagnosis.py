@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import pam_gap
 from pam_gap.__main__ import main
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import candidates_for
@@ -99,6 +100,21 @@ def test_effects_are_named(
         improved = PredictionProblem(diagnosis.improved, 0, [record(changes)])
         left = mean_squares(improved.errors(improved.base.values[None])[0], improved.counted)
         assert (left[:3] < 2.0).all()
+
+
+@needs_numba
+def test_a_diagnosis_in_memory_writes_nothing(
+    rig: Rig, record: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    told: list[str] = []
+    recording = record({"coulomb_friction.torque": 0.6})
+    (answer,) = pam_gap.diagnose(recording, rig, progress=lambda task, share: told.append(task))
+    assert (answer.verdict, answer.effects) == ("named", ("coulomb_friction",))
+    assert "coulomb" in answer.sentence.lower()
+    assert any("load cell" in note for note in answer.left_out)
+    assert told
+    assert list(tmp_path.iterdir()) == []
 
 
 @needs_numba

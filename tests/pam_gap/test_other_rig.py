@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pam_gap import diagnose
+from pam_gap import diagnose_recordings
 from pam_gap.__main__ import main
+from pam_model.errors import PamError
 from pam_model.rig import Rig, save_rig
 
 TIME = np.arange(0.0, 4.0, 0.004)
@@ -40,9 +41,9 @@ def answer(rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
     """What `diagnose` says of channels beside a rig file; "searched" if it lets them in."""
 
     def no_search(*_: object, **__: object) -> None:
-        raise diagnose.PamError("searched")
+        raise PamError("searched")
 
-    monkeypatch.setattr(diagnose, "JointDiagnosis", no_search)
+    monkeypatch.setattr(diagnose_recordings, "JointDiagnosis", no_search)
 
     def ask(channels: Mapping[str, np.ndarray], kind: str = "flow") -> str:
         valves = [replace(m, valve=replace(m.valve, kind=kind)) for m in rig.muscles]

@@ -1,1 +1,56 @@
-"""Position and stiffness control of antagonistic muscle joints."""
+"""Position and stiffness control of joints that antagonistic pneumatic muscles drive.
+
+The public names, without ROS:
+
+- `PositionStiffnessController`, `PressureRatioPid`: the control laws, stepped periodically.
+- `ControlSettings`: their settings.
+- `Measurement`, `ControlOutput`: what goes into a step and what comes out of it.
+
+The names are imported when they are first used, so that importing the package takes no time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pam_control.control_step import ControlOutput, Measurement
+    from pam_control.laws.position_stiffness import PositionStiffnessController
+    from pam_control.laws.pressure_ratio_pid import PressureRatioPid
+    from pam_control.settings import ControlSettings
+
+__version__ = "0.1.0"
+__all__ = [
+    "ControlOutput",
+    "ControlSettings",
+    "Measurement",
+    "PositionStiffnessController",
+    "PressureRatioPid",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "ControlOutput" | "Measurement":
+            from pam_control import control_step
+
+            return getattr(control_step, name)
+        case "PositionStiffnessController":
+            from pam_control.laws import position_stiffness
+
+            return getattr(position_stiffness, name)
+        case "PressureRatioPid":
+            from pam_control.laws import pressure_ratio_pid
+
+            return getattr(pressure_ratio_pid, name)
+        case "ControlSettings":
+            from pam_control import settings
+
+            return getattr(settings, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, those that were not used yet among them."""
+    return sorted({*globals(), *__all__})

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from pam_demo.close_loop_page import write_page
 from pam_demo.tracking import ClosedLoopFigure, tracked_motions
-from pam_gap.diagnose import IMPROVED_RIG, diagnose
+from pam_gap.diagnosis_files import IMPROVED_RIG, diagnose_files
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
@@ -105,7 +105,7 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
     before = run_demo(out / "before", rig, effects, can=can)
     print("2/4 diagnosis of its recording")
     joint = written.joint_names[0]
-    (diagnosis,) = diagnose([before / "bag"], rig, out / "diagnosis", joint=joint)
+    (diagnosis,) = diagnose_files([before / "bag"], rig, out / "diagnosis", joint=joint)
     print(f"    {diagnosis.sentence}")
     improved = out / "diagnosis" / IMPROVED_RIG
     after = None

@@ -1,1 +1,49 @@
-"""CAN bus driver for the valve boards of pneumatic muscles."""
+"""CAN bus driver for the valve boards of pneumatic artificial muscles.
+
+The public names, without ROS:
+
+- `Driver`, `DriverSettings`: boards, safety and commands of one rig, in periodic cycles.
+- `open_bus`, `CanPort`: a CAN bus that neither blocks nor raises once it is open.
+
+The names are imported when they are first used, so that importing the package takes no time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pam_driver.bus import CanPort, open_bus
+    from pam_driver.driver import Driver
+    from pam_driver.driver_settings import DriverSettings
+
+__version__ = "0.1.0"
+__all__ = [
+    "CanPort",
+    "Driver",
+    "DriverSettings",
+    "open_bus",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "CanPort" | "open_bus":
+            from pam_driver import bus
+
+            return getattr(bus, name)
+        case "Driver":
+            from pam_driver import driver
+
+            return getattr(driver, name)
+        case "DriverSettings":
+            from pam_driver import driver_settings
+
+            return getattr(driver_settings, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, those that were not used yet among them."""
+    return sorted({*globals(), *__all__})

@@ -24,7 +24,7 @@ MOVED = {
 
 
 def _diagnose(given: Arguments) -> Outcome:
-    from pam_gap.diagnose import run  # noqa: PLC0415  (scipy, numba)
+    from pam_gap.diagnosis_files import run  # noqa: PLC0415  (scipy, numba)
 
     return run(given)
 

@@ -1,1 +1,103 @@
-"""Pneumatic muscle models, gas, joints, the rig file and a node."""
+"""Pneumatic artificial muscles: force models, joints, the rig file, effects, the simulated plant.
+
+The public names, without ROS:
+
+- `load_rig`, `save_rig`, `Rig`: a robot's description, read from its rig file, checked and written.
+- `create_force_model`, `registered_models`, `MuscleGeometry`: force by length and pressure.
+- `AntagonisticJoint`: a joint's torque and stiffness from two pressures, and back.
+- `EFFECTS`: what a real rig does beside the ideal one, by name.
+- `PlantParameters`, `initial_state`, `simulate`, `simulate_measured`, `Plant`: the simulated joint.
+- `load_measurements`, `fit`, `compare`: force models identified and ranked on measured points.
+- `PamError`, `RigError`: a user's mistake, said in one line.
+
+The names are imported when they are first used, so that importing the package takes no time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pam_model.effects import EFFECTS
+    from pam_model.errors import PamError, RigError
+    from pam_model.identify.compare import compare
+    from pam_model.identify.fit import fit
+    from pam_model.identify.measurements import load_measurements
+    from pam_model.joints.antagonistic_joint import AntagonisticJoint
+    from pam_model.muscles.force_model import MuscleGeometry, create_force_model, registered_models
+    from pam_model.plant.parameters import PlantParameters
+    from pam_model.plant.simulate import Plant, initial_state, simulate, simulate_measured
+    from pam_model.rig import Rig, load_rig, save_rig
+
+__version__ = "0.1.0"
+__all__ = [
+    "EFFECTS",
+    "AntagonisticJoint",
+    "MuscleGeometry",
+    "PamError",
+    "Plant",
+    "PlantParameters",
+    "Rig",
+    "RigError",
+    "compare",
+    "create_force_model",
+    "fit",
+    "initial_state",
+    "load_measurements",
+    "load_rig",
+    "registered_models",
+    "save_rig",
+    "simulate",
+    "simulate_measured",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "EFFECTS":
+            from pam_model import effects
+
+            return getattr(effects, name)
+        case "PamError" | "RigError":
+            from pam_model import errors
+
+            return getattr(errors, name)
+        case "compare":
+            from pam_model.identify import compare
+
+            return getattr(compare, name)
+        case "fit":
+            from pam_model.identify import fit
+
+            return getattr(fit, name)
+        case "load_measurements":
+            from pam_model.identify import measurements
+
+            return getattr(measurements, name)
+        case "AntagonisticJoint":
+            from pam_model.joints import antagonistic_joint
+
+            return getattr(antagonistic_joint, name)
+        case "MuscleGeometry" | "create_force_model" | "registered_models":
+            from pam_model.muscles import force_model
+
+            return getattr(force_model, name)
+        case "PlantParameters":
+            from pam_model.plant import parameters
+
+            return getattr(parameters, name)
+        case "Plant" | "initial_state" | "simulate" | "simulate_measured":
+            from pam_model.plant import simulate
+
+            return getattr(simulate, name)
+        case "Rig" | "load_rig" | "save_rig":
+            from pam_model import rig
+
+            return getattr(rig, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, those that were not used yet among them."""
+    return sorted({*globals(), *__all__})

@@ -1,1 +1,50 @@
-"""What is ROS and belongs to no node: parameters, periodic loop, diagnostics, spinning."""
+"""What the ROS nodes of the suite share: parameters, periodic loop, diagnostics, spinning.
+
+This package knows ROS and no robot. Its public names:
+
+- `NodeParameters`, `Parameter`: a table of parameters, declared and checked on any node.
+- `PeriodicLoop`: a thread with absolute deadlines.
+- `spin_node`: a node's main function.
+
+The names are imported when they are first used, so that importing the package takes no time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pam_ros.parameters import NodeParameters, Parameter
+    from pam_ros.periodic import PeriodicLoop
+    from pam_ros.spin import spin_node
+
+__version__ = "0.1.0"
+__all__ = [
+    "NodeParameters",
+    "Parameter",
+    "PeriodicLoop",
+    "spin_node",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    match name:
+        case "NodeParameters" | "Parameter":
+            from pam_ros import parameters
+
+            return getattr(parameters, name)
+        case "PeriodicLoop":
+            from pam_ros import periodic
+
+            return getattr(periodic, name)
+        case "spin_node":
+            from pam_ros import spin
+
+            return getattr(spin, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names, those that were not used yet among them."""
+    return sorted({*globals(), *__all__})

@@ -26,7 +26,7 @@ from pam_check.blind.draw import KNOWN, OUTSIDE
 from pam_check.blind.experiments import run_experiments
 from pam_check.blind.score import score
 from pam_check.blind.untouched import untouched_closed
-from pam_gap.diagnose import IMPROVED_RIG
+from pam_gap.diagnosis_files import IMPROVED_RIG
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 

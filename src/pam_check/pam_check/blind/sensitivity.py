@@ -18,7 +18,7 @@ from typing import Any
 
 from pam_check.blind.cases import LABELS
 from pam_check.blind.score import score
-from pam_gap.diagnose import EVIDENCE, diagnose
+from pam_gap.diagnosis_files import EVIDENCE, diagnose_files
 from pam_gap.inference.evidence import KeptEvidence, decide_again
 from pam_gap.rules import DEFAULT, RuleEntry, Rules, changed, table
 from pam_gap.rules.rule import DECISION, PROPOSAL
@@ -195,7 +195,7 @@ def diagnosed_again(task: tuple[Path, str, Rules, Path]) -> dict[str, Any]:
     """Diagnose one case anew with other rules; its answer."""
     folder, case, rules, out = task
     place = folder / "cases" / case
-    found = diagnose(
+    found = diagnose_files(
         [place / "recording.csv.gz"],
         place / "rig.yaml",
         out,

@@ -6,7 +6,6 @@ simulation, model node and controller read in place of the rig file.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,27 +14,20 @@ import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, Trace, write_report
-from pam_gap.answer.sentences import verdict_sentence
-from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.diagnose_recordings import UnknownJointError, diagnose_joint, joints_to_diagnose
 from pam_gap.experiments.files import FOLDER
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
-from pam_gap.recordings.belongs_to_rig import joints_recorded, refuse_other_rig
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_recording import import_recording
-from pam_gap.recordings.noise_floor import noise_floor
 from pam_gap.recordings.recording import (
-    COMMANDS,
-    JOINTS,
     LOCKED,
     SHUT,
     TURNED_OVER,
     Recording,
-    RecordingError,
 )
 from pam_gap.rules import DEFAULT, Rules
-from pam_gap.rules.recording_rules import RecordingRules
 from pam_model.command_line import Arguments, Outcome, Progress, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
@@ -69,32 +61,6 @@ def import_as_mounted(
         recording = without_computed(import_recording(path), rig, rules.recording)
         read.append(replace(recording, mounting=mounting))
     return read
-
-
-def what_is_missing(
-    rig: Rig, joint: int, recording: Recording, rules: RecordingRules = DEFAULT.recording
-) -> list[str]:
-    """What the channels a recording lacks leave undecided, in words."""
-    entry = rig.joints[joint]
-    notes = []
-    for name, consequence in (
-        (f"{JOINTS}{entry.name}.position",
-         "joint and sensing effects on the position cannot be judged"),
-        *((f"valve_commands.{m}", "the valve stage cannot be judged") for m in entry.muscles),
-        *((f"muscle_states.{m}.effort",
-           "no load cell: force effects and joint effects are told apart by the motion alone")
-          for m in entry.muscles),
-    ):  # fmt: skip
-        shut_valve = recording.mounting == SHUT and name.startswith(COMMANDS)
-        if not recording.has(name) and not shut_valve:
-            notes.append(f"{name}: not recorded; {consequence}")
-    notes += [
-        f"{name}: filtered before it was recorded; its noise cannot be seen and is "
-        f"taken as {100 * rules.smoothed_share:g} % of its span"
-        for name, noise in noise_floor(recording, rules).items()
-        if noise.is_smoothed
-    ]
-    return notes
 
 
 def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
@@ -164,7 +130,7 @@ def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name:
     )  # fmt: skip
 
 
-def diagnose(
+def diagnose_files(
     recordings: Sequence[str | Path],
     rig_path: str | Path,
     out: str | Path,
@@ -210,18 +176,10 @@ def diagnose(
     """
     rig = load_rig(rig_path)
     read = import_as_mounted(recordings, rig, turned_over, locked, shut, rules)
-    if not read:
-        raise RecordingError("no recording given; expected at least one")
-    numbers = joints_recorded(rig, read)
-    if joint is not None:
-        if joint not in rig.joint_names:
-            raise PamError(f"{rig_path}: no joint {joint!r}; it has {', '.join(rig.joint_names)}")
-        numbers = [n for n in numbers if rig.joint_names[n] == joint]
-        if not numbers:
-            raise PamError(f"joint {joint!r}: the recordings hold no pressures of its muscles")
-    for number in numbers:
-        refuse_other_rig(rig, number, read)
-    workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
+    try:
+        numbers = joints_to_diagnose(rig, read, joint)
+    except UnknownJointError as error:
+        raise PamError(f"{rig_path}: {error}") from None
     place = Path(out)
     answers = []
     for number in numbers:
@@ -233,15 +191,9 @@ def diagnose(
             def tell(task: str, share: float, bar: Progress = bar, name: str = name) -> None:
                 bar.show(share, f"{name}: {task}"[:48].ljust(48))
 
-            engine = JointDiagnosis(rig, number, read, rules=rules, threads=workers, progress=tell)
-            diagnosis = engine.run()
-        diagnosis.repairs = tuple(f"{r.source.name}: {text}" for r in read for text in r.repairs)
-        diagnosis.left_out = tuple(
-            dict.fromkeys(
-                note for r in read for note in what_is_missing(rig, number, r, rules.recording)
+            engine, diagnosis = diagnose_joint(
+                rig, number, read, threads=threads, progress=tell, rules=rules
             )
-        )
-        diagnosis.sentence = verdict_sentence(diagnosis)
         improved_name = ""
         if diagnosis.improved is not None:
             save_rig(diagnosis.improved, folder / IMPROVED_RIG)
@@ -258,7 +210,7 @@ def diagnose(
 
 def run(given: Arguments) -> Outcome:
     """Diagnose and print each joint's verdict; the command of `pam_gap.__main__`."""
-    answers = diagnose(
+    answers = diagnose_files(
         given.recordings,
         given.rig,
         given.out,
