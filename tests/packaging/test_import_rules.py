@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -101,6 +102,40 @@ def test_nothing_is_imported_by_the_builtin_function():
         if isinstance(node, ast.Name) and node.id == "__import__"
     ]
     assert found == []
+
+
+def test_modules_that_are_started_as_processes_are_named_in_one_place():
+    ours = modules()
+    found = {}
+    for name, path in ours.items():
+        if path.name == "programs.py":
+            continue
+        tree = syntax(path)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.List):  # [sys.executable, "-m", "module", ...]
+                words = [getattr(word, "value", None) for word in node.elts]
+                found |= {
+                    word: name
+                    for before, word in pairwise(words)
+                    if before == "-m" and word is not None
+                }
+            if isinstance(node, ast.Constant) and "." in str(node.value) and node.value in ours:
+                found[node.value] = name
+    assert found == {}, "name the program in programs.py"
+
+
+def test_a_program_that_is_started_is_a_program():
+    ours = modules()
+    for path in (path for path in ours.values() if path.name == "programs.py"):
+        names = [
+            node.value
+            for node in ast.walk(syntax(path))
+            if isinstance(node, ast.Constant) and node.value in ours
+        ]
+        assert names, path
+        for name in names:
+            program = ours.get(f"{name}.__main__", ours[name])
+            assert '__name__ == "__main__"' in program.read_text(), name
 
 
 def test_every_package_is_under_the_rules():

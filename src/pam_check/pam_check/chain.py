@@ -14,13 +14,8 @@ from types import TracebackType
 from typing import Self
 
 from pam_check.processes import NodeProcess, Setting
+from pam_check.programs import MODULES
 
-MODULES = {
-    "rig": "pam_sim.rig_node",
-    "driver": "pam_driver.driver_node",
-    "model": "pam_model.model_node",
-    "controller": "pam_control.controller_node",
-}
 ON_THE_BUS = ("rig", "driver")
 MULTICAST_GROUP = "239.74.163.2"
 _domains = itertools.count(random.randrange(100))

@@ -18,6 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pam_demo.close_loop_page import write_page
+from pam_demo.programs import DEMO
 from pam_demo.tracking import ClosedLoopFigure, tracked_motions
 from pam_gap.diagnosis_files import IMPROVED_RIG, diagnose_files
 from pam_model.command_line import Arguments, Outcome, chosen_rig
@@ -54,7 +55,7 @@ def run_demo(
     PamError
         When it fails `ATTEMPTS` times, with its last words.
     """
-    command = [sys.executable, "-m", "pam_demo", "--short", "--rig", str(rig)]
+    command = [sys.executable, "-m", DEMO, "--short", "--rig", str(rig)]
     command += ["--out", str(out), "--true-effects", *effects]
     if true_rig is not None:
         command += ["--true-rig", str(true_rig)]

@@ -24,6 +24,7 @@ from pam_demo.figures import evaluate, show, target_text
 from pam_demo.motions import APPROACH, Motion, all_motions
 from pam_demo.page import write_page, write_picture
 from pam_demo.player import TAIL, OpenPlayer, Player, VentedError
+from pam_demo.programs import RECORDER
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
@@ -98,7 +99,7 @@ def perform(
     total = sum(APPROACH + motion.duration + TAIL for _, motion in plays)
     with progress(total, "starting the nodes") as bar:
         chain.processes["recorder"] = NodeProcess(
-            "pam_demo.recorder_node",
+            RECORDER,
             environment=chain.environment,
             arguments=["--out", str(bag)],
         )

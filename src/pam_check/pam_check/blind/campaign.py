@@ -26,6 +26,7 @@ from pam_check.blind.draw import KNOWN, OUTSIDE
 from pam_check.blind.experiments import run_experiments
 from pam_check.blind.score import score
 from pam_check.blind.untouched import untouched_closed
+from pam_check.programs import DIAGNOSIS, DRAW_CASES
 from pam_gap.diagnosis_files import IMPROVED_RIG
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
@@ -40,7 +41,7 @@ def draw_sealed(cases: int, seed: int, out: Path) -> str:
         When the generator fails.
     """
     done = subprocess.run(
-        [sys.executable, "-m", "pam_check.blind.cases", "--cases", str(cases), "--seed", str(seed),
+        [sys.executable, "-m", DRAW_CASES, "--cases", str(cases), "--seed", str(seed),
          "--folder", str(out / "cases"), "--sealed", str(out / "sealed")],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
@@ -54,7 +55,7 @@ def diagnose_case(case: Path, out: Path, keep_evidence: bool = False) -> dict[st
     evidence = ["--keep-evidence"] if keep_evidence else []
     started = time.monotonic()
     done = subprocess.run(
-        [sys.executable, "-m", "pam_gap", "diagnose", str(case / "recording.csv.gz"),
+        [sys.executable, "-m", DIAGNOSIS, "diagnose", str(case / "recording.csv.gz"),
          "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress", *evidence],
         capture_output=True, text=True, check=False, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
     )  # fmt: skip

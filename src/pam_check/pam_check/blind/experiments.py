@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pam_check.blind.score import reported_set, share
+from pam_check.programs import CARRY_OUT_EXPERIMENT, DIAGNOSIS
 from pam_gap.experiments.files import DETAILS, FOLDER
 from pam_gap.recordings.recording import LOCKED, TURNED_OVER
 from pam_model.errors import PamError
@@ -42,7 +43,7 @@ def experiment_on_case(campaign: Path, case: str) -> dict[str, Any]:
     recording = place / "recording.csv.gz"
     environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
     done = subprocess.run(
-        [sys.executable, "-m", "pam_check.blind.carry_out", "--sealed", str(campaign / "sealed"),
+        [sys.executable, "-m", CARRY_OUT_EXPERIMENT, "--sealed", str(campaign / "sealed"),
          "--case", case, "--experiment", str(proposal), "--out", str(recording)],
         capture_output=True, text=True, check=False, env=environment,
     )  # fmt: skip
@@ -50,7 +51,7 @@ def experiment_on_case(campaign: Path, case: str) -> dict[str, Any]:
         raise PamError(f"case {case}: {(done.stderr.strip().splitlines() or ['failed'])[-1]}")
     details = json.loads((proposal / DETAILS).read_text())
     done = subprocess.run(
-        [sys.executable, "-m", "pam_gap", "diagnose",
+        [sys.executable, "-m", DIAGNOSIS, "diagnose",
          str(campaign / "cases" / case / "recording.csv.gz"),
          *([str(recording)] if not details["mounting"] else []),
          "--rig", str(campaign / "cases" / case / "rig.yaml"), "--out", str(place),

@@ -29,10 +29,11 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from pam_check.chain import MODULES, Chain, multicast_bus, private_domain, set_environment
+from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_check.endurance.process_use import Use, use_of
 from pam_check.endurance.unpluggable_bus import INTERFACE, PLUG
 from pam_check.processes import NodeProcess
+from pam_check.programs import MODULES
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig

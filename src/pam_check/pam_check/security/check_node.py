@@ -8,7 +8,8 @@ from pathlib import Path
 import rclpy
 from rclpy.node import Node
 
-from pam_check.chain import MODULES, Chain, multicast_bus, private_domain, set_environment
+from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
+from pam_check.programs import MODULES
 from pam_check.security.policy import POLICY, rights_of
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import load_rig
