@@ -1,6 +1,7 @@
 """Gains: margins kept, unsafe ones refused, and the linear model against the simulated plant."""
 
 import math
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -15,9 +16,14 @@ from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.references.trajectory import JointReference
 from pam_control.settings import ControlSettings
+from pam_model.errors import RigError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
+from pam_model.rig import load_rig
+from support.rigs import CONFIG
+
+TWO_JOINTS = CONFIG / "two_joints.yaml"
 
 LAWS = [
     (PositionStiffnessController, True),
@@ -141,3 +147,23 @@ def test_a_repeated_sample_does_not_look_like_standing_still():
         pid.output(0.01 * sample, 0.01, gains)
         again = pid.output(0.01 * sample, 0.0, gains)
     assert again == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_slow_regulator_does_not_slow_the_pressure_loop_of_another_joints_flow_valves() -> None:
+    both = load_rig(TWO_JOINTS)
+    alone = replace(both, joints=both.joints[:1], muscles=both.muscles[:2])
+    gains = [
+        PositionStiffnessController(rig, ControlSettings()).settings.pressure_gain
+        for rig in (both, alone)
+    ]
+    assert gains[0] == gains[1]
+
+
+def test_a_joint_with_two_kinds_of_valve_is_refused() -> None:
+    rig = load_rig(TWO_JOINTS)
+    flow, regulator = rig.muscle("shoulder_flexor"), rig.muscle("elbow_flexor")
+    mixed = rig.with_muscle(replace(flow, valve=regulator.valve))
+    with pytest.raises(
+        RigError, match="shoulder: its muscles have a pressure_regulator and a flow"
+    ):
+        PositionStiffnessController(mixed, ControlSettings())

@@ -25,8 +25,10 @@ from pam_control.joint_channel import JointChannel, Pair
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
+from pam_model.errors import RigError
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
+from pam_ros.valve_command import PRESSURE_REGULATOR
 
 LONGEST_STEP = 0.02  # s; a longer pause between two steps counts as this
 
@@ -73,8 +75,19 @@ class Controller(ABC):
         """The linearised loops at which a joint's gains are designed and checked."""
 
     def timing(self, channel: JointChannel, settings: ControlSettings) -> LoopTiming:
-        """The delays of a joint's loop."""
+        """The delays of a joint's loop.
+
+        Raises
+        ------
+        RigError
+            For a joint with a flow valve and a pressure regulator, for which no gains are designed.
+        """
         valves = [muscle.valve for muscle in channel.muscles]
+        if valves[0].kind != valves[1].kind:
+            raise RigError(
+                f"{channel.joint.name}: its muscles have a {valves[0].kind} and a "
+                f"{valves[1].kind} valve; the controller needs the same kind for both"
+            )
         return LoopTiming(
             period=settings.period,
             transport_delay=settings.measurement_delay
@@ -84,7 +97,7 @@ class Controller(ABC):
             valve_time_constant=max(channel.valve_time_constants),
             lead_ratio=settings.lead_ratio,
             velocity_filter=settings.derivative_filter,
-            regulated=valves[0].kind == "pressure_regulator",
+            regulated=valves[0].kind == PRESSURE_REGULATOR,
             position_delay=channel.position_delay,
         )
 
@@ -97,12 +110,10 @@ class Controller(ABC):
             When no gains keep the margins asked for.
         """
         if settings.pressure_gain is None:
-            settings = settings.replace(
-                pressure_gain=min(
-                    design_pressure_gain(self.timing(channel, settings))
-                    for channel in self.channels
-                )
-            )
+            timings = [self.timing(channel, settings) for channel in self.channels]
+            # a pressure regulator closes its own loop, and sets no limit to that of others
+            ours = [timing for timing in timings if not timing.regulated] or timings
+            settings = settings.replace(pressure_gain=min(map(design_pressure_gain, ours)))
         gains = dict(settings.gains)
         for channel in self.channels:
             name = channel.joint.name
