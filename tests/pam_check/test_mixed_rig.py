@@ -12,7 +12,7 @@ from pam_check.faults.campaign import make_chain
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.host_faults import INJECTIONS
 from pam_driver.safety.states import SafetyState
-from pam_gap.diagnose import diagnose
+from pam_gap.diagnosis_files import diagnose_files
 from pam_gap.live.live_gap import LiveWindow
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.import_recording import import_recording
@@ -66,7 +66,7 @@ def test_a_joint_on_either_kind_of_valve_is_diagnosed(
     heard: list[Heard], tmp_path: Path, joint: str
 ) -> None:
     bag = write_bag(tmp_path / "bag", heard[-2000:])
-    (found,) = diagnose([bag], TWO_JOINTS, tmp_path / "out", joint=joint, show_progress=False)
+    (found,) = diagnose_files([bag], TWO_JOINTS, tmp_path / "out", joint=joint, show_progress=False)
     assert found.joint == joint
     assert not [note for note in found.left_out if "valve" in note]
     assert not found.effects
