@@ -15,7 +15,7 @@ from pam_check.faults import host_faults
 from pam_check.faults.campaign import in_a_fork, make_chain
 from pam_check.faults.process_campaign import KEPT, REPEAT, Observation, judge, time_outs
 from pam_check.faults.report import write_report
-from pam_check.faults.trial import Trial, draw_values, run_trial
+from pam_check.faults.trial import Trial, draw_values, error_bound, problem_of, run_trial
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardState, FrameError
 from pam_driver.safety.states import TRANSITIONS, SafetyState
 from pam_driver.safety.states_page import diagram_as_mermaid
@@ -125,6 +125,85 @@ def test_the_model_of_the_chain_tells_forces_and_nothing_once_it_is_deaf(chain):
     assert trial.problem == ""
     assert trial.noticed[:2] == ["True", "True"]
     assert "model" in trial.noticed
+
+
+@pytest.mark.parametrize("on_way", [True, False])
+@pytest.mark.parametrize(
+    ("by", "refusal"),
+    [(3600.0, "old"), (0.12, "old"), (0.05, ""), (0.005, ""),
+     (-0.005, ""), (-0.05, "stamp"), (-3600.0, "stamp")],
+)  # fmt: skip
+def test_a_clock_step_meets_the_stamp_of_a_command_on_its_way(chain, by, refusal, on_way):
+    """One command is refused by its stamp, or none; the joint goes on either way."""
+
+    def step() -> Trial:
+        while bool(chain.on_way) is not on_way:
+            chain.step()
+        return run_trial(chain, kind_called("clock_step"), {"by": by}, 1)
+
+    trial = in_a_fork(step)
+    assert trial.problem == ""
+    assert {"old", "stamp"} & set(trial.noticed) == ({refusal} if refusal and on_way else set())
+
+
+def test_a_driver_that_goes_on_finds_one_command_with_its_age(chain):
+    """The topic keeps the newest; after a long stop it is refused as old, not taken as fresh."""
+
+    def look() -> Trial:
+        chain.driver_runs = False
+        heard = chain.driver.intake.accepted
+        until = chain.now + 0.3
+        while chain.now < until:
+            chain.step()
+        waiting = len(chain.on_way)
+        chain.driver_runs = True
+        chain.controller_runs = False
+        chain.step()
+        late = chain.driver.intake.accepted - heard
+        return Trial("", {}, [str(waiting), str(late), *chain.noticed])
+
+    seen = in_a_fork(look).noticed
+    assert int(seen[0]) <= 2
+    assert seen[1] in {"0", "1"}
+
+
+def test_a_hung_board_is_held_to_the_driver_s_reaction_and_not_to_its_own_reset(chain):
+    """With a driver that does not look, the board's reset alone is no success."""
+    kind = kind_called("board_frozen")
+    values = {"reset_after": 0.3}
+    trial = in_a_fork(lambda: run_trial(chain, kind, values, 1))
+    assert trial.problem == ""
+    assert trial.stopped_after <= kind.bound < 0.25 < trial.safe_after
+
+    def inattentive() -> Trial:
+        # overlooks sensors that are silent until long after the bound
+        object.__setattr__(chain.driver._settings, "sensor_timeout", 0.25)
+        return run_trial(chain, kind, values, 1)
+
+    spoilt = in_a_fork(inattentive)
+    assert spoilt.problem
+    assert spoilt.stopped_after > kind.bound + 0.05
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [kind for kind in KINDS if kind.reaction is not Reaction.VENT],
+    ids=lambda kind: kind.name,
+)
+def test_a_joint_that_need_not_stop_is_held_to_its_error(chain, kind):
+    """Also where a fault may end either way: the error counts while air moves."""
+    bound = error_bound(kind, chain.rig)
+    trial = Trial(kind.name, {}, list(kind.detected_by), peak_error=bound - 1e-3)
+    assert problem_of(chain, kind, trial) == ""
+    trial.peak_error = bound + 1e-3
+    assert "angle off by" in problem_of(chain, kind, trial)
+
+
+def test_two_publishers_may_move_the_joint_within_its_limits_and_no_further(chain):
+    kind = kind_called("command_two_publishers")
+    limits = chain.rig.joints[0].position_limits
+    assert error_bound(kind, chain.rig) == pytest.approx(max(limits) + 0.35 + 0.1)
+    assert [each.name for each in KINDS if each.to_the_limits] == [kind.name]
 
 
 def test_a_trial_finds_fault_with_a_model_that_tells_what_is_old(chain):
@@ -266,7 +345,7 @@ def test_a_stuck_valve_ignores_its_board():
 def test_a_frozen_board_holds_its_valves_until_its_hardware_watchdog_bites(chain):
     def look() -> Trial:
         board = chain.sim.boards[0]
-        chain.sim.faults.frozen[0] = chain.now
+        chain.sim.faults.frozen[0] = chain.now + 0.05
         held = board.valve_commands
         start = chain.now
         while chain.now < start + 0.045:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 from dataclasses import replace
@@ -98,7 +99,7 @@ def test_a_fault_ends_it(rig, monkeypatch):
 
     def spoiled(self):
         if self.now > 5.0:
-            self.sim.faults.frozen[0] = self.now
+            self.sim.faults.frozen[0] = math.inf
         step(self)
 
     monkeypatch.setattr(soak.SoakChain, "step", spoiled)

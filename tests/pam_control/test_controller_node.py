@@ -32,13 +32,14 @@ from pam_model.plant.parameters import PlantParameters  # noqa: E402
 from pam_model.plant.simulate import Plant  # noqa: E402
 from pam_model.rig import load_rig  # noqa: E402
 from support.processes import end  # noqa: E402
+from support.reruns import HOST_STALLS  # noqa: E402
 
 pytestmark = pytest.mark.system
 
 CONFIG = Path(__file__).parents[2] / "config"
 ELBOW, CONTROLLER = CONFIG / "elbow.yaml", CONFIG / "controller.yaml"
 MUSCLES = ["elbow_flexor", "elbow_extensor"]
-PATIENCE = 30.0
+PATIENCE = 120.0  # s; a busy host takes a minute to import what the node needs
 
 
 def environment(domain: int) -> dict[str, str]:
@@ -203,6 +204,7 @@ def test_commands_carry_spools_in_position_and_nothing_in_effort(bench, controll
     assert message.header.stamp.sec > 0
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_follows_a_trajectory_and_tells_reference_and_error(bench, controller):
     bench.wait(lambda: bench.trajectory.get_subscription_count() > 0, "the trajectory topic")
     bench.send([0.4], 1.0)
@@ -215,6 +217,7 @@ def test_follows_a_trajectory_and_tells_reference_and_error(bench, controller):
     bench.wait(lambda: abs(bench.errors[-1].position[0]) < 0.02, "a small error")
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_follows_a_stream_and_holds_when_it_ends(bench, controller):
     for _ in range(60):
         bench.stream.publish(JointState(name=["elbow"], position=[0.2]))
@@ -230,6 +233,7 @@ def test_follows_a_stream_and_holds_when_it_ends(bench, controller):
     assert bench.position == pytest.approx(0.2, abs=0.03)
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_stiffness_is_asked_for_and_delivered(bench, controller):
     bench.stiffness.publish(Float64MultiArray(data=[20.0]))
 
@@ -325,7 +329,7 @@ def test_ends_cleanly_when_told_to(domain, bench, sent):
         bench.wait(lambda: any("proportional" in line for line in list(seen)), "a start")
         time.sleep(0.5)
         process.send_signal(sent)
-        assert process.wait(30.0) == 0, seen
+        assert process.wait(PATIENCE) == 0, seen
     finally:
         if process.poll() is None:
             process.kill()
@@ -353,7 +357,7 @@ def test_refuses_a_bad_start_in_plain_words(domain, parameters, said):
         env=environment(domain),
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE,
         check=False,
     )
     assert ended.returncode != 0
@@ -363,7 +367,12 @@ def test_refuses_a_bad_start_in_plain_words(domain, parameters, said):
 
 def test_refuses_to_start_without_a_rig(domain):
     ended = subprocess.run(
-        command(), env=environment(domain), capture_output=True, text=True, timeout=60, check=False
+        command(),
+        env=environment(domain),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
     )
     assert ended.returncode != 0
     assert "no rig" in ended.stderr

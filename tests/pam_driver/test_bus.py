@@ -19,6 +19,7 @@ import pytest
 from pam_driver import bus as bus_module
 from pam_driver.bus import BusError, BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
 from pam_driver.identifiers import EXTENDED
+from support.reruns import EMULATED
 
 VCAN = os.environ.get("PAM_TEST_CAN_CHANNEL", "vcan0")
 NEEDS_VCAN = pytest.mark.skipif(
@@ -41,7 +42,10 @@ def until(ports: CanPort, count: int, timeout: float = 5.0) -> list[ReceivedFram
     params=[
         "virtual",
         pytest.param("udp_multicast", marks=pytest.mark.system),
-        pytest.param("socketcan", marks=[pytest.mark.vcan, NEEDS_VCAN]),
+        pytest.param(
+            "socketcan",
+            marks=[pytest.mark.vcan, NEEDS_VCAN, pytest.mark.rerun_because(EMULATED)],
+        ),
     ]
 )
 def make_port(request: pytest.FixtureRequest) -> Iterator[Maker]:

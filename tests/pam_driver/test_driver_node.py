@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from pam_check.chain import private_domain
 from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, BoardFault, BoardState
 from pam_driver.boards.pam_board.dbc import default_dbc_path
+from support.reruns import EMULATED, HOST_STALLS
 
 from .node_bench import ELBOW, NAMES, PATIENCE, DriverProcess, RealTimeBoard, RosPeer
 
@@ -27,7 +28,9 @@ NEEDS_VCAN = pytest.mark.skipif(
     not Path("/sys/class/net", VCAN).exists(), reason=f"no interface {VCAN} on this kernel"
 )
 # An emulated processor is too slow for these nodes: there tests/system/test_vcan.py does it.
-OVER_VCAN = pytest.param("socketcan", marks=[pytest.mark.system, NEEDS_VCAN])
+OVER_VCAN = pytest.param(
+    "socketcan", marks=[pytest.mark.system, NEEDS_VCAN, pytest.mark.rerun_because(EMULATED)]
+)
 BUSES = [pytest.param("udp_multicast", marks=pytest.mark.system), OVER_VCAN]
 
 
@@ -150,6 +153,7 @@ def test_after_kill_the_board_vents_by_itself(
 
 
 @pytest.mark.system
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_vent_service_then_activation(make_bench: Callable[[str], Bench]) -> None:
     bench = make_bench("udp_multicast")
     bench.start()
@@ -205,6 +209,7 @@ BAD_MESSAGES: dict[str, tuple[Callable[[JointState], None], str]] = {
 
 
 @pytest.mark.system
+@pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("name", BAD_MESSAGES)
 def test_bad_commands_are_named_and_end_vented(
     make_bench: Callable[[str], Bench], name: str

@@ -14,6 +14,7 @@ from pam_driver.boards.pam_board.codec import (
     Status,
     ValveCommand,
 )
+from support.reruns import HOST_STALLS
 
 pytestmark = pytest.mark.system
 PRESSURISED = 5e4  # Pa
@@ -55,6 +56,7 @@ def end(suite, name: str, how: str) -> float:
     return at
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("how", HOW)
 def test_any_node_may_end(suite, how):
     timeout = 10.0 * suite.patience

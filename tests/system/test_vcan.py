@@ -29,9 +29,10 @@ from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import load_rig
 from pam_sim.simulated_rig import SimulatedRig
+from support.reruns import EMULATED
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.vcan
+pytestmark = [pytest.mark.vcan, pytest.mark.rerun_because(EMULATED)]
 
 PERIOD = 0.01  # s
 NAMES = ("elbow_flexor", "elbow_extensor")

@@ -12,6 +12,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from pam_driver.boards.pam_board.codec import Measurement
+from support.reruns import HOST_STALLS
 
 from .conftest import RATE
 
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_step_is_tracked_and_stiffness_delivered(suite):
     stiffness = suite.probe.listen(Float64MultiArray, "joint_stiffness")
     suite.move({"elbow": 0.3}, 0.5)
@@ -38,6 +40,7 @@ def test_step_is_tracked_and_stiffness_delivered(suite):
     assert measured.position == pytest.approx(suite.position("elbow"), abs=0.02)
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_two_joints_on_two_boards_move_apart(make_suite):
     suite = make_suite(ROOT / "config" / "two_joints.yaml")
     first, second = suite.positions[-1].name
@@ -91,6 +94,7 @@ BAD_INPUTS = {
 }
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_bad_input_is_refused_by_name_and_moves_nothing(suite):
     suite.move({"elbow": 0.2}, 0.5)
     suite.wait_until_at("elbow", 0.2)
@@ -160,6 +164,7 @@ LISTED = {
 }
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_a_recording_opens_with_a_public_reader(
     suite, tmp_path: Path, ros_environment: dict[str, str]
 ):

@@ -62,7 +62,7 @@ def _restart(stage: Stage, values: Values, draw: random.Random) -> None:
 
 
 def _freeze(stage: Stage, values: Values, draw: random.Random) -> None:
-    stage.sim.faults.frozen[_board(stage, draw)] = stage.now
+    stage.sim.faults.frozen[_board(stage, draw)] = stage.now + values["reset_after"]
 
 
 def _misbehave(fault: str) -> Injection:

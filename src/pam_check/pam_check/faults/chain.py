@@ -12,7 +12,7 @@ import errno
 import math
 from collections import Counter, deque
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import can
 
@@ -103,7 +103,10 @@ class FaultChain:
     driver_runs, controller_runs : bool
         Whether the processes get time; stopping one is what SIGSTOP and SIGKILL do.
     edit : callable or None
-        Changes each command of the controller on its way; gives those that arrive.
+        Changes each command of the controller when it is sent; gives those that are sent. Their
+        age is how far back they are stamped.
+    on_way : list of (NamedCommand, float)
+        Commands that the driver has not heard yet, and their stamps on the wall clock [s].
     inject, before_control : list of callable
         Called with the time in each step before everything else, and before the controller.
     snapshot : Snapshot or None
@@ -137,6 +140,7 @@ class FaultChain:
         controller.deactivate()
         self.driver_runs = self.controller_runs = True
         self.edit: Callable[[NamedCommand], list[NamedCommand]] | None = None
+        self.on_way: list[tuple[NamedCommand, float]] = []
         self.inject: list[Callable[[float], None]] = []
         self.before_control: list[Callable[[float], None]] = []
         self._later: list[tuple[float, Callable[[], None]]] = []
@@ -197,6 +201,7 @@ class FaultChain:
         for inject in self.inject:
             inject(self.now)
         self._bus()
+        self._deliver()
         if self.driver_runs and self._tick % 2 == 0:
             self.snapshot = self.driver.cycle(self.now, self.wall)
         if self.controller_runs and self._tick % 2 == 1:
@@ -268,13 +273,20 @@ class FaultChain:
         position, effort = self.command_format.pack(output.commands)
         command = NamedCommand(self.rig.muscle_names, position, (), effort, 0.0)
         for one in [command] if self.edit is None else self.edit(command):
-            self.command(one)
+            self.on_way.append((one, self.wall - one.age))
 
-    def command(self, command: Any) -> None:
-        """A message on valve_commands; a driver that is stopped does not hear it."""
+    def _deliver(self) -> None:
+        """Hand the driver what was sent on valve_commands in an earlier step.
+
+        As in the driver's node, a command is as old as the wall clock says against its stamp. A
+        driver that is stopped finds the newest message when it goes on: the topic keeps one.
+        """
         if not self.driver_runs:
+            del self.on_way[:-1]
             return
-        try:
-            self.driver.set_commands(command, self.now)
-        except CommandError as error:
-            self.noticed[error.kind] += 1
+        messages, self.on_way = self.on_way, []
+        for command, stamp in messages:
+            try:
+                self.driver.set_commands(command._replace(age=self.wall - stamp), self.now)
+            except CommandError as error:
+                self.noticed[error.kind] += 1

@@ -37,7 +37,8 @@ HOST_FAULTS = (
 )  # fmt: skip
 START = ("rig", "driver", "controller")
 
-# Boards that are not heard cannot say that they have vented; the driver's commands can.
+# Boards that are not heard cannot say that they have vented; the driver's commands can. The same
+# holds for kinds whose bound is about the driver alone.
 UNHEARD = ("all_frames_lost_up", "frames_very_late_up")
 QUIET = 0.05  # s, without a command that lets air move
 
@@ -209,7 +210,7 @@ def observe(chain: Chain, operator: Operator, kind: FaultKind) -> Observation:
     operator.forget()
     vents = kind.reaction is Reaction.VENT
     begin = _begin(chain, operator, kind)
-    deaf = kind.name in UNHEARD
+    deaf = kind.name in UNHEARD or kind.bounds_driver
 
     def has_stopped() -> bool:
         now = time.monotonic()

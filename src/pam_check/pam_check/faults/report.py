@@ -28,7 +28,7 @@ def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str,
             continue
         by = Counter(name for trial in mine for name in trial.noticed if name in kind.detected_by)
         named = ", ".join(name for name, _ in by.most_common(2))
-        times = [1e3 * trial.safe_after for trial in mine if trial.safe_after is not None]
+        times = [1e3 * after for trial in mine if (after := _bounded_time(kind, trial)) is not None]
         vents = kind.reaction is Reaction.VENT
         bad = [trial.problem for trial in mine if trial.problem]
         table.append(
@@ -49,6 +49,11 @@ def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str,
             )
         )
     return table
+
+
+def _bounded_time(kind: FaultKind, trial: Trial) -> float | None:
+    """The time [s] that the kind's bound is about."""
+    return trial.stopped_after if kind.bounds_driver else trial.safe_after
 
 
 def summarised(table: Sequence[tuple[str, ...]], trials: Sequence[Trial]) -> str:
@@ -104,9 +109,9 @@ def _draw(kinds: Sequence[FaultKind], trials: Sequence[Trial], path: Path) -> No
     axes = figure.add_subplot()
     for place, kind in enumerate(shown):
         times = [
-            max(1e3 * trial.safe_after, 0.5)
+            max(1e3 * after, 0.5)
             for trial in trials
-            if trial.kind == kind.name and trial.safe_after is not None
+            if trial.kind == kind.name and (after := _bounded_time(kind, trial)) is not None
         ]
         axes.plot(times, [place] * len(times), "o", color="tab:blue", alpha=0.5, markersize=4)
         axes.plot(1e3 * kind.bound, place, "|", color="tab:red", markersize=10)

@@ -8,13 +8,14 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from pam_check.faults import host_faults
-from pam_check.faults.chain import STEP, FaultChain
+from pam_check.faults.chain import AMPLITUDE, STEP, FaultChain
 from pam_driver.safety.states import SafetyState
+from pam_model.rig import Rig
 from pam_sim import fault_injection
 from pam_sim.faults.kinds import FaultKind, Reaction
 
 AFTERWARDS = 0.3  # s, to see that a vent stays
-ERROR_ALLOWED = 0.1  # rad, of a joint whose fault is ridden through
+ERROR_ALLOWED = 0.1  # rad, of a joint that goes on, or until it stops
 # One draw in so many is an end of its range: there are the slowest and the hardest cases.
 ENDS = 4
 
@@ -33,6 +34,8 @@ class Trial:
         Everything that noticed anything.
     suspected_after : float or None
         From the fault until the driver named a suspicion [s].
+    stopped_after : float or None
+        From the fault until the driver left its active state [s].
     safe_after : float or None
         From the fault until valves vented and stayed so [s].
     peak_pressure : float
@@ -47,6 +50,7 @@ class Trial:
     values: dict[str, float]
     noticed: list[str] = field(default_factory=list)
     suspected_after: float | None = None
+    stopped_after: float | None = None
     safe_after: float | None = None
     peak_pressure: float = 0.0
     peak_error: float = 0.0
@@ -99,12 +103,14 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
         _look(chain, seen)
         if chain.driver.suspicions and trial.suspected_after is None:
             trial.suspected_after = chain.now - start
+        if trial.stopped_after is None and chain.driver.state is not SafetyState.ACTIVE:
+            trial.stopped_after = chain.now - start
         trial.problem = trial.problem or _model_problem(chain)
     if not chain.moves_air:
         trial.safe_after = last_air - start
     seen |= set(_counts(chain) - before)
     trial.noticed = sorted(seen)
-    trial.problem = trial.problem or _problem(chain, kind, trial)
+    trial.problem = trial.problem or problem_of(chain, kind, trial)
     return trial
 
 
@@ -141,20 +147,42 @@ def _model_problem(chain: FaultChain) -> str:
     return ""
 
 
-def _problem(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
+def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
+    """Why a trial that is over did not go as its kind promises; empty if it did."""
     must_be_noticed = kind.detected_by and kind.reaction is not Reaction.EITHER
     if must_be_noticed and not set(kind.detected_by) & set(trial.noticed):
         return f"noticed by {', '.join(trial.noticed) or 'nobody'}"
     if kind.reaction is Reaction.VENT:
-        if trial.safe_after is None:
-            return "not vented"
-        if trial.safe_after > kind.bound + STEP:
-            return f"vented after {1e3 * trial.safe_after:.0f} ms"
-    elif kind.reaction is not Reaction.EITHER:
-        rides = kind.reaction is not Reaction.NOTICED
-        if rides and not (chain.moves_air and chain.driver.state is SafetyState.ACTIVE):
-            reasons = "; ".join(str(fault) for fault in chain.driver.faults)
-            return f"stopped: {reasons or chain.driver.state.value}"
-        if chain.moves_air and trial.peak_error > ERROR_ALLOWED:
-            return f"angle off by {trial.peak_error:.3f} rad"
+        return _venting_problem(kind, trial)
+    if kind.reaction in {Reaction.RIDE, Reaction.WARN} and not (
+        chain.moves_air and chain.driver.state is SafetyState.ACTIVE
+    ):
+        reasons = "; ".join(str(fault) for fault in chain.driver.faults)
+        return f"stopped: {reasons or chain.driver.state.value}"
+    if trial.peak_error > error_bound(kind, chain.rig):
+        return f"angle off by {trial.peak_error:.3f} rad"
     return ""
+
+
+def _venting_problem(kind: FaultKind, trial: Trial) -> str:
+    if trial.safe_after is None:
+        return "not vented"
+    if kind.bounds_driver and (trial.stopped_after or math.inf) > kind.bound + STEP:
+        return f"the driver stopped after {1e3 * (trial.stopped_after or math.inf):.0f} ms"
+    # the valves of a board that hangs stay as they are until its own watchdog resets it
+    valves_bound = max(kind.bound, trial.values.get("reset_after", 0.0))
+    if trial.safe_after > valves_bound + STEP:
+        return f"vented after {1e3 * trial.safe_after:.0f} ms"
+    return ""
+
+
+def error_bound(kind: FaultKind, rig: Rig) -> float:
+    """Largest angle error [rad] of a joint that moves while a fault of this kind is there.
+
+    A fault that is ridden through must leave the joint near its reference. Of two sources of valid
+    commands nobody can tell which one is right; then the joint may go as far as `position_limit`
+    lets it.
+    """
+    if not kind.to_the_limits:
+        return ERROR_ALLOWED
+    return max(map(abs, rig.joints[0].position_limits)) + AMPLITUDE + ERROR_ALLOWED

@@ -57,6 +57,10 @@ class FaultKind:
         the trial watches.
     reason : str
         Why this bound, or why nobody can notice.
+    bounds_driver : bool
+        Whether the bound holds for the driver's stop, since no frame can move the valves.
+    to_the_limits : bool
+        Whether the joint may leave its reference, within its position limits.
     """
 
     name: str
@@ -67,6 +71,8 @@ class FaultKind:
     reaction: Reaction
     bound: float
     reason: str = ""
+    bounds_driver: bool = False
+    to_the_limits: bool = False
 
 
 _R = Reaction
@@ -140,9 +146,11 @@ KINDS: Final = (
     # --- boards ---
     _K("board_restart", "board", "a board loses power for a moment", {},
        ("board_not_active", "board_restarted", "board_fault"), _R.VENT, VENT, "it boots vented"),
-    _K("board_frozen", "board", "a board's processor hangs, its valves stay as they are", {},
-       ("stale_sensor", "board_restarted", "board_not_active", "board_lost"), _R.VENT, 0.065,
-       "the board's hardware watchdog of 50 ms resets it: no frame can help"),
+    _K("board_frozen", "board", "a board's processor hangs until its hardware watchdog resets it; "
+       "its valves stay as they are", {"reset_after": (0.02, 0.3)},
+       ("stale_sensor", "board_restarted", "board_not_active", "board_lost"), _R.VENT,
+       SENSOR_STOPS, "the driver stops by sensor_timeout; the valves vent with the reset, since no "
+       "frame can reach them before", bounds_driver=True),
     _K("counter_jump", "board", "the measurement counter jumps", {"by": (1, 255)},
        ("frames_lost", "frames_repeated", "frames_reordered"), _R.RIDE, _WATCH),
     _K("counter_frozen", "board", "the measurement counter stands still", {},
@@ -212,7 +220,7 @@ KINDS: Final = (
        ("suspected supply_low",), _R.WARN, _WATCH),
     # --- host ---
     _K("clock_step", "host", "the wall clock is set", {"by": (-3600.0, 3600.0)}, (), _R.RIDE,
-       _WATCH, "ages are monotonic; nothing is to be noticed"),
+       _WATCH, "a command on its way may be refused by its stamp; every other age is monotonic"),
     _K("host_stall_short", "host", "the host stands still for a moment",
        {"duration": (0.005, 0.03)}, (), _R.RIDE, _WATCH, "shorter than every time-out"),
     _K("host_stall", "host", "the host stands still", {"duration": (0.15, 0.6)},
@@ -262,7 +270,8 @@ KINDS: Final = (
        "the latest counts; nothing is queued"),
     _K("command_two_publishers", "command", "a second node publishes commands", _MOMENT,
        ("pressure_implausible", "torque_implausible", "position_limit", "over_pressure"),
-       _R.EITHER, _WATCH, "both are valid: /diagnostics warns of the number of publishers"),
+       _R.EITHER, _WATCH, "both are valid, so the joint may go anywhere within its limits; "
+       "/diagnostics warns of the number of publishers", to_the_limits=True),
     _K("vent_called", "operator", "someone calls ~/vent", {}, ("vented",), _R.VENT, VENT,
        "a frame to each board before the service returns"),
 )  # fmt: skip

@@ -15,9 +15,6 @@ from dataclasses import dataclass, field
 from pam_driver.boards.protocol import Address
 from pam_sim.boards.protocol import BoardValve
 
-# A processor that hangs is reset by a watchdog of its own, apart from the one on commands [s].
-HARDWARE_WATCHDOG = 0.05
-
 Reading = Callable[[float, float], float]
 """(true reading, time) to what is shown."""
 POSITION = -1  # a board's first angle, beside its pressures, which are counted from 0
@@ -69,7 +66,8 @@ class RigFaults:
     valves : dict
         By (board, valve): the opening a valve is stuck at, -1 to 1, NaN to stay where it is.
     frozen : dict of int or str to float
-        Boards whose processor hangs, since when [s].
+        Boards whose processor hangs, and when a hardware watchdog, apart from the one on commands,
+        resets them [s].
     """
 
     sensors: dict[tuple[Address, int], Reading] = field(default_factory=dict)
@@ -117,7 +115,7 @@ class RigFaults:
 
     def reset_by_watchdog(self, now: float) -> list[Address]:
         """Boards whose hardware watchdog fires now; they are frozen no longer."""
-        due = [board for board, since in self.frozen.items() if now - since > HARDWARE_WATCHDOG]
+        due = [board for board, until in self.frozen.items() if now > until]
         for board in due:
             del self.frozen[board]
         return due
