@@ -24,6 +24,7 @@ from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import gap_figures
 from pam_gap.prediction.locate import Location
 from pam_model.effects import EFFECTS
+from pam_model.plant.parameters import RIG_PLACES
 from pam_model.rig import Rig
 
 
@@ -120,8 +121,8 @@ class AnswerForm:
         found: dict[str, dict[str, FoundParameter]] = {}
         for member in h.members:
             entry: dict[str, FoundParameter] = {}
-            for parameter in member.free:
-                key = parameter.name.partition(".")[0]
+            for parameter, targets in zip(member.free, member.targets, strict=True):
+                key = RIG_PLACES[targets[0]].key
                 name = f"{parameter.name}.{member.side}" if member.side else parameter.name
                 unit = EFFECTS[member.effect].parameters[key].unit
                 entry[name] = FoundParameter(intervals[at], unit)

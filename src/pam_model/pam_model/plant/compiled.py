@@ -32,12 +32,13 @@ except ImportError:
     HAVE_NUMBA = False
 
 _HERE = Path(__file__).parent
+_NEVER_COMPILED = ("constants", "force_table", "parameters", "sensors", "simulate", "trajectory")
 
 
 def kernel_sources() -> tuple[Path, ...]:
     """Every file whose text the compiled plant depends on."""
     return (
-        *sorted(_HERE.glob("*.py")),
+        *(path for path in sorted(_HERE.glob("*.py")) if path.stem not in _NEVER_COMPILED),
         *sorted(Path(gas.__file__).parent.glob("*.py")),
         *sorted(Path(physics.__file__).parent.glob("*.py")),
         *effect_files(),

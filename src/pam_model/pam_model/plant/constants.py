@@ -35,34 +35,70 @@ _THREADS = filled(Thread)
 
 
 @dataclass(frozen=True, slots=True)
-class _Adjustment:
-    """One effect on one number: the places of its parameters in the vector."""
+class _Adjusted:
+    """One number of the ideal rig, and the effects that change it.
 
-    law: Law
+    Attributes
+    ----------
+    name : str
+        The target, with its muscle before it.
+    ideal : float
+        Where the rig file does not state it.
+    written : int
+        Its place in the vector where the rig file does, else -1.
+    laws : tuple
+        Law of each effect, with the places of the effect's parameters in the vector.
+    """
+
+    name: str
+    ideal: float
+    written: int
+    laws: tuple[tuple[Law, tuple[int, ...]], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _LaidDown:
+    """One effect whose parameters stand among the constants, and where they are in the vector."""
+
+    constants: EffectConstants
     places: tuple[int, ...]
 
 
 def _places(effect: Effect, owner: str) -> tuple[int, ...]:
-    """Where an effect's parameters lie in the vector; `owner` is a muscle, or empty."""
-    dot = f"{owner}." if owner else ""
-    return tuple(INDEX[f"{dot}{effect.name}.{key}"] for key in effect.parameters)
+    """Where an effect's parameters lie in the vector; `owner` is empty or a muscle with a dot."""
+    return tuple(INDEX[f"{owner}{effect.name}.{key}"] for key in effect.parameters)
 
 
-def _adjustments(scope: str, owner: str) -> Mapping[str, tuple[_Adjustment, ...]]:
-    """By target, the effects that change it."""
-    return {
-        target: tuple(
-            _Adjustment(slot.law, _places(effect, owner))
-            for effect, slot in filled(Adjusts)
-            if slot.target == target
+def _adjusted_of(owner: str) -> tuple[_Adjusted, ...]:
+    scope = "muscle" if owner else "joint"
+    return tuple(
+        _Adjusted(
+            owner + target,
+            0.0 if entry.ideal is None else entry.ideal,
+            INDEX[owner + target] if entry.ideal is None else -1,
+            tuple(
+                (slot.law, _places(effect, owner))
+                for effect, slot in filled(Adjusts)
+                if slot.target == target
+            ),
         )
         for target, entry in TARGETS.items()
         if entry.scope == scope
-    }
+    )
 
 
-_OF_JOINT = _adjustments("joint", "")
-_OF_MUSCLES = {side: _adjustments("muscle", side) for side in lay.MUSCLES}
+_OWNERS = ("", *(f"{side}." for side in lay.MUSCLES))
+_ADJUSTED = tuple(entry for owner in _OWNERS for entry in _adjusted_of(owner))
+_LAID_DOWN = {
+    owner: tuple(
+        _LaidDown(constants, _places(constants.effect, owner))
+        for constants in (lay.MUSCLE_EFFECTS if owner else lay.JOINT_EFFECTS).values()
+    )
+    for owner in _OWNERS
+}
+_WRITTEN = {
+    owner: {name: INDEX[owner + name] for name, _ in lay.MUSCLE_NOMINAL} for owner in _OWNERS[1:]
+}
 _PRESLIDING = tuple(
     INDEX[name]
     for effect, slot in _FRICTIONS
@@ -85,16 +121,11 @@ def adjusted_numbers(values: Vector) -> dict[str, float]:
     """
     v = values.tolist()
     result: dict[str, float] = {}
-    for owner, found in (
-        ("", _OF_JOINT),
-        *((f"{side}.", _OF_MUSCLES[side]) for side in _OF_MUSCLES),
-    ):
-        for target, adjustments in found.items():
-            ideal = TARGETS[target].ideal
-            number = v[INDEX[owner + target]] if ideal is None else ideal
-            for adjustment in adjustments:
-                number = adjustment.law(number, *[v[i] for i in adjustment.places])
-            result[owner + target] = number
+    for entry in _ADJUSTED:
+        number = v[entry.written] if entry.written >= 0 else entry.ideal
+        for law, places in entry.laws:
+            number = law(number, *[v[i] for i in places])
+        result[entry.name] = number
     return result
 
 
@@ -124,14 +155,14 @@ def derive_constants(values: Vector) -> Vector:
     c[lay.C_DROOP] = float(number["reservoir.conductance"] > 0.0)
     c[lay.C_DROOP_CONDUCTANCE] = number["reservoir.conductance"]
     c[lay.C_DROOP_VOLUME] = number["reservoir.volume"]
-    for constants in lay.JOINT_EFFECTS.values():
-        _lay_down(c, 0, constants, v, "")
+    for laid in _LAID_DOWN[""]:
+        _lay_down(c, 0, laid, v)
     c[lay.C_FRICTION] = any(c[lay.JOINT_EFFECTS[e.name].is_on] > 0.0 for e, _ in _FRICTIONS)
     # One joint has one contact: of several effects, the softest.
     presliding = max((v[i] for i in _PRESLIDING), default=0.0)
     c[lay.C_PRESLIDING] = presliding if presliding > RIGID_CONTACT else 0.0
     for side, m in SIDES:
-        _muscle_constants(c, m, v, number, side)
+        _muscle_constants(c, m, v, number, f"{side}.")
     _limit_stiff_volumes(c)
     c[lay.C_LOWER], c[lay.C_UPPER] = _travel(
         c, v[INDEX["joint.lower_limit"]], v[INDEX["joint.upper_limit"]]
@@ -140,16 +171,16 @@ def derive_constants(values: Vector) -> Vector:
     return c
 
 
-def _lay_down(
-    c: Vector, first: int, constants: EffectConstants, v: list[float], owner: str
-) -> None:
+def _lay_down(c: Vector, first: int, laid: _LaidDown, v: list[float]) -> None:
     """Write one effect's parameters, and whether it is on."""
-    effect = constants.effect
-    values = [v[i] for i in _places(effect, owner)]
-    for place, value in zip(constants.parameters.values(), values, strict=True):
-        c[first + place] = value
-    named = dict(zip(effect.parameters, values, strict=True))
-    c[first + constants.is_on] = not effect.is_neutral(named)
+    is_on = False
+    entries = laid.constants.effect.parameters.values()
+    for place, at, entry in zip(
+        laid.constants.parameters.values(), laid.places, entries, strict=True
+    ):
+        c[first + place] = v[at]
+        is_on = is_on or not (entry.is_shape or entry.is_neutral(v[at]))
+    c[first + laid.constants.is_on] = is_on
 
 
 def _given(c: Vector, first: int, constants: EffectConstants) -> list[float]:
@@ -158,13 +189,15 @@ def _given(c: Vector, first: int, constants: EffectConstants) -> list[float]:
 
 
 def _muscle_constants(
-    c: Vector, m: int, v: list[float], number: Mapping[str, float], side: str
+    c: Vector, m: int, v: list[float], number: Mapping[str, float], owner: str
 ) -> None:
+    index = _WRITTEN[owner]
+
     def written(name: str) -> float:
-        return v[INDEX[f"{side}.{name}"]]
+        return v[index[name]]
 
     def adjusted(name: str) -> float:
-        return number[f"{side}.{name}"]
+        return number[owner + name]
 
     b, turns, wall = written("thread_length"), written("turns"), written("wall_thickness")
     is_table = written("model_kind") > 0.0
@@ -200,8 +233,8 @@ def _muscle_constants(
     c[m + lay.M_CABLE] = adjusted("series_compliance")
     c[m + lay.M_BRAID_AREA] = b * b * scale
     c[m + lay.M_BRAID_SLOPE] = 6.0 * written("rest_length") * scale
-    for constants in lay.MUSCLE_EFFECTS.values():
-        _lay_down(c, m, constants, v, side)
+    for laid in _LAID_DOWN[owner]:
+        _lay_down(c, m, laid, v)
     c[m + lay.M_THREAD] = any(c[m + lay.MUSCLE_EFFECTS[e.name].is_on] > 0.0 for e, _ in _THREADS)
     c[m + lay.M_SHUT_EXPONENT] = c[lay.C_EXPONENT]
     for effect, slot in _CHAMBERS:
