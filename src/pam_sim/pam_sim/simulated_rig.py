@@ -260,9 +260,9 @@ class SimulatedRig:
             first, second = self._muscles_of[joint]
             pair = (commands[first], commands[second])
             for _ in range(steps):
-                shown = plant.step(pair, self._period)
-            self._positions[joint] = shown[0]
-            self._pressures[first], self._pressures[second] = shown[1], shown[2]
+                position, agonist, antagonist = plant.step(pair, self._period)
+            self._positions[joint] = position
+            self._pressures[first], self._pressures[second] = agonist, antagonist
 
     def _supply(self, wired: WiredBoard) -> float:
         for wire in wired.valves:

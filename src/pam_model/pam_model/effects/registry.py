@@ -186,7 +186,8 @@ def adjusted(target: str, written: float | None, effects: EffectValues) -> float
     written : float or None
         As the rig file states it; None for a target that has an ideal value.
     effects : mapping
-        `muscle.effects` for a target of a muscle, `joint.effects` for one of a joint.
+        `muscle.effects` for a target of a muscle, `joint.effects` for one of a joint, `rig.effects`
+        for the reservoir's.
 
     Raises
     ------
