@@ -50,8 +50,8 @@ def test_creep_steps_as_it_relaxes() -> None:
     for _ in range(count):
         half = state + 0.5 * step * maxwell_rate(state, stroke / duration, step, 0.1, 1.3)
         state += step * maxwell_rate(half, stroke / duration, step, 0.1, 1.3)
-    assert maxwell_step(stretch, stroke, duration, 1.3) == pytest.approx(state, rel=1e-8)
-    assert maxwell_step(stretch, stroke, 0.0, 1.3) == stretch + stroke
+    assert maxwell_step(stretch, stroke, duration, 0.1, 1.3) == pytest.approx(state, rel=1e-8)
+    assert maxwell_step(stretch, stroke, 0.0, 0.1, 1.3) == stretch + stroke
 
 
 @pytest.mark.parametrize("name", [effect.name for effect, _ in filled(Opening)])
