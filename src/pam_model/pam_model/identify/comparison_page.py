@@ -8,7 +8,7 @@ from typing import Any
 
 from pam_model.errors import PamError
 
-BEGIN = "<!-- comparison: written by `python -m pam_model compare --page`; do not edit -->"
+BEGIN = "<!-- comparison: written by the command above; do not edit -->"
 END = "<!-- comparison: end -->"
 
 
