@@ -62,16 +62,15 @@ def creep_pull(
 
 def creep_response(
     stretch: float,
-    direction: float,
     pressure: float,
     braid_area: float,
     braid_slope: float,
     ratio: float,
     time_constant: float,
-) -> tuple[float, float]:
-    """dF/dL [N/m], and dF/dt [N/s] of the relaxation at constant length."""
+) -> tuple[float, float, float]:
+    """dF/dL [N/m] in either direction, and dF/dt [N/s] of the relaxation at constant length."""
     stiffness = creep_stiffness(braid_slope, ratio)
-    return stiffness, -stiffness * stretch / time_constant
+    return stiffness, stiffness, -stiffness * stretch / time_constant
 
 
 def unsettled(length: float, rest_length: float) -> float:

@@ -55,16 +55,19 @@ def friction_pull(
 
 def friction_response(
     state: float,
-    direction: float,
     pressure: float,
     braid_area: float,
     braid_slope: float,
     amplitude: float,
     presliding_length: float,
-) -> tuple[float, float]:
-    """dF/dL [N/m] while the muscle moves in `direction`; nothing changes at constant length."""
+) -> tuple[float, float, float]:
+    """dF/dL [N/m] while lengthening and while shortening; nothing changes at constant length."""
     largest = friction_area(braid_area, amplitude) * max(pressure, 0.0)
-    return largest * dahl_slope(state, direction, presliding_length), 0.0
+    return (
+        largest * dahl_slope(state, 1.0, presliding_length),
+        largest * dahl_slope(state, -1.0, presliding_length),
+        0.0,
+    )
 
 
 def unsettled(length: float, rest_length: float) -> float:

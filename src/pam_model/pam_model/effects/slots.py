@@ -196,9 +196,9 @@ class PullState:
         rate(state, speed, step, *parameters) -> d state/dt; `speed` is dL/dt [m/s], `step` the
         length of the integration step [s], which a fast state must not outrun.
     response : callable
-        response(state, direction, pressure, braid_area, braid_slope, *parameters) -> (dF/dL [N/m]
-        that the state adds while the muscle moves in `direction` (1 longer, -1 shorter), dF/dt
-        [N/s] at constant length): what a compliant cable sees of it.
+        response(state, pressure, braid_area, braid_slope, *parameters) -> (dF/dL [N/m] that the
+        state adds while the muscle lengthens, dF/dL while it shortens, dF/dt [N/s] at constant
+        length): what a compliant cable sees of it.
     unsettled : callable
         unsettled(length, rest_length) -> the state of a muscle that was just brought to `length`
         from its rest length. 0 is the state of one that has been there for long.
@@ -208,7 +208,7 @@ class PullState:
     name: str
     pull: Law2
     rate: Law
-    response: Law2
+    response: Law3
     unsettled: Law
 
 
@@ -275,10 +275,7 @@ def laws_of(slot: Slot) -> Mapping[str, tuple[tuple[str, ...], Callable[..., obj
         return {
             "pull": (slot.context, slot.pull),
             "rate": (("state", "speed", "step"), slot.rate),
-            "response": (
-                ("state", "direction", "pressure", "braid_area", "braid_slope"),
-                slot.response,
-            ),
+            "response": (slot.context, slot.response),
         }
     laws: dict[str, tuple[tuple[str, ...], Callable[..., object]]] = {
         "law": (slot.context, slot.law)

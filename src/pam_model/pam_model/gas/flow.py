@@ -40,12 +40,12 @@ def flow_share(ratio: float, critical_ratio: float) -> float:
     """
     if ratio <= critical_ratio:
         return 1.0
+    if ratio <= LINEAR_RATIO:
+        part = (ratio - critical_ratio) / (1.0 - critical_ratio)
+        return math.sqrt(1.0 - part * part)
     bend = max(LINEAR_RATIO, critical_ratio)
-    part = (min(ratio, bend) - critical_ratio) / (1.0 - critical_ratio)
-    psi = math.sqrt(1.0 - part * part)
-    if ratio > bend:
-        psi = psi * (1.0 - ratio) / (1.0 - bend)
-    return psi
+    part = (bend - critical_ratio) / (1.0 - critical_ratio)
+    return math.sqrt(1.0 - part * part) * (1.0 - ratio) / (1.0 - bend)
 
 
 _flow_shares = np.vectorize(flow_share, otypes=[float])

@@ -109,12 +109,21 @@ def _write_muscle(w: _Writer) -> None:
         w.when_on(effect, f"own, own_area = {call}", "pull += own", "area += own_area")
     w.add("    return pull, area", "")
 
-    w.add("def memory_response(m, c, y, o, direction, pressure):", "    slope, drift = 0.0, 0.0")
+    w.add(
+        "def memory_response(m, c, y, o, pressure):", "    longer, shorter, drift = 0.0, 0.0, 0.0"
+    )
     for effect, state in filled(PullState):
-        context = f"y[o + S_{state.name.upper()}], direction, pressure, {braid}"
-        call = w.call(effect, state, "response", context)
-        w.when_on(effect, f"own, own_drift = {call}", "slope += own", "drift += own_drift")
-    w.add("    return slope, drift", "")
+        call = w.call(
+            effect, state, "response", f"y[o + S_{state.name.upper()}], pressure, {braid}"
+        )
+        w.when_on(
+            effect,
+            f"own_longer, own_shorter, own_drift = {call}",
+            "longer += own_longer",
+            "shorter += own_shorter",
+            "drift += own_drift",
+        )
+    w.add("    return longer, shorter, drift", "")
 
     w.add("def memory_rates(m, c, y, dy, o, speed, step):")
     for effect, state in filled(PullState):
@@ -165,7 +174,7 @@ passive_pull = _functions["passive_pull"]
 memory_pull = _functions["memory_pull"]
 """memory_pull(m, c, y, o, pressure): pull [N] of the states with a memory, and dF/dp [m^2]."""
 memory_response = _functions["memory_response"]
-"""memory_response(m, c, y, o, direction, pressure): their dF/dL [N/m] and dF/dt [N/s]."""
+"""memory_response(m, c, y, o, pressure): their dF/dL [N/m] either way, and dF/dt [N/s]."""
 memory_rates = _functions["memory_rates"]
 """memory_rates(m, c, y, dy, o, speed, step): writes their rates into dy."""
 dry_friction = _functions["dry_friction"]

@@ -195,9 +195,7 @@ def muscle_speed(
     compliance = c[m + M_CABLE]
     if compliance <= 0.0:
         return path_speed
-    _, drift = memory_response(m, c, y, o, 1.0, pressure)
+    longer, shorter, drift = memory_response(m, c, y, o, pressure)
     speed = path_speed - compliance * (area * free_pressure_rate + drift)
-    direction = 1.0 if speed >= 0.0 else -1.0
-    held_slope, _ = memory_response(m, c, y, o, direction, pressure)
-    rise = slope + area * gas_slope + held_slope
+    rise = slope + area * gas_slope + (longer if speed >= 0.0 else shorter)
     return float(speed / (1.0 + compliance * max(rise, 0.0)))
