@@ -37,6 +37,14 @@ def test_dependence_is_decided_far_from_rounding(share: float, number: int) -> N
         assert len(told_numbers(shaken, 0.0, np.ones(2)).told) == number
 
 
+def test_a_column_of_rounding_is_silent_and_imitates_nothing() -> None:
+    a, b, _ = COLUMNS.T
+    slopes = np.stack([a, a + 1e-3 * b, 1e-15 * b], axis=1)
+    assert told_numbers(slopes, 0.0, np.ones(3)).silent == (2,)
+    assert imitated(slopes[:, :2]).tolist() == [False, False]
+    assert imitated(slopes).tolist() == [False, False, True]
+
+
 def test_equal_candidates_are_taken_in_their_order() -> None:
     a, b, _ = COLUMNS.T
     for _ in range(20):

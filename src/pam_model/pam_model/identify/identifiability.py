@@ -29,6 +29,9 @@ from pam_model.identify.measurements import Array, Measurements
 
 DEPENDENT = 1e-8
 """Share of a column that is left after others where it depends on them."""
+_SILENT = 1e-12
+"""A column this small beside the largest is rounding: normalised, it would point anywhere and
+seem to imitate others."""
 _EQUAL = 1e-6
 """Two candidates this close, relative, count as equal."""
 _POINTS_PER_TERM = 3
@@ -69,7 +72,7 @@ def told_numbers(slopes: Array, noise: float, preference: Array) -> Told:
     left = slopes.copy()
     whole = _norms(slopes)
     largest = float(np.max(whole, initial=0.0))
-    silent = tuple(np.flatnonzero(whole <= DEPENDENT**2 * largest).tolist())
+    silent = tuple(np.flatnonzero(whole <= _SILENT * largest).tolist())
     below = np.flatnonzero(whole <= noise).tolist()
     lost = tuple(i for i in below if i not in silent)
     candidates = [i for i in range(whole.size) if i not in silent and i not in lost]
@@ -95,10 +98,11 @@ def imitated(slopes: Array) -> npt.NDArray[np.bool_]:
     """For each number, whether all others together can do what it does, to `DEPENDENT`."""
     whole = _norms(slopes)
     unit = slopes / np.where(whole > 0.0, whole, 1.0)
-    result = whole <= DEPENDENT**2 * float(np.max(whole, initial=0.0))
-    for i in np.flatnonzero(~result):
-        others = np.delete(unit, i, axis=1)
-        fit = others @ np.linalg.lstsq(others, unit[:, i], rcond=DEPENDENT**2)[0]
+    result = whole <= _SILENT * float(np.max(whole, initial=0.0))
+    heard = np.flatnonzero(~result)
+    for i in heard:
+        others = unit[:, heard[heard != i]]
+        fit = others @ np.linalg.lstsq(others, unit[:, i], rcond=_SILENT)[0]
         result[i] = bool(np.sqrt(np.sum((unit[:, i] - fit) ** 2)) <= DEPENDENT)
     return result
 
