@@ -11,12 +11,14 @@ import pytest
 import rclpy
 from lifecycle_msgs.msg import State
 from rclpy.lifecycle import TransitionCallbackReturn
+from std_srvs.srv import Trigger
 
 from pam_check.chain import private_domain
 from pam_driver import driver_node
 from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, BoardCommand, ValveCommand
 from pam_driver.bus import BusError, CanPort, open_bus
 from pam_driver.driver_node import DriverNode
+from pam_driver.safety.states import SafetyState
 
 from .fake_board import FakeBoard
 from .node_bench import ELBOW, PATIENCE
@@ -154,3 +156,50 @@ def test_the_last_words_are_vents_said_several_times(inside: Inside) -> None:
     assert len(vents) >= 5
     after = heard[heard.index(vents[0]) :]
     assert not any(any(one.enable) for one in after if isinstance(one, ValveCommand))
+
+
+def test_a_stop_before_the_board_answers_cancels_the_start(inside: Inside) -> None:
+    """An operator who calls ~/vent while autostart waits must not see the arm fill later."""
+    node = inside.node
+    assert node.autostart()
+    answer = node._on_vent(Trigger.Request(), Trigger.Response())
+    assert answer.success
+    assert "cancelled" in answer.message
+    inside.answer(inside.healthy)
+    node._watch()
+    assert not inside.is_active()
+
+
+def test_a_latched_fault_outlives_a_clean_up(
+    inside: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Clean-up, configure and activate in a row must not replace ~/clear_faults."""
+    node = inside.node
+    assert node.autostart()
+    inside.answer(inside.healthy)
+    assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    driver = node._driver
+    assert driver is not None
+    end = time.monotonic() + PATIENCE
+    while driver.state is not SafetyState.FAULT:  # the board does not answer any more
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    node._watch()
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    inside.answer(inside.healthy)
+    capfd.readouterr()
+    assert node.trigger_activate() != TransitionCallbackReturn.SUCCESS
+    assert "latched from before the clean-up" in capfd.readouterr().err
+    assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
+    inside.answer(inside.healthy)
+    assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+
+
+def test_a_simulated_clock_is_refused(inside: Inside) -> None:
+    """With use_sim_time a clock that stops would keep old commands young."""
+    wanted = rclpy.parameter.Parameter("use_sim_time", value=True)
+    (answer,) = inside.node.set_parameters([wanted])
+    assert not answer.successful
+    assert "use_sim_time" in answer.reason
+    assert not inside.node.get_parameter("use_sim_time").value

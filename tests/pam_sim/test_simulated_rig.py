@@ -217,7 +217,7 @@ BUS = ["--interface", "udp_multicast", "--channel", "239.74.163.2", "--port", st
 @pytest.mark.system
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_program_serves_a_bus_and_ends_on_a_signal(number):
-    command = [sys.executable, "-m", "pam_sim.rig", "--rig", str(ELBOW), *BUS]
+    command = [sys.executable, "-m", "pam_sim", "rig", "--rig", str(ELBOW), *BUS]
     codec = BoardCodec.from_dbc()
     port = open_bus("udp_multicast", "239.74.163.2", port=PORT)
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)

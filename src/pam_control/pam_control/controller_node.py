@@ -13,6 +13,7 @@ import gc
 import math
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -74,7 +75,9 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._controller: Any = None
         names = self._joint_names_given()
         self._table = parameter_table(names)
-        self._declared = NodeParameters(self, self._table, rig_of_node, self._on_change)
+        self._declared = NodeParameters(
+            self, self._table, rig_of_node, self._on_change, keeps_real_time=True
+        )
         self.rig = self._declared.described
         self._values: dict[str, Value] = {p.name: self._declared[p.name] for p in self._table}
         folder = user_cache_folder()
@@ -88,7 +91,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         )
         self._log_design()
 
-        self._origin = self.get_clock().now().nanoseconds
+        self._origin = time.monotonic()
         self._lock = threading.Lock()
         self._positions: tuple[list[float], float] = ([], -math.inf)
         self._pressures: tuple[list[float], float] = ([], -math.inf)
@@ -171,13 +174,17 @@ class ControllerNode(Node):  # type: ignore[misc]
             )
 
     def _now(self) -> float:
-        return float((self.get_clock().now().nanoseconds - self._origin) * 1e-9)
+        """Seconds since the start by the monotonic clock, which nobody can set."""
+        return time.monotonic() - self._origin
 
     def _seconds(self, stamp: Any) -> float | None:
-        """A message's stamp on the controller's time axis; None for a stamp of 0."""
+        """A message's stamp on the controller's time axis; None for a stamp of 0.
+
+        The wall clock only tells how long ago the stamp was when the message arrived.
+        """
         if stamp.sec == 0 and stamp.nanosec == 0:
             return None
-        return float((stamp.sec * 1_000_000_000 + stamp.nanosec - self._origin) * 1e-9)
+        return self._now() - (time.time() - (stamp.sec + 1e-9 * stamp.nanosec))
 
     # --- messages in ----------------------------------------------------------------------------
 
@@ -192,9 +199,9 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._pressures = (values, self._stamp(message))
 
     def _stamp(self, message: Any) -> float:
-        now = self._now()
+        """When a measurement was made: at its arrival, or earlier if its stamp says so."""
         stamp = self._seconds(message.header.stamp)
-        # a stamp from the future would never grow old
+        now = self._now()
         return now if stamp is None else min(stamp, now)
 
     def _on_trajectory(self, message: Any) -> None:
@@ -260,8 +267,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._control()
 
     def _control(self) -> None:
-        clock = self.get_clock().now()
-        now = float((clock.nanoseconds - self._origin) * 1e-9)
+        now = self._now()
         positions, position_time = self._positions
         pressures, pressure_time = self._pressures
         measurement = Measurement(positions, pressures, position_time, pressure_time)
@@ -275,7 +281,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._reason = reason
         if commands is None:
             return
-        stamp = clock.to_msg()
+        stamp = self.get_clock().now().to_msg()
         message = JointState(name=list(self.rig.muscle_names))
         message.header.stamp = stamp
         message.position, message.effort = self._command_format.pack(commands)

@@ -61,7 +61,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def __init__(self) -> None:
         super().__init__("pam_driver", automatically_declare_parameters_from_overrides=True)
         self.failure = ""
-        self._values = NodeParameters(self, TABLE, rig_of_node)
+        self._values = NodeParameters(self, TABLE, rig_of_node, keeps_real_time=True)
         self._rig = self._values.described
         bus_options(str(self._values["bus.options"]))
         self._port: CanPort | None = None
@@ -73,6 +73,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._starting = False
         self._activate_until: float | None = None
         self._fault_reported = False
+        self._latched = ""  # the fault with which the node was cleaned up
         refuse_impossible_transitions(self)
 
         self._topics = DriverTopics(self, self._rig)
@@ -134,6 +135,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Let valves move from the next command on, if all is well."""
         if self._driver is None:
             return _FAILURE
+        if self._latched:
+            return self._fail(
+                f"not activated: a fault is latched from before the clean-up ({self._latched}); "
+                "when its cause is gone, call ~/clear_faults"
+            )
         try:
             self._driver.activate(time.monotonic())
         except PamError as error:
@@ -209,6 +215,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         port, self._port = self._port, None
         self._diagnostics = self._snapshot = self._activate_until = None
         self._active = False
+        if driver is not None and driver.state is SafetyState.FAULT:
+            self._latched = "; ".join(str(fault) for fault in driver.faults)
         try:
             if loop is not None:
                 loop.stop(timeout=1.0)
@@ -253,6 +261,12 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             return response
         self._driver.vent(time.monotonic())
         response.success, response.message = True, "vented; activate again to move"
+        if self._activate_until is not None:
+            self._activate_until = None
+            response.message = (
+                "vented, and the activation at start-up is cancelled; activate to move"
+            )
+            self.get_logger().warning("a call of ~/vent has cancelled the activation at start-up")
         return response
 
     def _on_clear_faults(self, request: Any, response: Any) -> Any:
@@ -262,6 +276,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             return response
         driver.clear_faults(time.monotonic())
         self._fault_reported = False
+        self._latched = ""
         response.success = driver.state is not SafetyState.FAULT
         response.message = f"{driver.state.value}; activate to move"
         return response

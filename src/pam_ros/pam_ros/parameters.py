@@ -114,6 +114,9 @@ class NodeParameters[Described]:
         Makes something of the keys that are not in the table, for example a robot description.
         It takes these keys with their values and the names of the table (so that its message
         about an unknown key can suggest one of them), and raises for a key that it does not know.
+    keeps_real_time : bool, optional
+        The node moves air or decides by the age of a measurement, so `use_sim_time` is refused, at
+        the start and while it runs: a simulated clock that stops would keep old values young.
     on_change : callable, optional
         Takes a mapping of the values that change, after they were checked; a ParameterError it
         raises refuses the change.
@@ -135,7 +138,11 @@ class NodeParameters[Described]:
         table: Sequence[Parameter],
         read_others: Callable[[Mapping[str, Any], Collection[str]], Described],
         on_change: Callable[[Mapping[str, Value]], None] | None = None,
+        *,
+        keeps_real_time: bool = False,
     ) -> None:
+        self._keeps_real_time = keeps_real_time
+        self._check_clock("use_sim_time", node.get_parameter("use_sim_time").value)
         self._table = {parameter.name: parameter for parameter in table}
         self._on_change = on_change
         given = {name: entry.value for name, entry in node.get_parameters_by_prefix("").items()}
@@ -165,11 +172,19 @@ class NodeParameters[Described]:
         """The value of a numeric parameter as a float."""
         return float(self._values[name])
 
+    def _check_clock(self, name: str, value: Any) -> None:
+        if self._keeps_real_time and name == "use_sim_time" and value is True:
+            raise ParameterError(
+                "use_sim_time = true: refused, because this node judges the age of commands and "
+                "measurements, and a simulated clock that stops would keep them young for ever"
+            )
+
     def _set(self, requested: Sequence[Any]) -> Any:
         changes: dict[str, Value] = {}
         try:
             for entry in requested:
                 parameter = self._table.get(entry.name)
+                self._check_clock(entry.name, entry.value)
                 if parameter is None:
                     if entry.name.split(".")[0] in _OF_ROS:
                         continue

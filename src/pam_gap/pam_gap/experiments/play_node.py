@@ -46,7 +46,7 @@ class PlayNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("pam_play", automatically_declare_parameters_from_overrides=True)
-        parameters = NodeParameters(self, PARAMETERS, rig_of_node)
+        parameters = NodeParameters(self, PARAMETERS, rig_of_node, keeps_real_time=True)
         self._rig = rig = parameters.described
         name = str(parameters["joint"]) or rig.joint_names[0]
         if name not in rig.joint_names:
