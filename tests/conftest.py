@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,11 +19,6 @@ from support.rigs import ELBOW
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 ROOT = Path(__file__).resolve().parents[1]
-
-# Folders of tests have the names of packages. pytest would make an empty module of such a folder,
-# and hide the package, unless the package has been imported before.
-for package in sorted((ROOT / "src").iterdir()):
-    importlib.import_module(package.name)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -184,7 +184,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         """
         if stamp.sec == 0 and stamp.nanosec == 0:
             return None
-        return self._now() - (time.time() - (stamp.sec + 1e-9 * stamp.nanosec))
+        stamped = float(stamp.sec + 1e-9 * stamp.nanosec)
+        return self._now() - (time.time() - stamped)
 
     # --- messages in ----------------------------------------------------------------------------
 

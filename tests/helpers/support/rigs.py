@@ -2,5 +2,5 @@
 
 from pathlib import Path
 
-CONFIG = Path(__file__).parents[2] / "config"
+CONFIG = Path(__file__).parents[3] / "config"
 ELBOW = CONFIG / "elbow.yaml"

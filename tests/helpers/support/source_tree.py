@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 SOURCE = ROOT / "src"
 PACKAGES = tuple(sorted(path.parent.name for path in SOURCE.glob("*/package.xml")))
 
