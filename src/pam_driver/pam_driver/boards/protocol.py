@@ -12,7 +12,7 @@ for a flow valve, 0 to 1 of `valve.full_scale` for a pressure regulator); the wi
 its muscles, so that a device in other units can convert. Identifiers are whole numbers with
 `EXTENDED` set for 29 bits. Every board names its bus; "" is the only one of a rig that has one.
 
-docs/new_board.md shows how to add a kind; the checks that it and its simulated twin must pass are in
+docs/new_board.md shows how to add a kind; the checks for it and its simulated twin are in
 `tests/helpers/support/board_conformance.py`.
 """
 
