@@ -1,3 +1,3 @@
-"""The demo: the whole suite at work on a simulated rig, recorded, measured and shown on a page."""
+"""The demo: runs the whole suite on a simulated rig, records it and reports the tracking errors."""
 
 __version__ = "0.1.0"

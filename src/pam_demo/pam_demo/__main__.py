@@ -1,4 +1,4 @@
-"""`python -m pam_demo`: the demo, and the loop from a hidden effect to better tracking."""
+"""`python -m pam_demo`: the demo, and `close-loop`, from a hidden effect to better tracking."""
 
 from __future__ import annotations
 
@@ -25,22 +25,24 @@ def _declare_demo(parser: Parser) -> None:
     parser.add_argument(
         "--out", type=output_folder, default="out/demo", help="folder (default: %(default)s)"
     )
-    parser.add_argument("--no-baselines", action="store_true", help="the full controller only")
     parser.add_argument(
-        "--short", action="store_true", help="the full controller only, arm's motion and chirp"
+        "--no-baselines", action="store_true", help="play with the full controller only"
+    )
+    parser.add_argument(
+        "--short", action="store_true", help="only the arm's motion and the chirp, full controller"
     )
     parser.add_argument(
         "--true-rig",
         type=input_file,
         metavar="FILE",
-        help="rig file of the plant alone (default: --rig)",
+        help="rig file of the simulated plant alone (default: --rig)",
     )
     parser.add_argument(
         "--true-effects",
         nargs="+",
         default=[],
         metavar=EFFECT,
-        help="effects of the plant that no other node is told",
+        help="effects that are applied to the plant and hidden from all other nodes",
     )
 
 
@@ -57,7 +59,7 @@ def _declare_close_loop(parser: Parser) -> None:
         nargs="+",
         default=[DEFAULT_EFFECT],
         metavar=EFFECT,
-        help=f"what the simulated rig does beside its rig file (default: {DEFAULT_EFFECT})",
+        help=f"effects of the simulated rig that its rig file lacks (default: {DEFAULT_EFFECT})",
     )
     parser.add_argument(
         "--out", type=output_folder, default="out/close_loop", help="folder (default: %(default)s)"
@@ -77,7 +79,7 @@ def _add_can(parser: Parser) -> None:
 COMMANDS = (
     Command(
         "run",
-        "the whole suite on a simulated rig, recorded, measured and shown on a page",
+        "run the whole suite on a simulated rig and report the tracking errors on a page",
         _declare_demo,
         _demo,
         bad_news="if a target is missed",
@@ -95,8 +97,8 @@ COMMANDS = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command, the demo if none is named, and return the exit code."""
-    description = "The suite at work on a simulated rig."
+    """Run one command (the demo if none is named) and return the exit code."""
+    description = "Demonstrations of the whole suite on a simulated rig."
     return run_program("python -m pam_demo", description, COMMANDS, arguments, default="run")
 
 

@@ -1,11 +1,12 @@
-"""`python -m pam_demo close-loop`: a hidden effect, found over ROS, and tracking before and after.
+"""`python -m pam_demo close-loop`: diagnose a hidden effect and compare tracking before and after.
 
-The demo runs on a simulated rig that does something its rig file does not say; its recording is
-diagnosed; the demo runs again with the improved rig file in every node, on the same rig. The page
-shows the tracking error of both runs, by the sensor and by the plant itself.
+The demo runs on a simulated rig with an effect that its rig file does not contain. The recording is
+diagnosed. Then the demo runs again on the same simulated rig, and every node uses the improved rig
+file. The page shows the tracking error of both runs, measured by the sensor and taken from the
+plant itself.
 
-Only the simulated rig is told what it hides. The diagnosis gets the recording without the ground
-truth, and the rig file of the first run.
+Only the simulated rig knows the hidden effect. The diagnosis gets the rig file of the first run and
+its recording without the ground truth.
 """
 
 from __future__ import annotations
@@ -35,25 +36,25 @@ DEMO_TIMEOUT = 600.0  # s
 def run_demo(
     out: Path, rig: Path, effects: Sequence[str], *, true_rig: Path | None = None, can: str = ""
 ) -> Path:
-    """Run the short demo as a process of its own; the folder it filled.
+    """Run the short demo as a separate process and return its folder.
 
     Parameters
     ----------
     out : Path
         Folder for its recording and log.
     rig : Path
-        What driver, model and controller believe.
+        Rig file of driver, model and controller.
     effects : sequence of str
-        What the plant hides, `effect.parameter=value`.
+        Hidden effects of the plant, `effect.parameter=value`.
     true_rig : Path, optional
-        The plant's own rig file, before the effects; default `rig`.
+        Rig file of the plant, to which `effects` are added; default `rig`.
     can : str, optional
-        CAN interface; default as the demo chooses.
+        CAN interface; by default the demo chooses one.
 
     Raises
     ------
     PamError
-        When it fails `ATTEMPTS` times, with its last words.
+        When it fails `ATTEMPTS` times; the message has its last lines of output.
     """
     command = [sys.executable, "-m", DEMO, "--short", "--rig", str(rig)]
     command += ["--out", str(out), "--true-effects", *effects]
@@ -62,35 +63,35 @@ def run_demo(
     if can:
         command += ["--can", can]
     out.mkdir(parents=True, exist_ok=True)
-    said = ""
+    output = ""
     for attempt in range(1, ATTEMPTS + 1):
         try:
             ended = subprocess.run(
                 command, capture_output=True, text=True, timeout=DEMO_TIMEOUT, check=False
             )
         except subprocess.TimeoutExpired:
-            said = f"not done after {DEMO_TIMEOUT:g} s"
+            output = f"not finished after {DEMO_TIMEOUT:g} s"
             continue
-        said = (ended.stdout + ended.stderr).strip()
-        (out / "demo.log").write_text(said)
+        output = (ended.stdout + ended.stderr).strip()
+        (out / "demo.log").write_text(output)
         if ended.returncode == 0:
             return out
-        print(f"demo, attempt {attempt} of {ATTEMPTS}: {said.splitlines()[-1:]}", file=sys.stderr)
-    last = " ".join(said.splitlines()[-3:])
+        print(f"demo, attempt {attempt} of {ATTEMPTS}: {output.splitlines()[-1:]}", file=sys.stderr)
+    last = " ".join(output.splitlines()[-3:])
     raise PamError(f"{out}: the demo failed {ATTEMPTS} times: {last}")
 
 
 def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -> Path:
-    """All of it; the page.
+    """Run demo, diagnosis and second demo, write the page and return its path.
 
     Parameters
     ----------
     rig : Path
-        Rig file of one joint, or whose first joint the demo moves.
+        Rig file; the demo moves its first joint.
     effects : sequence of str
-        What the simulated rig hides, `effect.parameter=value`.
+        Hidden effects of the simulated rig, `effect.parameter=value`.
     out : Path
-        Folder for everything.
+        Folder for all results.
     can : str, optional
         CAN interface of both runs.
 
@@ -102,20 +103,20 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
     written = load_rig(rig)
     apply_effects(written, written, parse_effects(effects, "--hide"))
     rig = rig.resolve()
-    print(f"1/4 demo, hidden: {', '.join(effects)}")
+    print(f"1/4 run the demo with the hidden effects {', '.join(effects)}")
     before = run_demo(out / "before", rig, effects, can=can)
-    print("2/4 diagnosis of its recording")
+    print("2/4 diagnose its recording")
     joint = written.joint_names[0]
     (diagnosis,) = diagnose_files([before / "bag"], rig, out / "diagnosis", joint=joint)
     print(f"    {diagnosis.sentence}")
     improved = out / "diagnosis" / IMPROVED_RIG
     after = None
     if diagnosis.improved is not None:
-        print("3/4 demo with the improved rig file, on the same rig")
+        print("3/4 run the demo on the same rig with the improved rig file")
         after = run_demo(out / "after", improved.resolve(), effects, true_rig=rig, can=can)
     else:
-        print("3/4 no improved rig file: nothing to run again")
-    print("4/4 page")
+        print("3/4 there is no improved rig file, so there is no second run")
+    print("4/4 write the page")
     first = tracked_motions(before)
     second = tracked_motions(after) if after is not None else []
     figures = [
@@ -145,7 +146,7 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
 
 
 def run(given: Arguments) -> Outcome:
-    """Close the loop; the command of `pam_demo.__main__`."""
+    """Run `close_loop` for the command line (`pam_demo.__main__`)."""
     page = close_loop(chosen_rig(given), given.hide, given.out, can=given.can)
     document = json.loads((given.out / RESULTS).read_text(encoding="utf-8"))
     worse = [

@@ -1,4 +1,4 @@
-"""The page of a closed loop: one HTML file with verdict, tracking before and after, and plots."""
+"""The page of close-loop: one HTML file with verdict, tracking before and after, and plots."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STYLE: Any = {  # matplotlib's own type lists every key
 TEMPLATE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<title>From a gap to better tracking</title>
+<title>Tracking before and after a diagnosis</title>
 <style>
 body { margin: 0; background: #f4f5f8; color: #1d2433;
   font: 16px/1.5 system-ui, "Segoe UI", Roboto, sans-serif; }
@@ -45,10 +45,11 @@ th, td { padding: .3rem .5rem; } td.n, th.n { text-align: right;
   font-variant-numeric: tabular-nums; } img { display: block; width: 100%; }
 .good { color: #1a7f4b; } .bad { color: #b3261e; }
 </style></head><body><main>
-<h1>From a gap to better tracking</h1>
-<p class="dim">A simulated rig on a CAN bus with driver, model and controller as processes. It hides
-<b>{{ hidden }}</b> from its rig file. The recording of the first run was diagnosed{% if figures %};
-the second run is the same rig with the improved rig file in every node{% endif %}.</p>
+<h1>Tracking before and after a diagnosis</h1>
+<p class="dim">Driver, model and controller ran as separate processes and moved a simulated rig over
+a CAN bus. The simulated rig has the effect <b>{{ hidden }}</b>, which is missing in its rig file.
+The recording of the first run was diagnosed.{% if figures %} In the second run, on the same rig,
+every node used the improved rig file.{% endif %}</p>
 <section><h2>Verdict</h2><p class="verdict">{{ diagnosis.sentence }}</p>
 {% if parameters %}
 <table><tr><th>parameter</th><th class="n">found</th><th class="n">90 % interval</th>
@@ -56,7 +57,7 @@ the second run is the same rig with the improved rig file in every node{% endif 
 {% for row in parameters %}<tr><td>{{ row[0] }}</td><td class="n">{{ row[1] }}</td>
 <td class="n">{{ row[2] }} to {{ row[3] }}</td><td>{{ row[4] }}</td></tr>{% endfor %}</table>
 {% endif %}</section>
-<section><h2>Tracking error, RMS</h2>
+<section><h2>RMS tracking error</h2>
 {% if figures %}<table><tr><th>motion</th><th class="n">before [mrad]</th>
 <th class="n">after [mrad]</th><th class="n">after/before</th><th class="n">true, before</th>
 <th class="n">true, after</th></tr>
@@ -66,9 +67,9 @@ the second run is the same rig with the improved rig file in every node{% endif 
 <td class="n {{ 'good' if f.after < f.before else 'bad' }}">{{ "%.2f"|format(f.after/f.before) }}
 </td><td class="n">{{ "%.2f"|format(1e3 * f.true_before) }}</td>
 <td class="n">{{ "%.2f"|format(1e3 * f.true_after) }}</td></tr>{% endfor %}</table>
-<p class="dim">Measured: asked angle less joint_states. True: asked less the plant's own angle,
-which neither controller nor diagnosis saw.</p>
-{% else %}<p>The diagnosis found nothing to put into the rig file; there was no second run.</p>
+<p class="dim">Measured error: reference angle minus joint_states. True error: reference angle minus
+the plant's own angle, which was available neither to the controller nor to the diagnosis.</p>
+{% else %}<p>The diagnosis found no change for the rig file, so there was no second run.</p>
 {% endif %}</section>
 {% for title, svg in plots %}<section><h2>{{ title }}</h2>
 <img alt="{{ title }}" src="data:image/svg+xml;base64,{{ svg }}"></section>{% endfor %}
@@ -81,7 +82,7 @@ def _plot(before: TrackedMotion, after: TrackedMotion | None) -> str:
     with mpl.rc_context(STYLE):
         canvas = Figure(figsize=(9.0, 4.6), layout="constrained")
         top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        top.plot(before.times, before.asked, color=ASKED, label="asked")
+        top.plot(before.times, before.asked, color=ASKED, label="reference")
         top.plot(before.times, before.measured, color=BEFORE, label="before")
         bottom.plot(before.times, 1e3 * before.error, color=BEFORE)
         if after is not None:
@@ -111,13 +112,13 @@ def write_page(
     path : Path
         File to write.
     hidden : sequence of str
-        What the rig hid.
+        The hidden effects.
     diagnosis : Diagnosis
-        Of the first run.
+        Result for the first run.
     before, after : sequence of TrackedMotion
-        Of both runs; `after` may be empty.
+        Motions of both runs; `after` may be empty.
     figures : sequence of ClosedLoopFigure
-        Their errors.
+        Tracking errors of both runs.
     """
     seconds = {motion.name: motion for motion in after}
     parameters = [

@@ -1,8 +1,8 @@
 """The demo: `python -m pam_demo`, `ros2 run pam_demo demo` or `make demo`.
 
-Starts the simulated rig, driver, model, controller and a recorder as processes of their own,
-plays the motions with the full controller and then with two simpler ones, and ends with figures
-and a page.
+Starts the simulated rig, driver, model, controller and a recorder as separate processes, plays the
+motions with the full controller and then with two simpler ones, computes the tracking errors and
+writes a page.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from pam_model.rig import load_rig
 from pam_sim.rig import parse_effects
 from pam_sim.simulated_rig import apply_effects
 
-MOST_REPEATS = 2  # of one motion, where the host is too busy to keep the driver's time-outs
-START_TIMEOUT = 60.0  # s, for a node to be ready; the rig may have to compile its plant
+MOST_REPEATS = 2  # of one motion; a busy host may exceed the driver's time-outs
+START_TIMEOUT = 60.0  # s, until a node is ready; the rig may have to compile its plant
 LAWS: dict[str, dict[str, Setting]] = {
     "full": {"stream.bandwidth": 15.0},
     "no_feedforward": {"feedforward.enabled": False},
     "pressure_ratio_pid": {"law": "pressure_ratio_pid"},
 }
-# as on a robot; the boards come first: they would not wait for their host
+# as on a robot; the rig has the highest priority, since real boards do not wait for their host
 REALTIME: dict[str, dict[str, Setting]] = {
     "rig": {"realtime_priority": 21},
     "driver": {"realtime_priority": 20},
     "controller": {"loop.realtime_priority": 20},
 }
-COMPARED = ("arm", "chirp")  # what the simpler laws play as well
+COMPARED = ("arm", "chirp")  # motions that the simpler laws play as well
 
 
 def programme(motions: list[Motion], with_baselines: bool) -> list[tuple[str, Motion]]:
-    """Which law plays which motion, in order."""
+    """Pairs of control law and motion, in the order in which they are played."""
     laws = list(LAWS) if with_baselines else ["full"]
     return [
         (law, motion)
@@ -65,7 +65,7 @@ def _advance(bar: Progress, before: float, gone: float) -> None:
 def _play(
     player: Player, motion: Motion, chain: Chain, advance: Callable[[float], None]
 ) -> tuple[float, list[str]]:
-    """Play a motion, again if the driver vents; when it began, and why it was repeated."""
+    """Play a motion, again if the driver vents; return its start and the reasons of repetitions."""
     repeats: list[str] = []
     while True:
         try:
@@ -86,9 +86,9 @@ def perform(
     plays: list[tuple[str, Motion]],
     plant: dict[str, Setting],
 ) -> list[dict[str, Any]]:
-    """Run the programme and record it; which law played which motion from when [s].
+    """Run and record the programme; return the law, motion and start time [s] of each run.
 
-    `plant` is what the simulated rig alone is told.
+    Only the simulated rig gets the parameters in `plant`.
 
     Raises
     ------
@@ -130,19 +130,19 @@ def perform(
 
 
 def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
-    """All of the demo; the command of `pam_demo.__main__`.
+    """Run the demo for the command line (`pam_demo.__main__`).
 
     Parameters
     ----------
     given : Arguments
         From the command line.
     open_player : callable
-        Makes the one who plays the motions.
+        Creates the player of the motions.
 
     Raises
     ------
     PamError
-        With what to do about it.
+        When the demo cannot run; the message says what to do.
     """
     began = time.monotonic()
     rig_path = chosen_rig(given)
@@ -162,7 +162,7 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     motions = [motion for motion in all_motions() if not given.short or motion.name in COMPARED]
     print(f"rig {rig_path}, bus: {bus}")
     environment = private_domain()
-    # who has set a domain wants to look on from it
+    # a domain that the user has set is kept, so that the user can watch the topics in it
     environment["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
     chain = Chain([rig_path], bus, environment)
     try:

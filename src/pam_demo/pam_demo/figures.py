@@ -1,4 +1,4 @@
-"""What the demo achieved, computed from its recording alone."""
+"""Tracking errors and loop timing of the demo, computed from its recording alone."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from pam_model.rig import Rig
 
 PERIOD = 0.002  # s, of the loops
 LATE = 0.001  # s
-AVERAGED = 0.05  # s, over which a stiffness is averaged
-SETTLING = 0.25  # s after the controller has brought the stiffness it asks for to a new level
-REACHED = 0.01  # a stiffness the pressures give within this part counts as reachable
+AVERAGED = 0.05  # s, averaging time of the stiffness
+SETTLING = 0.25  # s, wait after the stiffness reference has reached a new level
+REACHED = 0.01  # largest relative deviation of a stiffness that counts as reachable
 SETTLED = 0.02  # rad
 NAMES = {
     "full": "full controller",
@@ -40,11 +40,11 @@ class Figure:
     Attributes
     ----------
     key, text, unit : str
-        For machines, for people, "-" for none.
+        Name for programs, text for people, "-" for a number without unit.
     value : float
         In `unit`.
     target : float or None
-        None: shown for information.
+        None: the number is shown for information.
     at_least : bool
         The target is a lower bound, not an upper one.
     """
@@ -66,18 +66,18 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """One motion as one law played it; times count from its first waypoint.
+    """One motion played by one control law; times count from its first waypoint.
 
     Attributes
     ----------
     law : str
         A key of NAMES.
     motion : Motion
-        What was asked.
+        The commanded motion.
     times, asked, measured : array, shape (n,)
-        [s], [rad], [rad].
+        Time [s], reference and measured position [rad].
     pressures, valves, stiffness : Series
-        [Pa], command of the valve, [N m/rad].
+        Pressures [Pa], valve commands, stiffness [N m/rad].
     """
 
     law: str
@@ -91,7 +91,7 @@ class Play:
 
     @property
     def error(self) -> Array:
-        """Asked less measured [rad]."""
+        """Reference minus measured position [rad]."""
         return self.asked - self.measured
 
     def rms(self, windows: tuple[Window, ...]) -> float:
@@ -104,7 +104,7 @@ class Play:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Everything the page and the JSON file show.
+    """All that the page and the JSON file show.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Results:
     periods : dict of str to array
         By topic, time between stamps [s].
     notes : list of str
-        What a reader must know to read the figures rightly.
+        Remarks that a reader needs to interpret the figures.
     """
 
     figures: list[Figure]
@@ -132,7 +132,7 @@ class Results:
 
 
 def asked_position(motion: Motion, times: Array) -> Array:
-    """What a motion asks for at `times` [s from its first waypoint], in rad."""
+    """Reference position [rad] of a motion at `times` [s from its first waypoint]."""
     if motion.streamed:
         index = np.searchsorted(motion.times, times, side="right") - 1
         return motion.positions[np.clip(index, 0, len(motion.times) - 1)]
@@ -143,7 +143,7 @@ def asked_position(motion: Motion, times: Array) -> Array:
 
 
 def asked_stiffness(motion: Motion, times: Array) -> Array:
-    """What stiffness a motion asks for at `times` [s], in N m/rad."""
+    """Reference stiffness [N m/rad] of a motion at `times` [s]."""
     starts = [entry[0] for entry in motion.stiffness]
     index = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
     return np.asarray([entry[1] for entry in motion.stiffness])[index]
@@ -170,13 +170,13 @@ def _play(law: str, motion: Motion, start: float, data: Mapping[str, Series]) ->
 
 
 def _means(series: Series) -> Array:
-    """Moving means over AVERAGED seconds of the first element."""
+    """Moving mean of the first element over AVERAGED seconds."""
     count = max(round(AVERAGED / float(np.median(np.diff(series.times)))), 1)
     return np.convolve(series.values[:, 0], np.full(count, 1.0 / count), "valid")
 
 
 def _stiffness_figures(play: Play, rig: Rig) -> tuple[list[Figure], list[str]]:
-    """Worst deviation of the settled levels, and which levels the pressures cannot reach."""
+    """Worst deviation of the settled levels, and notes on levels that cannot be reached."""
     joint = AntagonisticJoint.from_rig(rig, rig.joints[0].name)
     position = float(np.mean(play.measured))
     spec = rig.joints[0]
@@ -191,7 +191,7 @@ def _stiffness_figures(play: Play, rig: Rig) -> tuple[list[Figure], list[str]]:
         if abs(reach - level) > REACHED * level:
             notes.append(
                 f"{level:g} N m/rad cannot be reached at {position:.2f} rad (the pressures "
-                f"give {reach:.1f}), so it is not scored."
+                f"allow {reach:.1f}), so this level is not scored."
             )
             continue
         settled = _means(play.stiffness.between(start + ramp + SETTLING, end))
@@ -216,9 +216,10 @@ def _step_figures(play: Play) -> list[Figure]:
         outside = np.flatnonzero(np.abs(play.measured[inside] - target) > SETTLED)
         if len(outside):
             settling = max(settling, float(play.times[inside][outside[-1]]) - begin)
+    text = f"steps: longest settling time to within {SETTLED:g} rad"
     return [
-        Figure("step_overshoot", "steps: largest overshoot", 100.0 * overshoot, "%"),
-        Figure("step_settling", f"steps: longest time to within {SETTLED:g} rad", settling, "s"),
+        Figure("step_overshoot", "steps: maximum overshoot", 100.0 * overshoot, "%"),
+        Figure("step_settling", text, settling, "s"),
     ]
 
 
@@ -232,7 +233,7 @@ def _periods(plays: list[tuple[float, Motion]], series: Series) -> Array:
 def _truth_figures(
     runs: list[dict[str, Any]], motions: Mapping[str, Motion], data: Mapping[str, Series]
 ) -> list[Figure]:
-    """The arm's motion against the plant's own angle, which no sensor has touched."""
+    """Error of the arm's motion by the plant's true angle, which has no sensor errors."""
     truth = data.get("/ground_truth/joint_states")
     run = next(run for run in runs if (run["law"], run["motion"]) == ("full", "arm"))
     if truth is None:
@@ -249,7 +250,7 @@ def _truth_figures(
 
 
 def _loop_figures(periods: Array, counts: Series, full: list[tuple[float, Motion]]) -> list[Figure]:
-    """Lateness of both loops while the full controller played."""
+    """Timing of the controller and driver loops during the runs with the full controller."""
     late = 100.0 * float(np.mean(periods > PERIOD + LATE))
     figures = [
         Figure(
@@ -285,11 +286,11 @@ def evaluate(
     bag : Path
         The recording.
     runs : list of dict
-        What was played: "law", "motion", "start" [s since the epoch].
+        The runs: "law", "motion", "start" [s since the epoch].
     motions : mapping of str to Motion
-        By name.
+        The motions by name.
     rig : Rig
-        That was controlled.
+        The controlled rig.
 
     Raises
     ------
@@ -324,7 +325,7 @@ def evaluate(
             text = f"{by[law, name].motion.title}: RMS error of {NAMES[law]}"
             ratio = rms / by["full", name].rms(windows)
             figures.append(Figure(f"{name}_rms_{law}", text, rms, "rad"))
-            text = f"{by[law, name].motion.title}: times the error of the full controller"
+            text = f"{by[law, name].motion.title}: error relative to the full controller"
             figures.append(Figure(f"{name}_ratio_{law}", text, ratio, "-", 3.0, True))
     if ("full", "steps") in by:
         figures += _step_figures(by["full", "steps"])
@@ -340,18 +341,18 @@ def evaluate(
         title = motions[run["motion"]].title
         for reason in run.get("repeats", []):
             notes.append(
-                f"{title}, {NAMES[run['law']]}: played again, since the driver had vented "
-                f"({reason}). A busy host does that."
+                f"{title}, {NAMES[run['law']]}: this run was repeated because the driver vented "
+                f"({reason}). This happens on a busy host."
             )
     notes.append(
-        "The arm's motion has no time stamps; 20 samples a second are assumed. Its angles are "
-        "used as they are, neither scaled nor shifted."
+        "The data of the arm's motion have no time stamps; a rate of 20 samples per second is "
+        "assumed. The angles are neither scaled nor shifted."
     )
     return Results(figures, plays, periods, notes)
 
 
 def target_text(figure: Figure) -> str:
-    """The target for people, empty without one."""
+    """The target as text; empty if there is none."""
     if figure.target is None:
         return ""
     return f"{'at least' if figure.at_least else 'at most'} {figure.target:g}"
@@ -359,7 +360,7 @@ def target_text(figure: Figure) -> str:
 
 def show(results: Results, console: Console) -> None:
     """Print the table of figures."""
-    table = Table(title="What the recording shows")
+    table = Table(title="Results of the demo")
     for name, justify in (("", "left"), ("value", "right"), ("unit", "left"), ("target", "left")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for figure in results.figures:

@@ -1,4 +1,4 @@
-"""What the demo asks of the joint: four motions, each as waypoints, steps or stiffness levels."""
+"""The four motions of the demo, given as waypoints, steps or stiffness levels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 Array = npt.NDArray[np.float64]
 
-ARM_RATE = 20.0  # 1/s, assumed: the origin gives none
+ARM_RATE = 20.0  # 1/s, assumed: the data source gives no rate
 ARM_EPISODE = "episode_4.csv"
 ARM_JOINT = "angle_0"
 WAYPOINT_RATE = 50.0  # 1/s
@@ -24,7 +24,7 @@ HOLD_STIFFNESS = 14.0  # N m/rad
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A part of a motion that is scored: name, from and to in seconds of the motion."""
+    """A scored part of a motion: its name, its start and its end [s from the motion's start]."""
 
     name: str
     start: float
@@ -38,15 +38,15 @@ class Motion:
     Attributes
     ----------
     name, title : str
-        In files, on the page.
+        Name in files, title on the page.
     times, positions, velocities, accelerations : array, shape (n,)
         Waypoints: [s] from the motion's start, [rad], [rad/s], [rad/s^2]; at rest at both ends.
     windows : tuple of Window
-        What is scored.
+        The scored parts.
     stiffness : tuple of (float, float)
-        From which second on which stiffness [N m/rad] is asked.
+        Times [s] and the stiffness [N m/rad] that is commanded from each of them on.
     streamed : bool
-        Positions are sent one by one when they are due, not as a trajectory ahead.
+        Each position is sent when it is due, instead of a whole trajectory in advance.
     """
 
     name: str
@@ -88,14 +88,14 @@ def arm_motion(folder: Path | None = None) -> Motion:
 def chirp(
     amplitude: float = 0.25, low: float = 0.1, high: float = 2.0, duration: float = 10.0
 ) -> Motion:
-    """A sine of growing frequency, faded in and out over half a second.
+    """A sine sweep, faded in and out over half a second.
 
     Parameters
     ----------
     amplitude : float
         [rad].
     low, high : float
-        Frequencies at start and end [Hz], growing by a constant factor per second.
+        Frequencies at start and end [Hz]; the frequency grows by a constant factor per second.
     duration : float
         [s].
     """

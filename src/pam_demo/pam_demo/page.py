@@ -1,4 +1,4 @@
-"""The demo's page: one HTML file that needs nothing else."""
+"""The demo's page: one HTML file that contains its figures."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ HEADLINE = (
 
 
 def _line(axes: Axes, times: Array, values: Array, **style: Any) -> None:
-    """Plot no more points than can be seen, keeping each interval's extremes."""
+    """Plot at most as many points as can be seen, keeping the extremes of each interval."""
     if len(times) > POINTS:
         width = -(-2 * len(times) // POINTS)
         count = len(times) // width
@@ -80,12 +80,18 @@ def _motion_plot(plays: list[Play], muscles: Mapping[str, str]) -> Canvas:
         _line(angle, play.times, play.measured, color=colour, label=name)
         _line(error, play.times, 1e3 * play.error, color=colour, label=name)
     _line(
-        angle, first.times, first.asked, color=ASKED, linestyle="--", linewidth=1.0, label="asked"
+        angle,
+        first.times,
+        first.asked,
+        color=ASKED,
+        linestyle="--",
+        linewidth=1.0,
+        label="reference",
     )
     angle.set_ylabel("angle [rad]")
     error.set_ylabel("error [mrad]")
     times = first.stiffness.times
-    _line(stiffness, times, first.stiffness.values[:, 0], color=COLOURS["full"], label="delivered")
+    _line(stiffness, times, first.stiffness.values[:, 0], color=COLOURS["full"], label="actual")
     _line(
         stiffness,
         times,
@@ -93,7 +99,7 @@ def _motion_plot(plays: list[Play], muscles: Mapping[str, str]) -> Canvas:
         color=ASKED,
         linestyle="--",
         linewidth=1.0,
-        label="asked",
+        label="reference",
     )
     stiffness.set_ylabel("stiffness\n[N m/rad]")
     stiffness.set_ylim(bottom=0.0)
@@ -134,7 +140,7 @@ def _histogram(results: Results) -> Canvas:
         axes.axvline(1e3 * (PERIOD + LATE), color=PAIR[0], linewidth=1.0)
         axes.set_yscale("log")
         axes.set_title(topic, fontsize=10)
-        axes.set_xlabel("time between stamps [ms]; the last bar holds all longer ones")
+        axes.set_xlabel("time between stamps [ms]; the last bar counts all longer times")
     columns[0].set_ylabel("count")
     return canvas
 
@@ -147,14 +153,14 @@ def _svg(draw: Callable[[], Canvas]) -> str:
 
 
 def write_picture(path: Path, results: Results, muscles: Mapping[str, str]) -> Path:
-    """Write the arm's motion as one picture, as README shows it.
+    """Draw the arm's motion as one picture, which README shows.
 
     Parameters
     ----------
     path : Path
         PNG file to write.
     results : Results
-        Its first motion is shown, by every law that played it.
+        The first motion is drawn with every control law that played it.
     muscles : mapping
         Muscle -> kind of its valve, in the order of the recorded arrays.
 
@@ -184,9 +190,9 @@ def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str
     path : Path
         File to write.
     results : Results
-        What it shows.
+        What the page shows.
     bus : str
-        Which bus, for people.
+        Description of the bus.
     muscles : mapping
         Muscle -> kind of its valve, in the order of the recorded arrays.
 
@@ -200,7 +206,9 @@ def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str
         plays = [play for play in results.plays if play.motion.name == motion]
         svg = _svg(lambda plays=plays: _motion_plot(plays, muscles))  # type: ignore[misc]
         plots.append({"title": plays[0].motion.title, "svg": svg})
-    plots.append({"title": "Loop period", "svg": _svg(lambda: _histogram(results))})
+    plots.append(
+        {"title": "Period of the controller loop", "svg": _svg(lambda: _histogram(results))}
+    )
     by_key = {figure.key: figure for figure in results.figures}
     template = jinja2.Environment(autoescape=True).from_string(
         Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")

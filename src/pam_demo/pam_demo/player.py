@@ -1,4 +1,4 @@
-"""What the demo asks of the one who plays its motions; `player_node` is the one that speaks ROS."""
+"""Interface of the player of the demo's motions; `player_node` implements it with ROS."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ TAIL: Final = 0.3  # s, recorded after a motion's end
 
 
 class VentedError(PamError):
-    """The driver has vented by itself; the message has its reason."""
+    """The driver has vented by itself; the message gives the reason."""
 
 
 class Player(Protocol):
-    """Commands driver and controller; each `check` is called often and raises to stop."""
+    """Commands driver and controller; `check` is called often and raises an error to stop."""
 
     def wait_for_driver(self, timeout: float, check: Callable[[], None]) -> None:
-        """Wait until the driver has heard every board and lets valves move."""
+        """Wait until the driver has received data from every board and allows valve motion."""
         ...
 
     def wait_for_controller(self, timeout: float, check: Callable[[], None]) -> None:
-        """Wait until a controller listens and follows a reference."""
+        """Wait until a controller is connected and follows a reference."""
         ...
 
     def vent(self, check: Callable[[], None]) -> None:
-        """Tell the driver to vent, as it must be before its commands may stop."""
+        """Make the driver vent, which is necessary before its commands may stop."""
         ...
 
     def clear_faults(self, check: Callable[[], None]) -> None:
-        """Tell the driver to forget why it vented."""
+        """Clear the driver's latched faults."""
         ...
 
     def activate(self, check: Callable[[], None]) -> None:
-        """Tell the driver that valves may move again."""
+        """Activate the driver, so that valves may move again."""
         ...
 
     def play(
         self, motion: Motion, check: Callable[[], None], progress: Callable[[float], None]
     ) -> float:
-        """Play a motion to its end; when its first waypoint was due [s since the epoch]."""
+        """Play a motion to its end; return the time of its first waypoint [s since the epoch]."""
         ...
 
 
 OpenPlayer = Callable[[tuple[str, ...], Mapping[str, str]], AbstractContextManager[Player]]
-"""Makes the player of these joints in the ROS domain of this environment."""
+"""Creates the player of these joints in the ROS domain of this environment."""

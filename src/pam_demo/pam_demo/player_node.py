@@ -1,4 +1,4 @@
-"""Sends the demo's motions to the controller and says when each began."""
+"""Sends the demo's motions to the controller and returns when each began."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ class PlayerNode(Node):  # type: ignore[misc]
                 self._fault = status.message if status.level == DiagnosticStatus.ERROR else ""
 
     def wait_for_controller(self, timeout: float, check: Callable[[], None]) -> None:
-        """Wait until a controller listens and follows a reference.
+        """Wait until a controller is connected and follows a reference.
 
         Parameters
         ----------
         timeout : float
             [s].
         check : callable
-            Called often; raises if waiting has become pointless.
+            Called often; raises an error to end the wait.
 
         Raises
         ------
@@ -81,16 +81,16 @@ class PlayerNode(Node):  # type: ignore[misc]
         self.destroy_subscription(subscription)
 
     def vent(self, check: Callable[[], None]) -> None:
-        """Tell the driver to vent, as it must be before its commands may stop."""
+        """Make the driver vent, which is necessary before its commands may stop."""
         self._call(Trigger, "pam_driver/vent", Trigger.Request(), check)
 
     def clear_faults(self, check: Callable[[], None]) -> None:
-        """Tell the driver to forget why it vented."""
+        """Clear the driver's latched faults."""
         self._call(Trigger, "pam_driver/clear_faults", Trigger.Request(), check)
         self._fault = ""
 
     def wait_for_driver(self, timeout: float, check: Callable[[], None]) -> None:
-        """Wait until the driver has heard every board and lets valves move.
+        """Wait until the driver has received data from every board and allows valve motion.
 
         Raises
         ------
@@ -113,10 +113,10 @@ class PlayerNode(Node):  # type: ignore[misc]
             raise VentedError(self._fault or f"the driver is {state.current_state.label}")
 
     def activate(self, check: Callable[[], None]) -> None:
-        """Tell the driver that valves may move again."""
+        """Activate the driver, so that valves may move again."""
         request = ChangeState.Request()
         request.transition.id = Transition.TRANSITION_ACTIVATE
-        # venting has taken the node back to inactive, or will within its next turns
+        # venting has made the node inactive, or will do so within its next cycles
         deadline = time.monotonic() + ANSWER_TIMEOUT
         while not self._call(ChangeState, "pam_driver/change_state", request, check).success:
             if time.monotonic() > deadline:
@@ -144,21 +144,21 @@ class PlayerNode(Node):  # type: ignore[misc]
         Parameters
         ----------
         motion : Motion
-            Of the first joint.
+            Motion of the first joint.
         check : callable
-            Called often; raises to stop.
+            Called often; raises an error to stop.
         progress : callable
-            Told the seconds gone by.
+            Called with the elapsed time [s].
 
         Returns
         -------
         float
-            When its first waypoint was due [s since the epoch].
+            Time of its first waypoint [s since the epoch].
 
         Raises
         ------
         VentedError
-            If the driver vents meanwhile.
+            If the driver vents during the motion.
         """
         self._check_driver(check)
         begin = time.time() + 0.05
@@ -197,7 +197,7 @@ class PlayerNode(Node):  # type: ignore[misc]
                 velocities=[float(motion.velocities[index])],
                 accelerations=[float(motion.accelerations[index])],
             )
-            # The motion's own end points are at rest; rounding must not say otherwise.
+            # The motion begins and ends at rest; rounding must not add a velocity there.
             if index in (0, count - 1):
                 point.velocities = [0.0]
                 point.accelerations = [0.0]
@@ -222,7 +222,7 @@ class PlayerNode(Node):  # type: ignore[misc]
 
 @contextmanager
 def open_player(joints: tuple[str, ...], environment: Mapping[str, str]) -> Iterator[PlayerNode]:
-    """A player of these joints in the ROS domain of this environment; ended when left."""
+    """A player of these joints in the ROS domain of this environment; it ends with the context."""
     with set_environment(environment):
         rclpy.init(args=[])
     player = PlayerNode(joints)

@@ -1,4 +1,4 @@
-"""The programs that the demo starts as processes of their own, beside `pam_check.programs`."""
+"""The programs that the demo starts as separate processes, besides `pam_check.programs`."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Records every topic to a rosbag2 MCAP, as the bytes that came, without rosbag2 itself.
+"""Records every topic to a rosbag2 MCAP file as raw messages, without rosbag2 itself.
 
-`python -m pam_demo.recorder_node --out BAG` until SIGINT or SIGTERM. New topics are
-joined as they appear. What came is handed to the system every second, so that a recorder that is
-killed leaves all but the last second.
+`python -m pam_demo.recorder_node --out BAG` records until SIGINT or SIGTERM. It subscribes to new
+topics when they appear. Received data are written to the file every second, so that at most the
+last second is lost when the recorder is killed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ KEEP_EVERY = 1.0  # s
 
 
 class Recorder(Node):  # type: ignore[misc]
-    """Subscribes raw to all there is and writes it."""
+    """Subscribes to all topics without deserializing, and writes the messages."""
 
     def __init__(self, writer: Writer) -> None:
         super().__init__("recorder")
@@ -42,7 +42,7 @@ class Recorder(Node):  # type: ignore[misc]
         self._topics: dict[str, Any] = {}
 
     def join_new_topics(self) -> None:
-        """Subscribe to what has appeared since the last call."""
+        """Subscribe to the topics that have appeared since the last call."""
         for topic, types in self.get_topic_names_and_types():
             if topic in self._topics or topic in NOT_RECORDED or not self.count_publishers(topic):
                 continue
@@ -59,14 +59,14 @@ class Recorder(Node):  # type: ignore[misc]
             )
 
     def keep(self) -> None:
-        """Hand over what the writer holds back for its next chunk."""
+        """Write the messages that are still in the writer's buffer."""
         storage = self._writer.storage
         if isinstance(storage, McapWriter) and storage.chunk.msgs:
             storage.close_chunk()
             storage.bio.flush()
 
     def _qos(self, topic: str) -> QoSProfile:
-        """Reliable where every publisher is; the depth holds a second of the fastest topic."""
+        """Reliable if every publisher is; the queue holds one second of the fastest topic."""
         offers = {info.qos_profile.reliability for info in self.get_publishers_info_by_topic(topic)}
         best_effort = ReliabilityPolicy.BEST_EFFORT in offers
         return QoSProfile(

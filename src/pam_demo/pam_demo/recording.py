@@ -1,4 +1,4 @@
-"""The demo's bag as arrays."""
+"""Reads the demo's recording into arrays."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Series:
     values: Array
 
     def between(self, start: float, end: float) -> Series:
-        """The part from `start` to `end` [s]."""
+        """The samples from `start` to `end` [s]."""
         first, last = np.searchsorted(self.times, (start, end))
         return Series(self.times[first:last], self.values[first:last])
 
@@ -46,7 +46,7 @@ class Series:
 
 LOOP_COUNTS = ("cycles", "late cycles", "skipped cycles")
 COMMAND = "command"
-"""Not a field of a message: the one of two that holds a muscle's valve command."""
+"""Stands for the field that holds a muscle's valve command: `position` or `effort`."""
 FIELDS = {
     "/joint_states": "position",
     "/pressure_states": "effort",
@@ -112,19 +112,19 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
 
 
 def read_loop_counts(bag: Path, node: str) -> Series:
-    """How a node's loop kept time, from its diagnostics.
+    """Read the timing counts of a node's loop from its diagnostics.
 
     Parameters
     ----------
     bag : Path
         A rosbag2 folder.
     node : str
-        What the status names begin with.
+        Prefix of the status names.
 
     Returns
     -------
     Series
-        LOOP_COUNTS since the loop's start, by the second; empty if the node told none.
+        LOOP_COUNTS since the loop's start, once a second; empty if the node published none.
     """
     times: list[float] = []
     rows: list[list[float]] = []

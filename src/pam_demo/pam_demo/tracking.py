@@ -1,4 +1,4 @@
-"""How well the joint followed the demo's motions, from the recording of a run."""
+"""Tracking errors of the demo's motions, from the recording of a run."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ MEASURED, TRUE = "/joint_states", "/ground_truth/joint_states"
 
 @dataclass(frozen=True, slots=True)
 class TrackedMotion:
-    """One motion of the demo as the joint went through it.
+    """One motion of the demo as the joint performed it.
 
     Attributes
     ----------
     name, title : str
-        Of the motion.
+        Name and title of the motion.
     times, asked, measured : array, shape (n,)
-        From the first waypoint [s], [rad], by the sensor [rad].
+        Time from the first waypoint [s], reference [rad], position measured by the sensor [rad].
     true_times, true : array, shape (m,)
-        The plant's own position [s], [rad].
+        Time [s] and true position of the plant [rad].
     """
 
     name: str
@@ -46,17 +46,17 @@ class TrackedMotion:
 
     @property
     def error(self) -> Array:
-        """Asked less measured [rad]."""
+        """Reference minus measured position [rad]."""
         return self.asked - self.measured
 
     @property
     def rms(self) -> float:
-        """Of the measured error [rad]."""
+        """RMS of the measured error [rad]."""
         return float(np.sqrt(np.mean(self.error**2)))
 
     @property
     def true_rms(self) -> float:
-        """Of the error of the true position [rad]."""
+        """RMS error of the true position [rad]."""
         return float(np.sqrt(np.mean((self.true_asked - self.true) ** 2)))
 
 
@@ -72,7 +72,7 @@ class ClosedLoopFigure:
 
 
 def tracked_motions(folder: Path) -> list[TrackedMotion]:
-    """The motions in a demo's folder.
+    """Read the motions from a demo's folder.
 
     Raises
     ------
