@@ -4,7 +4,7 @@ The public names, without ROS:
 
 - `PositionStiffnessController`, `PressureRatioPid`: the control laws, stepped periodically.
 - `ControlSettings`: their settings.
-- `Measurement`, `ControlOutput`: what goes into a step and what comes out of it.
+- `Measurement`, `ControlOutput`: input and output of a control step.
 
 The names are imported when they are first used, so that importing the package takes no time.
 """
@@ -52,5 +52,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """All names, those that were not used yet among them."""
+    """All names, including public names that were not imported yet."""
     return sorted({*globals(), *__all__})

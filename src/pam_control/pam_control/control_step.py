@@ -1,4 +1,4 @@
-"""What passes through one control step: measurement, a law's plan, commands."""
+"""Data of one control step: measurement, pressure plan of the control law, commands."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pam_control.references.trajectory import JointReference
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What the sensors said, in the rig's order.
+    """Measured values, in the rig's order.
 
     Attributes
     ----------
     positions : sequence of float
-        Of the joints [rad].
+        Joint positions [rad].
     pressures : sequence of float
-        Of the muscles, gauge [Pa].
+        Gauge pressures of the muscles [Pa].
     position_time, pressure_time : float
-        When they were measured [s].
+        Times of measurement [s].
     """
 
     positions: Sequence[float]
@@ -31,15 +31,15 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class ControlOutput:
-    """What one step gives.
+    """Result of one step.
 
     Attributes
     ----------
     commands : tuple of float or None
-        One per muscle of the rig, spool [-] or [Pa] by valve kind, NaN for a muscle of no joint;
-        None: send nothing, `reason` says why.
+        One command per muscle of the rig: spool opening [-] or pressure [Pa], depending on the
+        kind of valve; NaN for a muscle that belongs to no joint. None: send nothing.
     reason : str
-        Empty while commands are given.
+        Why there are no commands; empty if there are.
     """
 
     commands: tuple[float, ...] | None
@@ -48,26 +48,26 @@ class ControlOutput:
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """What a law gets to plan one joint's pressures from.
+    """Input of a control law for the pressures of one joint.
 
     Attributes
     ----------
     index : int
-        Of the joint.
+        Index of the joint.
     channel : JointChannel
-        Of the joint.
+        Models and state of the joint.
     output : float
-        Of the PID.
+        Output of the PID.
     now, then : JointReference
-        Reference at the time of measurement, and at the time the valve will act.
+        Reference at the time of measurement, and at the time when the valve will act.
     measured_at, acts_at : float
-        Those times [s]; with valves of unequal delay the later one's.
+        These times [s]; for valves with different delays, `acts_at` is that of the later valve.
     side_acts_at : (float, float)
-        When the agonist's and the antagonist's valve will act [s].
+        Times when the agonist's and the antagonist's valve will act [s].
     side_velocities : (float, float)
-        Of the reference at those times [rad/s].
+        Reference velocity at these times [rad/s].
     step : float
-        Since the last cycle [s].
+        Time since the last cycle [s].
     """
 
     index: int
@@ -84,20 +84,20 @@ class PlanRequest:
 
 @dataclass(frozen=True, slots=True)
 class PressurePlan:
-    """What a law asks of the pressure loops of one joint.
+    """Desired pressures of one joint, the input of its pressure loops.
 
     Attributes
     ----------
     reference : (float, float)
         Pressures for the time of measurement [Pa].
     rate : (float, float)
-        Their feedforward rate at the time of action [Pa/s].
+        Feedforward pressure rate at the time when the valve acts [Pa/s].
     ahead : (float, float)
-        Their feedforward change from measurement to action [Pa].
+        Feedforward pressure change from the measurement to that time [Pa].
     velocities : (float, float)
         Joint velocity for each muscle's dV/dt feedforward [rad/s].
     missed : float
-        Reached less asked output of the PID, in its unit.
+        Reachable minus requested PID output, in its unit.
     """
 
     reference: Pair

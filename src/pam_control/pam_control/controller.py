@@ -1,11 +1,12 @@
-"""What every control law shares: references, ages, take-over, PID, pressure loops, limits.
+"""Base of all control laws: references, ages, bumpless start, PID, pressure loops, limits.
 
-A law adds one method: which pressures the two muscles of a joint should have. `step` is all of
-it: measurement in, valve commands out. No ROS, no clock, no thread.
+A control law adds the method that plans the pressures of a joint's two muscles. `step` takes a
+measurement and returns valve commands. There is no ROS, no clock and no thread here.
 
-Time is the caller's, in seconds. The feedback compares a measurement with the reference at the
-time of that measurement; the feedforward works for the time at which the valve will act, a known
-delay ahead. So a delay costs the loop phase, but no tracking error.
+The caller gives the time in seconds. The feedback compares a measurement with the reference at the
+time of that measurement. The feedforward is computed for the time at which the valve will act,
+which is later by a known delay. Therefore a delay reduces the phase margin of the loop but causes
+no tracking error.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
 from pam_ros.valve_command import PRESSURE_REGULATOR
 
-LONGEST_STEP = 0.02  # s; a longer pause between two steps counts as this
+LONGEST_STEP = 0.02  # s; a longer time between two steps is counted as this
 
 
 class Controller(ABC):
@@ -41,9 +42,9 @@ class Controller(ABC):
     rig : Rig
         What is controlled.
     settings : ControlSettings
-        Gains left open in it are designed here.
+        Gains that are missing in it are designed here.
     designs : KeptDesigns, optional
-        Where equal joints and earlier starts find their gains; in memory alone if left out.
+        Store of designed gains for equal joints and later starts; by default in memory only.
 
     Raises
     ------
@@ -102,16 +103,16 @@ class Controller(ABC):
         )
 
     def designed(self, settings: ControlSettings) -> ControlSettings:
-        """The settings with every open gain designed.
+        """The settings with every missing gain designed.
 
         Raises
         ------
         ControlDesignError
-            When no gains keep the margins asked for.
+            When no gains reach the required margins.
         """
         if settings.pressure_gain is None:
             timings = [self.timing(channel, settings) for channel in self.channels]
-            # a pressure regulator closes its own loop, and sets no limit to that of others
+            # a pressure regulator closes its own loop and does not limit the gain of the others
             ours = [timing for timing in timings if not timing.regulated] or timings
             settings = settings.replace(pressure_gain=min(map(design_pressure_gain, ours)))
         gains = dict(settings.gains)
@@ -135,7 +136,7 @@ class Controller(ABC):
         Raises
         ------
         ControlDesignError
-            When one is not safe.
+            When a loop is not safe.
         """
         return [
             checked_margins(
@@ -148,12 +149,12 @@ class Controller(ABC):
         ]
 
     def change(self, settings: ControlSettings) -> None:
-        """Use other settings from the next step on, designing anew what they leave open.
+        """Use other settings from the next step on; missing gains are designed again.
 
         Raises
         ------
         ControlDesignError
-            When a loop would not be safe; the present settings stay.
+            When a loop would not be safe; the present settings are kept.
         """
         if settings.changes_loop(self._asked):
             designed = self.designed(settings)
@@ -176,7 +177,7 @@ class Controller(ABC):
     # --- commands -------------------------------------------------------------------------------
 
     def set_stiffness(self, values: Sequence[float]) -> None:
-        """Ask for a stiffness of every joint [N m/rad].
+        """Set the commanded stiffness of every joint [N m/rad].
 
         Raises
         ------
@@ -195,7 +196,7 @@ class Controller(ABC):
         self.stiffness_commands = [float(value) for value in values]
 
     def stiffness_range(self, index: int) -> Pair:
-        """Least and greatest stiffness [N m/rad] joint `index` reaches at its present reference."""
+        """Least and greatest stiffness [N m/rad] of joint `index` at its present reference."""
         channel = self.channels[index]
         reference = channel.telemetry.reference
         if math.isnan(reference.position):
@@ -208,7 +209,7 @@ class Controller(ABC):
     # --- running --------------------------------------------------------------------------------
 
     def deactivate(self) -> None:
-        """Stop; the next step takes over bumplessly whatever is measured then."""
+        """Stop; the next step starts without a jump from the state that is measured then."""
         self.active = False
 
     def step(self, time: float, measurement: Measurement) -> ControlOutput:
@@ -217,14 +218,15 @@ class Controller(ABC):
         Parameters
         ----------
         time : float
-            Now [s].
+            Present time [s].
         measurement : Measurement
-            The latest.
+            The latest measurement.
 
         Returns
         -------
         ControlOutput
-            Commands, or none and why: a measurement is missing or older than `stale_after`.
+            Commands; or none and the reason, if a measurement is missing or older than
+            `stale_after`.
         """
         reason = self._refusal(time, measurement)
         if reason:
@@ -265,7 +267,7 @@ class Controller(ABC):
         return ""
 
     def _take_over(self, time: float, measurement: Measurement) -> None:
-        """Begin from what is: present positions held, present pressures kept at first."""
+        """Start from the measured state: hold the positions and keep the pressures at first."""
         self._time = time - self.settings.period
         self.references.hold(
             {
@@ -282,11 +284,11 @@ class Controller(ABC):
 
     @abstractmethod
     def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
-        """Set the law's memory so that its first pressures are the present ones."""
+        """Initialise the law's state so that its first desired pressures are the measured ones."""
 
     @abstractmethod
     def _plan(self, request: PlanRequest) -> PressurePlan:
-        """The pressures of one joint; fills the law's part of its telemetry."""
+        """Plan the pressures of one joint and fill the law's part of its telemetry."""
 
     def _joint_step(
         self,

@@ -1,9 +1,9 @@
 """ROS 2 node of the controller: references and measurements in, valve commands out.
 
-Topics, parameters and behaviour: docs/controller.md. The control cycle is one thread with
-absolute deadlines; callbacks only leave the latest message for it. Measurements are heard by a
-node of their own in a thread of its own: designing gains anew for a changed parameter takes longer
-than a measurement may be old.
+docs/controller.md describes topics, parameters and behaviour. The control cycle runs in one thread
+with absolute deadlines; callbacks only store the latest message for it. Measurements are received
+by a second node in its own thread, because designing gains for a changed parameter takes longer
+than the permitted age of a measurement.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ from pam_ros.spin import spin_node
 from pam_ros.valve_command import ValveCommandFormat
 
 REJECTION_SHOWN = 5.0  # s
-SWITCH_INTERVAL = 5e-4  # s; lets the control thread in soon after a callback has begun
+SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
 
 
 @dataclass(slots=True)
 class _JointCounts:
-    """Of one joint since the last diagnostics."""
+    """Counts of one joint since the last diagnostics."""
 
     cycles: int = 0
     clipped: int = 0
@@ -62,7 +62,7 @@ class _JointCounts:
 
 
 class ControllerNode(Node):  # type: ignore[misc]
-    """The shell around a `Controller`.
+    """ROS interface of a `Controller`.
 
     Raises
     ------
@@ -117,8 +117,8 @@ class ControllerNode(Node):  # type: ignore[misc]
             Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
         )
         self.create_timer(1.0, self._report)
-        # Arguments for the process would give this node the name of the first one, too: what they
-        # say of topics is taken from the first node.
+        # The process arguments would give this node the same name as the first one. Therefore it
+        # ignores them, and topic names are remapped through the first node.
         self._hearing = rclpy.create_node(
             f"{self.get_name()}_inputs",
             namespace=self.get_namespace(),
@@ -143,7 +143,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.loop.start()
 
     def _hear(self) -> None:
-        """Serve the measurements until the end."""
+        """Process measurement messages until the node ends."""
         executor = EventsExecutor()
         executor.add_node(self._hearing)
         while rclpy.ok() and not self._ending.is_set():
@@ -200,7 +200,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._pressures = (values, self._stamp(message))
 
     def _stamp(self, message: Any) -> float:
-        """When a measurement was made: at its arrival, or earlier if its stamp says so."""
+        """Time of a measurement: its stamp, but not later than its arrival."""
         stamp = self._seconds(message.header.stamp)
         now = self._now()
         return now if stamp is None else min(stamp, now)
@@ -240,7 +240,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _require_active(self, what: str) -> None:
         if not self._controller.active:
-            raise CommandError(f"{what} rejected: not controlling, {self._reason}")
+            raise CommandError(f"{what} rejected: the controller is not active: {self._reason}")
 
     def _rejecting(self, topic: str) -> _Rejecting:
         return _Rejecting(lambda error: self._reject(topic, error))
@@ -298,16 +298,16 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._publish_telemetry(stamp)
 
     def _publish_telemetry(self, stamp: Any) -> None:
-        told = [channel.telemetry for channel in self._controller.channels]
+        telemetry = [channel.telemetry for channel in self._controller.channels]
         reference = JointState(name=list(self.rig.joint_names))
         reference.header.stamp = stamp
-        reference.position = [each.reference.position for each in told]
-        reference.velocity = [each.reference.velocity for each in told]
-        reference.effort = [each.torque for each in told]
+        reference.position = [each.reference.position for each in telemetry]
+        reference.velocity = [each.reference.velocity for each in telemetry]
+        reference.effort = [each.torque for each in telemetry]
         self._reference_out.publish(reference)
         errors = JointState(name=list(self.rig.joint_names))
         errors.header.stamp = stamp
-        errors.position = [each.error for each in told]
+        errors.position = [each.error for each in telemetry]
         self._error_out.publish(errors)
 
     # --- health ---------------------------------------------------------------------------------
@@ -348,7 +348,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         controller = self._controller
         channel, counts = controller.channels[index], self._counts[index]
         self._counts[index] = _JointCounts()
-        worst, told = channel.margins[0], channel.telemetry
+        worst, telemetry = channel.margins[0], channel.telemetry
         gains = controller.settings.gains[channel.joint.name]
         cycles = max(counts.cycles, 1)
         low, high = controller.stiffness_range(index)
@@ -357,9 +357,9 @@ class ControllerNode(Node):  # type: ignore[misc]
             "rms error [rad]": math.sqrt(counts.squares / cycles),
             "largest error [rad]": counts.largest,
             "clipped share [-]": counts.clipped / cycles,
-            "clipped last": ", ".join(told.clipped) or "nothing",
+            "clipped last": ", ".join(telemetry.clipped) or "nothing",
             "stiffness asked [N m/rad]": controller.stiffness_commands[index],
-            "stiffness now [N m/rad]": told.stiffness_reached,
+            "stiffness now [N m/rad]": telemetry.stiffness_reached,
             "least stiffness [N m/rad]": low,
             "greatest stiffness [N m/rad]": high,
             "phase margin [rad]": worst.phase_margin,
@@ -373,12 +373,14 @@ class ControllerNode(Node):  # type: ignore[misc]
         return health.diagnostic_status(
             f"{self.get_name()}: {channel.joint.name}",
             health.WARN if clipping else health.OK,
-            f"cut by {', '.join(told.clipped)}" if clipping and told.clipped else "in reach",
+            f"cut by {', '.join(telemetry.clipped)}"
+            if clipping and telemetry.clipped
+            else "in reach",
             values,
         )
 
     def destroy_node(self) -> None:
-        """Stop both threads, then the node; nothing is sent any more."""
+        """Stop both threads and then the node; nothing is sent afterwards."""
         self._ending.set()
         try:
             self.loop.stop(timeout=5.0)
@@ -390,7 +392,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
 @contextlib.contextmanager
 def _unless_ending() -> Iterator[None]:
-    """A signal ends the ROS context under running threads; what fails then is no fault."""
+    """Ignore errors after a signal has ended the ROS context while threads are running."""
     try:
         yield
     except Exception:
@@ -415,7 +417,7 @@ class _Rejecting:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
+    """Run the node until a signal stops it."""
     sys.setswitchinterval(SWITCH_INTERVAL)
 
     def make_node() -> ControllerNode:

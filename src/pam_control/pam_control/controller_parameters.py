@@ -1,4 +1,4 @@
-"""The controller node's parameters: names, units, ranges, texts; and the settings they make."""
+"""The controller node's parameters (names, units, ranges, texts), and the settings made of them."""
 
 from __future__ import annotations
 
@@ -25,67 +25,67 @@ _DEFAULT = ControlSettings()
 
 
 def _number(*columns: Any, fixed: bool = False) -> Parameter:
-    """A row of name, default, unit, low, high, text."""
+    """A parameter from the columns name, default, unit, low, high and text."""
     name, default, unit, low, high, text = columns
     return Parameter(name, default, unit, low, high, text, changeable=not fixed)
 
 
 def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
-    """All parameters of the node beside the rig's.
+    """All parameters of the node except those of the rig.
 
     Parameters
     ----------
     joint_names : sequence of str
-        Each joint has gains of its own.
+        Names of the joints; each joint has its own gains.
     """
     d = _DEFAULT
     table = [
         Parameter("law", "model_based", "-", 0, 0, f"control law: {' or '.join(LAWS)}"),
-        _number("loop.rate", 1.0 / d.period, "Hz", 50.0, 2000.0, "control cycles", fixed=True),
+        _number("loop.rate", 1.0 / d.period, "Hz", 50.0, 2000.0, "control cycle rate", fixed=True),
         _number(
             "loop.realtime_priority", 0, "-", 0, 99,
-            "of the control thread (SCHED_FIFO) where the system permits it; 0: ordinary",
+            "priority of the control thread (SCHED_FIFO) if the system permits it; 0: normal",
             fixed=True,
         ),
         _number(
             "loop.measurement_delay", d.measurement_delay, "s", 0.0, 0.1,
-            "from a sensor's sample to its stamp",
+            "delay from a sensor's sample to its stamp",
         ),
         _number(
             "loop.command_delay", d.command_delay, "s", 0.0, 0.1,
-            "from the controller to the valve",
+            "delay from the controller to the valve",
         ),
         _number(
             "loop.stale_after", d.stale_after, "s", 0.002, 2.0,
-            "age at which a measurement is no measurement and commands stop",
+            "age at which a measurement is stale and commands stop",
         ),
         _number(
             "telemetry.rate", 100.0, "Hz", 1.0, 2000.0,
-            "of ~/reference and ~/error", fixed=True,
+            "rate of ~/reference and ~/error", fixed=True,
         ),
         Parameter(
             "feedforward.enabled", d.feedforward, "-", 0, 0,
-            "inverse dynamics and pressures ahead of the feedback", changeable=True,
+            "feedforward of inverse dynamics and pressures", changeable=True,
         ),
         _number(
             "design.phase_margin", d.phase_margin, "rad", 0.53, 1.4,
-            "least phase margin of designed gains",
+            "minimum phase margin of designed gains",
         ),
         _number(
             "design.sensitivity", d.sensitivity, "-", 1.1, 3.0,
-            "largest sensitivity |S| of designed gains",
+            "maximum sensitivity |S| of designed gains",
         ),
         _number(
             "design.least_stiffness", min(d.stiffness_grid), "N m/rad", 0.01, 1e5,
-            "softest joint that gains are designed and checked for",
+            "lowest stiffness for which gains are designed and checked",
         ),
         _number(
             "design.greatest_stiffness", max(d.stiffness_grid), "N m/rad", 0.01, 1e5,
-            "stiffest joint that gains are designed and checked for",
+            "highest stiffness for which gains are designed and checked",
         ),
         _number(
             "pressure_loop.gain", DESIGNED, "1/s", -1.0, 1000.0,
-            "of the pressure loops; -1: designed",
+            "gain of the pressure loops; -1: designed",
         ),
         _number(
             "pressure_loop.lead_ratio", d.lead_ratio, "-", 0.1, 1.0,
@@ -93,11 +93,11 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         ),
         _number(
             "pressure_loop.min_pressure", d.min_pressure, "Pa", 0.0, 5e5,
-            "no muscle is asked for less", fixed=True,
+            "lowest desired pressure of a muscle", fixed=True,
         ),
         _number(
             "pressure_loop.rate_limit", d.pressure_rate, "Pa/s", 1e3, 1e8,
-            "fastest change of a desired pressure",
+            "maximum rate of a desired pressure",
         ),
         _number(
             "pressure_loop.spool_limit", d.spool_limit, "-", 0.01, 1.0,
@@ -105,31 +105,31 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         ),
         _number(
             "pid.derivative_filter", d.derivative_filter, "s", 1e-3, 0.2,
-            "time constant of measured velocities",
+            "filter time constant of measured velocities",
         ),
         _number(
             "pid.integral_limit", d.integral_limit, "N m", 0.0, 1e4,
-            "largest integral part (pressure_ratio_pid: of the ratio, no unit)",
+            "maximum integral part (pressure_ratio_pid: of the ratio, no unit)",
         ),
         _number(
             "stiffness.default", d.default_stiffness, "N m/rad", 0.01, 1e5,
-            "until a stiffness is commanded", fixed=True,
+            "stiffness until one is commanded", fixed=True,
         ),
         _number(
             "stiffness.rate_limit", d.stiffness_rate, "N m/(rad s)", 0.01, 1e5,
-            "fastest change of the stiffness asked of the muscles",
+            "maximum rate of the stiffness reference",
         ),
         _number(
             "pressure_ratio.mean_pressure", d.mean_pressure, "Pa", 1e4, 1e6,
-            "mean of the two pressures in law pressure_ratio_pid",
+            "mean of the two pressures for the law pressure_ratio_pid",
         ),
         _number(
             "stream.timeout", d.stream_timeout, "s", 0.01, 10.0,
-            "age at which a streamed command is held where it is",
+            "age of the last streamed command at which the joint holds its position",
         ),
         _number(
             "stream.bandwidth", d.stream_bandwidth, "rad/s", 1.0, 500.0,
-            "of the filter behind streamed commands",
+            "bandwidth of the filter for streamed commands",
         ),
         Parameter(
             "trajectory.allow_nonzero_end_velocity", d.allow_nonzero_end_velocity, "-", 0, 0,
@@ -152,7 +152,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
 
 
 def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> ControlSettings:
-    """Settings of checked parameters; gains at -1 are left to the design.
+    """Settings from checked parameters; gains of -1 are designed later.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
     Raises
     ------
     PamError
-        For a design range whose ends are the wrong way round.
+        For a design range whose lower end is above its upper end.
     """
 
     def number(name: str) -> float:
@@ -224,23 +224,23 @@ def create_controller(
     joint_names: Sequence[str],
     designs: KeptDesigns | None = None,
 ) -> Controller:
-    """The controller that the parameters ask for.
+    """Create the controller that the parameters describe.
 
     Parameters
     ----------
     rig : Rig
-        What is controlled.
+        The controlled rig.
     values : mapping
         Every parameter of the table.
     joint_names : sequence of str
         As for `parameter_table`.
     designs : KeptDesigns, optional
-        Where designed gains are kept; in memory alone if left out.
+        Store of designed gains; by default in memory only.
 
     Raises
     ------
     PamError
-        For an unknown law; ControlDesignError where the loop would not be safe.
+        For an unknown law; ControlDesignError if the loop would not be safe.
     """
     law = str(values["law"])
     if law not in LAWS:
@@ -250,8 +250,8 @@ def create_controller(
 
 HELP = NodeHelp(
     program="ros2 run pam_control controller_node",
-    purpose="Makes joints follow angles with the stiffness that is asked for: references and "
-    "measurements in, valve commands out.",
+    purpose="Controls joint angles and stiffness: receives references and measurements, sends "
+    "valve commands.",
     parameters=parameter_table(("<joint>",)),
     other_keys="the keys of the rig file, which docs/rig_file.md describes",
     example="--ros-args --params-file config/elbow.yaml --params-file config/controller.yaml",
@@ -260,7 +260,7 @@ HELP = NodeHelp(
             "~/joint_trajectory", "trajectory_msgs/JointTrajectory", "positions [rad] over time [s]"
         ),
         Endpoint("~/commands", "sensor_msgs/JointState", "streamed references: position [rad]"),
-        Endpoint("~/stiffness_commands", "std_msgs/Float64MultiArray", "[N m/rad], one a joint"),
+        Endpoint("~/stiffness_commands", "std_msgs/Float64MultiArray", "[N m/rad], one per joint"),
         Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
         Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
     ),
@@ -270,8 +270,8 @@ HELP = NodeHelp(
             "sensor_msgs/JointState",
             "position: spool opening from -1 to 1 of a flow valve; effort [Pa] of a regulator",
         ),
-        Endpoint("~/reference", "sensor_msgs/JointState", "what the joints should do [rad]"),
-        Endpoint("~/error", "sensor_msgs/JointState", "how far off they are [rad]"),
+        Endpoint("~/reference", "sensor_msgs/JointState", "reference of the joints [rad]"),
+        Endpoint("~/error", "sensor_msgs/JointState", "reference minus measured position [rad]"),
         Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
     ),
 )

@@ -1,4 +1,4 @@
-"""One joint inside a controller: its models, its memory between two steps, what it did last."""
+"""One joint inside a controller: its models, its state and the telemetry of its last step."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from pam_model.rig import Joint, Rig
 
 Pair = tuple[float, float]
 
-# Plans older than the last measurement are kept this long [s]: a rate is taken over one control
-# cycle (20 ms at the slowest rate), and a measurement may come out of order.
+# Plans are kept until they are this much older than the last measurement [s]: a rate is computed
+# over one control cycle (20 ms at the slowest rate), and measurements may arrive out of order.
 KEPT_BEFORE_MEASUREMENT = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What the feedforward wants at one time.
+    """Desired pressures of the feedforward at one time.
 
     Attributes
     ----------
     time : float
-        When the later valve acts on it [s].
+        Time when the later valve acts [s].
     pressures : (float, float)
-        Agonist, antagonist, gauge [Pa].
+        Gauge pressures of agonist and antagonist [Pa].
     stiffness : float
         [N m/rad].
     memory_torque : float
-        What hysteresis and creep of the muscles add to the joint's torque [N m].
+        Joint torque due to hysteresis and creep of the muscles [N m].
     """
 
     time: float
@@ -47,22 +47,22 @@ class Plan:
 
 @dataclass(slots=True)
 class JointTelemetry:
-    """What the controller did with one joint in its last step.
+    """Telemetry of one joint from the last control step.
 
     Attributes
     ----------
     reference : JointReference
-        At the time of measurement.
+        Reference at the time of measurement.
     error : float
-        Reference less measured position [rad].
+        Reference minus measured position [rad].
     torque, stiffness : float
-        Asked for [N m], [N m/rad].
+        Desired values [N m], [N m/rad].
     torque_reached, stiffness_reached : float
-        What the desired pressures give.
+        Values that the desired pressures give [N m], [N m/rad].
     pressures : (float, float)
-        Desired, gauge [Pa].
+        Desired gauge pressures [Pa].
     clipped : tuple of str
-        Among "torque", "stiffness", "pressure_rate", "valve".
+        What was limited: "torque", "stiffness", "pressure_rate", "valve".
     """
 
     reference: JointReference = field(default_factory=lambda: JointReference(math.nan))
@@ -76,7 +76,7 @@ class JointTelemetry:
 
 
 class JointChannel:
-    """One joint's models and its memory between steps."""
+    """Models of one joint, and its state between control steps."""
 
     def __init__(self, rig: Rig, joint: Joint, min_pressure: float) -> None:
         self.joint = joint
@@ -111,7 +111,7 @@ class JointChannel:
         self.valve_clipped = False
 
     def reset(self) -> None:
-        """Forget all motion."""
+        """Reset the state."""
         self.pid.reset()
         self.plans.clear()
         self.history.reset()
@@ -122,12 +122,12 @@ class JointChannel:
             loop.reset()
 
     def inside(self, position: float) -> float:
-        """The position [rad] cut to what the muscles' models cover."""
+        """The position [rad] limited to the range of the muscles' models."""
         low, high = self.model.position_range
         return max(low, min(high, position))
 
     def measure(self, position: float, time: float, velocity_filter: float) -> float:
-        """Take a position; seconds since the last new one, 0 when it is the same sample."""
+        """Store a measured position; return the time since the last new sample [s], 0 if none."""
         if math.isnan(self.position_time):
             self.position, self.position_time = position, time
             return 0.0
@@ -140,10 +140,10 @@ class JointChannel:
         return step
 
     def remember(self, plan: Plan, measured_at: float) -> None:
-        """Add a plan and forget those that lie too far before the last measurement [s].
+        """Add a plan and delete plans that are too much older than the last measurement [s].
 
-        Plans are forgotten by their age, not by their number: the delays of sensors and valves
-        are given in seconds, and the control cycle may be as short as 0.5 ms.
+        Plans are deleted by age, not by number, because the delays of sensors and valves are given
+        in seconds and the control cycle may be as short as 0.5 ms.
         """
         self.plans.append(plan)
         while len(self.plans) > 2 and self.plans[1].time < measured_at - KEPT_BEFORE_MEASUREMENT:
@@ -152,8 +152,8 @@ class JointChannel:
     def planned_rates(self, times: Pair) -> Pair:
         """Rates [Pa/s] of the planned pressures at the time [s] at which each valve acts.
 
-        The rate is the backward difference over the last control cycle. 0 until there are two
-        plans, and where the last one does not lie after the one before it.
+        The rate is the backward difference over the last control cycle. It is 0 if there are fewer
+        than two plans or if the last plan is not later than the one before it.
         """
         if len(self.plans) < 2:
             return 0.0, 0.0
@@ -167,7 +167,7 @@ class JointChannel:
         return rates[0], rates[1]
 
     def plan_at(self, time: float) -> Plan:
-        """The feedforward's plan for `time` [s], linear between two plans, held outside them."""
+        """Plan for `time` [s]: linear interpolation between the plans, constant outside them."""
         later = self.plans[-1]
         for earlier in reversed(self.plans):
             if earlier.time <= time:

@@ -1,4 +1,4 @@
-"""A message's values in the order of the rig, by their names."""
+"""Sorts the values of a message by their names into the order of the rig."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pam_control.references.trajectory import CommandError
 def in_order(
     names: Sequence[str], values: Sequence[float], wanted: Sequence[str], field: str
 ) -> list[float]:
-    """Sort a message's values; more names than the rig's are fine.
+    """Sort a message's values; names that the rig does not have are ignored.
 
     Parameters
     ----------
     names, values : sequence
-        Of the message.
+        Names and values of the message.
     wanted : sequence of str
         The rig's names.
     field : str
-        What the values are, for messages.
+        Name of the field, for messages.
 
     Raises
     ------

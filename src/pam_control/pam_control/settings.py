@@ -1,4 +1,4 @@
-"""Every number of a controller that a user may change, with its default."""
+"""All numbers of a controller that a user may change, with their defaults."""
 
 from __future__ import annotations
 
@@ -29,52 +29,52 @@ LOOP_FIELDS = (
 
 @dataclass(frozen=True, slots=True)
 class ControlSettings:
-    """Gains, limits and delays; a gain left out is designed from the rig.
+    """Gains, limits and delays; a missing gain is designed from the rig.
 
     Attributes
     ----------
     period : float
-        Of the control loop [s].
+        Period of the control loop [s].
     measurement_delay : float
-        From the sensor's sample to its stamp [s].
+        Delay from the sensor's sample to its stamp [s].
     command_delay : float
-        From the controller to the valve [s].
+        Delay from the controller to the valve [s].
     lead_ratio : float
         Part of the valve's lag that is left uncompensated [-].
     pressure_gain : float or None
-        Of the pressure loops [1/s]; None: designed.
+        Gain of the pressure loops [1/s]; None: designed.
     derivative_filter : float
-        Of measured velocities and of the PID's derivative [s].
+        Time constant for measured velocities and for the PID's derivative [s].
     phase_margin, sensitivity : float
-        What designed gains keep: [rad], [-].
+        Minimum phase margin [rad] and maximum |S| [-] of designed gains.
     gains : mapping of str to PidGains
-        By joint; those left out are designed.
+        Gains by joint; those of other joints are designed.
     partial_gains : mapping
-        By joint and gain ("proportional", ...): take the place of the designed one.
+        By joint and gain ("proportional", ...): these values replace the designed ones.
     feedforward : bool
-        Inverse dynamics and pressures for the reference ahead of the feedback.
+        Whether inverse dynamics and pressures are fed forward.
     integral_limit : float
-        Of the PID's integral, in the unit of its output.
+        Limit of the PID's integral, in the unit of its output.
     default_stiffness : float
-        Until a stiffness is commanded [N m/rad].
+        Stiffness until one is commanded [N m/rad].
     stiffness_rate : float
-        Fastest change of the stiffness reference [N m/(rad s)].
+        Maximum rate of the stiffness reference [N m/(rad s)].
     stiffness_grid : tuple of float
-        At which gains are designed and checked [N m/rad].
+        Stiffnesses at which gains are designed and checked [N m/rad].
     min_pressure : float
-        No muscle is asked for less, so that none goes slack; fixed at the start [Pa].
+        Lowest desired pressure, so that no muscle becomes slack; fixed at the start [Pa].
     pressure_rate : float
-        Fastest change of a desired pressure [Pa/s].
+        Maximum rate of a desired pressure [Pa/s].
     spool_limit : float
         Largest command to a flow valve [-].
     mean_pressure : float
-        Of the pressure-ratio law [Pa].
+        Mean pressure of the pressure-ratio law [Pa].
     stale_after : float
-        Age at which a measurement is no measurement [s].
+        Age at which a measurement is stale [s].
     stream_timeout, stream_bandwidth : float
-        Of streamed references [s], [rad/s].
+        Time-out [s] and filter bandwidth [rad/s] of streamed references.
     allow_nonzero_end_velocity : bool
-        Accept trajectories that end in motion.
+        Accept trajectories that end with a velocity.
     """
 
     period: float = 0.002
@@ -102,7 +102,7 @@ class ControlSettings:
     allow_nonzero_end_velocity: bool = False
 
     def replace(self, **changes: Any) -> ControlSettings:
-        """A copy with other values."""
+        """Return a copy with other values."""
         return dataclasses.replace(self, **changes)
 
     def changes_loop(self, other: ControlSettings) -> bool:

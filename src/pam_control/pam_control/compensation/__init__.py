@@ -1,1 +1,1 @@
-"""Known effects undone: torque, valve and sensor corrections from the rig file."""
+"""Compensation of the effects in the rig file: torque feedforward, valve and sensor inverses."""

@@ -1,11 +1,12 @@
-"""Torque that overcomes dry friction of a joint while it follows a reference.
+"""Feedforward torque that compensates the dry friction of a joint along its reference.
 
 T(qd) = (sum of the friction laws that the rig file names)(qd) tanh(qd/SMOOTHING_SPEED)
 
-The sign comes from the velocity of the REFERENCE: with a measured velocity the jump of the friction
-would be part of the feedback loop, where delay turns it into a limit cycle. The jump at a reversal
-is smoothed, since a valve cannot jump either; below the smoothing speed, and at rest, the
-integrator does the rest. The laws stand in the files of the effects (`pam_model.effects`).
+The sign is that of the REFERENCE velocity. With the measured velocity, the jump of the friction
+would be part of the feedback loop, and delay would turn it into a limit cycle. The jump at a
+reversal is smoothed, because a valve cannot jump either. Below the smoothing speed and at rest, the
+integrator compensates the friction that is left. The friction laws are defined in the files of the
+effects (`pam_model.effects`).
 
 Source: H. Olsson, K. J. Astrom, C. Canudas de Wit, M. Gafvert, P. Lischinsky, "Friction models
 and friction compensation", European Journal of Control 4(3), 1998.
@@ -38,7 +39,7 @@ class DryFriction:
 
     @classmethod
     def from_joint(cls, joint: Joint) -> DryFriction:
-        """With the effects that the rig file names."""
+        """Create it from the effects that the rig file names."""
 
         def bound(law: Callable[..., float], values: tuple[float, ...]) -> Callable[[float], float]:
             return lambda velocity: law(velocity, *values)
@@ -52,7 +53,7 @@ class DryFriction:
         )
 
     def torque(self, velocity: float) -> float:
-        """What friction takes [N m] at a reference velocity [rad/s]."""
+        """Friction torque [N m] at a reference velocity [rad/s]."""
         level = 0.0
         for law in self.laws:
             level += law(velocity)

@@ -1,4 +1,4 @@
-"""Torque of what the two muscles of a joint remember, along the joint's reference."""
+"""Joint torque of the muscles' hysteresis and creep, predicted along the joint's reference."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ Pair = tuple[float, float]
 
 
 class HistoryTorque:
-    """Both muscles' memory, run along the reference.
+    """The hysteresis and creep states of both muscles, advanced along the reference.
 
     Parameters
     ----------
     muscles : (Muscle, Muscle)
         Agonist, antagonist.
     pulley_radius : float
-        The true one, not the written one [m].
+        Radius after the effects that the rig file names [m].
     """
 
     def __init__(self, muscles: tuple[Muscle, ...], pulley_radius: float) -> None:
@@ -28,20 +28,20 @@ class HistoryTorque:
         self._position = self._time = math.nan
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Reset the states."""
         self._position = self._time = math.nan
         self._agonist.reset()
         self._antagonist.reset()
 
     def advance(self, time: float, position: float, pressures: Pair) -> float:
-        """Move to where the reference is at `time`; return the torque that the muscles then add.
+        """Advance the states along the reference to `time` and return their torque.
 
         Parameters
         ----------
         time : float
-            Not before that of the last call [s].
+            Not earlier than in the last call [s].
         position : float
-            Of the reference [rad].
+            Reference position at that time [rad].
         pressures : (float, float)
             Approximate pressures of the muscles at that time, gauge [Pa].
 

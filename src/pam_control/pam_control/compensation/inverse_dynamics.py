@@ -1,8 +1,8 @@
-"""Torque a joint needs for a motion: the rigid-body equation of the rig, solved for the torque.
+"""Inverse dynamics: the torque that a joint needs for a motion, by the rigid-body equation.
 
 inertia qdd + viscous_friction qd + dry friction(qd) + gravity_torque sin(q - gravity_angle)
 
-All numbers are those after the effects that the rig file names, such as a payload.
+All parameters include the effects that the rig file names, such as a payload.
 """
 
 from __future__ import annotations
@@ -35,11 +35,12 @@ class InverseDynamics:
     gravity_torque : float
         m g l [N m].
     gravity_angle : float
-        Where gravity pulls straight along the limb [rad].
+        Angle at which gravity acts along the limb and makes no torque [rad].
     dry_friction : DryFriction
         All dry friction.
     smooth_torques : tuple of callable
-        Torques [N m] at a position [rad] and velocity [rad/s] that act beside the muscles.
+        Other torques [N m] that act on the joint, as functions of position [rad] and velocity
+        [rad/s].
     """
 
     inertia: float
@@ -51,7 +52,7 @@ class InverseDynamics:
 
     @classmethod
     def from_joint(cls, joint: Joint) -> InverseDynamics:
-        """With the numbers of the rig file and the effects that it names."""
+        """Create it from the parameters of the rig file and the effects that it names."""
         effects = joint.effects
         return cls(
             adjusted("joint.inertia", joint.inertia, effects),
@@ -71,7 +72,7 @@ class InverseDynamics:
         return self.gravity_torque * math.sin(position - self.gravity_angle)
 
     def gravity_stiffness(self, position: float) -> float:
-        """Slope of `gravity` [N m/rad]; positive where gravity brings the limb back."""
+        """Derivative of `gravity` [N m/rad]; positive where gravity acts as a restoring spring."""
         return self.gravity_torque * math.cos(position - self.gravity_angle)
 
     def torque(self, reference: JointReference) -> float:

@@ -1,8 +1,9 @@
-"""What a muscle remembers of its motion, run along the lengths that it is asked to take.
+"""The history-dependent states of a muscle, advanced along its reference length.
 
-Thread friction, creep and every other effect with a state and an exact step run ahead of time along
-the reference, so they add nothing to the feedback loop. A state starts at 0, since nothing tells in
-which state the muscle was left. The laws stand in the files of the effects (`pam_model.effects`).
+Thread friction, creep and every other effect with a state and an exact step are computed along the
+reference, ahead of time, so they do not change the feedback loop. A state starts at 0, because the
+initial state of the muscle is unknown. The laws are defined in the files of the effects
+(`pam_model.effects`).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pam_model.rig import Muscle
 
 @dataclass(slots=True)
 class _State:
-    """One effect's state and its laws with the muscle's parameters."""
+    """State of one effect, with its law and the muscle's parameters."""
 
     slot: PullState
     treatment: TorqueFeedforward
@@ -43,7 +44,7 @@ class MuscleMemory:
 
     @classmethod
     def from_muscle(cls, muscle: Muscle) -> MuscleMemory:
-        """With the effects that the rig file names."""
+        """Create it from the effects that the rig file names."""
         scale = 1.0 / (4.0 * math.pi * muscle.turns**2)
         return cls(
             muscle.thread_length**2 * scale,
@@ -57,11 +58,11 @@ class MuscleMemory:
 
     @property
     def is_neutral(self) -> bool:
-        """Whether it never adds a pull."""
+        """Whether the muscle has no such states."""
         return not self._states
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Set all states to 0."""
         for state in self._states:
             state.value = 0.0
 
@@ -73,7 +74,7 @@ class MuscleMemory:
             state.value = step(state.value, stroke, duration, *state.values)
 
     def pull(self, pressure: float) -> float:
-        """Pull that the states add [N] at a gauge pressure [Pa]."""
+        """Additional muscle force [N] due to the states at a gauge pressure [Pa]."""
         return sum(
             state.slot.pull(
                 state.value, pressure, self.braid_area, self.braid_slope, *state.values

@@ -1,9 +1,9 @@
-"""From the opening that a flow valve should have to the spool command that gives it.
+"""Inverse of a flow valve's effects: from the desired opening to the spool command.
 
-The inverse laws stand in the files of the effects (`pam_model.effects`), beside the laws that they
-undo. First come effects of the flow path, such as an exhaust that passes less than the supply path;
-the result may saturate. Then come the effects between spool and opening, in the reverse of the
-order in which the plant applies them.
+The inverse laws are defined in the files of the effects (`pam_model.effects`), next to the laws
+that they invert. Effects of the flow path are inverted first, for example an exhaust path that is
+narrower than the supply path; the result may saturate. Then the effects between spool and opening
+are inverted, in the reverse of the order in which the plant applies them.
 
 Source: inverses of actuator nonlinearities as in G. Tao, P. V. Kokotovic, Adaptive Control of
 Systems with Actuator and Sensor Nonlinearities, Wiley 1996.
@@ -23,7 +23,7 @@ Law = Callable[[float], float]
 
 
 def _inverse_of(effect: Effect, muscle: Muscle) -> Law | None:
-    """The inverse law with this muscle's parameters; None where there is nothing to undo."""
+    """The inverse law with this muscle's parameters; None if the muscle lacks the effect."""
     if not isinstance(effect.control, Inverse) or not active(effect, muscle.effects):
         return None
     law, values = effect.control.law, effect.values(muscle.effects)
@@ -32,14 +32,14 @@ def _inverse_of(effect: Effect, muscle: Muscle) -> Law | None:
 
 @dataclass(frozen=True, slots=True)
 class ValveInverse:
-    """One valve's imperfections; without any, nothing changes.
+    """The inverse laws of one valve's effects; without effects the opening is unchanged.
 
     Attributes
     ----------
     flow_path : tuple of callable
-        Opening for two equal paths to opening of the true valve [-].
+        From the opening of a valve with two equal paths to that of the true valve [-].
     spool_path : tuple of callable
-        Opening to spool position [-], the last law of the plant first.
+        From opening to spool position [-]; the law that the plant applies last comes first.
     """
 
     flow_path: tuple[Law, ...] = ()
@@ -47,7 +47,7 @@ class ValveInverse:
 
     @classmethod
     def from_muscle(cls, muscle: Muscle) -> ValveInverse:
-        """With the effects that the rig file names."""
+        """Create it from the effects that the rig file names."""
         invert = partial(_inverse_of, muscle=muscle)
         at_spool = [effect for effect, _ in filled(Opening)]
         flow = [effect for effect in EFFECTS.values() if effect not in at_spool]
@@ -57,13 +57,13 @@ class ValveInverse:
         )
 
     def opening(self, nominal: float) -> float:
-        """The opening [-] that passes what `nominal` would on a valve with two equal paths."""
+        """Opening [-] with the flow that `nominal` gives on a valve with two equal paths."""
         for law in self.flow_path:
             nominal = law(nominal)
         return nominal
 
     def spool(self, opening: float) -> float:
-        """The spool position [-] with this opening [-]."""
+        """The spool position [-] that gives this opening [-]."""
         for law in self.spool_path:
             opening = law(opening)
         return opening

@@ -1,1 +1,1 @@
-"""Gains and feedback: the linearised joint, margins, PID and pressure loops."""
+"""Feedback and gain design: the linearised joint, stability margins, PID and pressure loops."""

@@ -1,13 +1,14 @@
-"""Gains from the rig: a PID shaped for the least tracking error at given margins.
+"""Gain design: the PID with the least tracking error that keeps given stability margins.
 
-For every law the same question is answered in the same way, so that comparing laws is fair: which
-PID keeps |S|, the error per reference, smallest (root mean square over the tracking band, at the
-worst operating point) while at every operating point the closed loop is stable, the phase margin
-is at least the target and |S| nowhere exceeds the sensitivity limit. The loop is the linearised
-joint with its pressure loops, valve lag, sampling and transport delay (`linear_joint`).
+All control laws use the same design criterion, so that a comparison of laws is fair. The design
+minimises |S|, the error per reference (root mean square over the tracking band, at the worst
+operating point). The constraints hold at every operating point: the closed loop is stable, the
+phase margin is at least the target and |S| never exceeds the sensitivity limit. The loop is the
+linearised joint with its pressure loops, valve lag, sampling and transport delay (`linear_joint`).
 
-Why not LQR: the loop's delay and the pressure loops make the state long and the weights say
-nothing about margins; a PID has three numbers that a user can read, override and check.
+LQR is not used, because the delay and the pressure loops make the state vector long, and its
+weights do not determine the margins. A PID has three numbers that a user can read, override and
+check.
 
 Source: K. J. Astrom and T. Hagglund, Advanced PID Control, ISA 2006, chapter 7 (design under a
 constraint on the sensitivity).
@@ -38,22 +39,22 @@ Real = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class DesignTask:
-    """Everything that the gains of one joint depend on; joints with equal tasks get equal gains.
+    """All that determines the gains of one joint; joints with equal tasks get equal gains.
 
     Attributes
     ----------
     cases : tuple of LoopCase
-        The operating grid.
+        The loops at the operating points.
     timing : LoopTiming
         The loop's delays.
     phase_margin : float
-        Least at any operating point [rad].
+        Minimum at any operating point [rad].
     sensitivity : float
-        Largest |S| at any frequency and operating point [-].
+        Maximum |S| at any frequency and operating point [-].
     derivative_filter : float
-        [s].
+        Time constant [s].
     band : (float, float)
-        Of the references to track [Hz].
+        Frequency band of the references [Hz].
     """
 
     cases: tuple[LoopCase, ...]
@@ -67,7 +68,7 @@ class DesignTask:
 def design_pressure_gain(timing: LoopTiming, phase_margin: float = PRESSURE_PHASE_MARGIN) -> float:
     """Gain k [1/s] of the pressure loop k H(s)/s with this phase margin [rad].
 
-    The loop's crossover is k as long as the valve's residual lag is short against it.
+    The crossover frequency is k if the valve's residual lag is short compared with 1/k.
     """
 
     def phase_lag(k: float) -> float:
@@ -84,15 +85,15 @@ def design_pressure_gain(timing: LoopTiming, phase_margin: float = PRESSURE_PHAS
 
 
 class PidCost:
-    """What the design minimises: tracking error of a PID, with penalties for its constraints.
+    """Cost function of the design: tracking error of a PID, with penalties for the constraints.
 
-    The design asks for it some thousand times, so it works on real arrays of shape
+    The design evaluates it some thousand times. Therefore it works on real arrays of shape
     (operating points, frequencies) and calls no trigonometric function.
 
     Parameters
     ----------
     task : DesignTask
-        The joint's loops and what is asked of them.
+        The joint's loops and the requirements.
     """
 
     def __init__(self, task: DesignTask) -> None:
@@ -110,12 +111,12 @@ class PidCost:
         self._in_band = slice(int(low), int(high))
 
     def gains(self, exponents: Real) -> PidGains:
-        """The gains of a point of the search, three exponents of ten."""
+        """The gains at a point of the search, which is given as three exponents of ten."""
         kp, ki, kd = (self._scale * 10.0 ** float(exponent) for exponent in exponents)
         return PidGains(kp, ki, kd, self._task.derivative_filter)
 
     def __call__(self, exponents: Real) -> float:
-        """Cost of a point of the search."""
+        """Cost at a point of the search."""
         return self.of(self.gains(exponents))
 
     def of(self, gains: PidGains) -> float:
@@ -124,7 +125,7 @@ class PidCost:
         Parameters
         ----------
         gains : PidGains
-            With the derivative filter of the task.
+            Gains with the derivative filter of the task.
         """
         (plant_re, plant_im), (slope_re, slope_im) = self._plant, self._slope
         pid_re = gains.proportional + gains.derivative * slope_re
@@ -146,14 +147,14 @@ class PidCost:
 
 
 def design_pid(joint: str, task: DesignTask) -> PidGains:
-    """The PID of least tracking error within the margins.
+    """The PID with the least tracking error that keeps the margins.
 
     Parameters
     ----------
     joint : str
-        For messages.
+        Name for messages.
     task : DesignTask
-        Its loops and what is asked of them.
+        Its loops and the requirements.
 
     Raises
     ------
@@ -182,18 +183,19 @@ def design_pid(joint: str, task: DesignTask) -> PidGains:
 
 
 def _changes(flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
-    """Flat indices after which a flag changes within its row."""
+    """Flat indices after which a flag changes its value within a row."""
     changed = flags.ravel()[:-1] != flags.ravel()[1:]
     changed[flags.shape[1] - 1 :: flags.shape[1]] = False  # from one row to the next
     return np.flatnonzero(changed)
 
 
 def _encloses_nothing(re: Real, im: Real) -> bool:
-    """Whether every row of 1 + L, from low to high frequency, ends without a turn about 0.
+    """Whether no row of 1 + L, from low to high frequency, encircles 0.
 
-    Nyquist: from -90 degrees (the integrator) the phase of 1 + L must end near 0. A step between
-    two frequencies crosses the negative real axis where the imaginary part changes its sign and
-    the chord passes left of 0; downwards counts as one turn, upwards as one turn back.
+    By the Nyquist criterion the phase of 1 + L begins at -90 degrees (the integrator) and must end
+    near 0. A step between two frequencies crosses the negative real axis if the imaginary part
+    changes its sign and the chord passes to the left of 0. A downward crossing counts as one
+    encirclement, an upward crossing takes one back.
     """
     place = _changes(im >= 0.0)
     x, y = re.ravel(), im.ravel()
@@ -204,7 +206,7 @@ def _encloses_nothing(re: Real, im: Real) -> bool:
 
 
 def _least_phase_margin(re: Real, im: Real, squared_size: Real) -> float:
-    """Least phase margin [rad] over the rows of a loop gain, by its unit crossings."""
+    """Least phase margin [rad] over the rows of a loop gain, at the crossings of gain one."""
     place = _changes(squared_size > 1.0)
     if not place.size:
         return math.pi

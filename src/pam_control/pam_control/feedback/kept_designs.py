@@ -1,13 +1,14 @@
-"""Designed gains, kept for joints that are alike and for the next start of the node.
+"""Store of designed gains, for equal joints and for the next start of the node.
 
-A design depends on nothing but its task: the linearised loops in numbers, their delays and what is
-asked of them. So the task is the key, and everything in the rig file, the parameters or the physics
-that changes a loop changes the key. On disk the key also holds the code of the design and the
-versions of the libraries that search.
+A design depends only on its task: the numbers of the linearised loops, their delays and the
+requirements. Therefore the task is the key: any change in the rig file, the parameters or the
+physics that changes a loop also changes the key. On disk the key also contains the code of the
+design and the versions of the libraries that are used in the search.
 
-What is read back is not trusted: it must be a design for this very task, finite, and reach the
-cost that was written with it, margins included, when the cost is computed anew. Anything else is
-designed again. A folder that cannot be read or written costs the time of a design, nothing more.
+A stored design is checked before it is used: it must belong to the same task, its numbers must be
+finite, and the cost (which includes the margins), computed again, must agree with the stored cost.
+Otherwise the gains are designed again. If the folder cannot be read or written, the only
+consequence is the time of a new design.
 """
 
 from __future__ import annotations
@@ -35,15 +36,15 @@ from pam_control.feedback.pid import PidGains
 
 LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
 MOST_FILES = 256
-LARGEST_GAIN = 1e12  # a sanity limit on numbers that are read, far from any design
+LARGEST_GAIN = 1e12  # plausibility limit of stored gains, far above any design
 SUFFIX = ".gains.json"
-COST_TOLERANCE = 1e-6  # relative; what rounding on another processor may change
+COST_TOLERANCE = 1e-6  # relative; covers the rounding differences between processors
 
 
 def user_cache_folder(environment: Mapping[str, str] = os.environ) -> Path | None:
-    """Where a user's designs are kept: $XDG_CACHE_HOME/pam_control or ~/.cache/pam_control.
+    """Folder of a user's designs: $XDG_CACHE_HOME/pam_control or ~/.cache/pam_control.
 
-    None where there is no home folder.
+    None if there is no home folder.
     """
     given = Path(environment.get("XDG_CACHE_HOME", ""))
     if given.is_absolute():  # the XDG specification says to ignore a relative path
@@ -54,16 +55,16 @@ def user_cache_folder(environment: Mapping[str, str] = os.environ) -> Path | Non
 
 @dataclasses.dataclass(slots=True)
 class DesignReport:
-    """What came of the designs asked for.
+    """Summary of the requested designs.
 
     Attributes
     ----------
     designed, shared, read : int
-        Joints whose gains were designed, are those of an equal joint, or were read from disk.
+        Number of joints whose gains were designed, taken from an equal joint, or read from disk.
     seconds : float
-        That all of it took [s].
+        Total time [s].
     problem : str
-        Why designs cannot be kept on disk; empty if they can.
+        Why designs cannot be stored on disk; empty if they can.
     """
 
     designed: int = 0
@@ -84,12 +85,12 @@ class DesignReport:
 
 
 class KeptDesigns:
-    """Designs of this process and, with a folder, of earlier ones.
+    """Designs of this process and, if a folder is given, of earlier processes.
 
     Parameters
     ----------
     folder : Path, optional
-        Made when the first design is written. None: designs are kept in memory alone.
+        Created when the first design is written. None: designs are kept in memory only.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -98,7 +99,7 @@ class KeptDesigns:
         self._report = DesignReport()
 
     def take_report(self) -> DesignReport:
-        """What happened since the last call."""
+        """Return the summary since the last call."""
         report, self._report = self._report, DesignReport()
         return report
 
@@ -108,9 +109,9 @@ class KeptDesigns:
         Parameters
         ----------
         joint : str
-            For messages.
+            Name for messages.
         task : DesignTask
-            Its loops and what is asked of them.
+            Its loops and the requirements.
 
         Raises
         ------
@@ -173,7 +174,7 @@ class KeptDesigns:
             temporary = Path(name)
             with os.fdopen(handle, "w", encoding="utf-8") as file:
                 json.dump(content, file)
-            # whole or not at all, whoever writes or reads at the same time
+            # atomic, since other processes may read or write the file at the same time
             temporary.replace(self._folder / _name_of(key))
             self._forget_oldest()
         except OSError as error:
@@ -183,7 +184,7 @@ class KeptDesigns:
                     temporary.unlink(missing_ok=True)
 
     def _forget_oldest(self) -> None:
-        """Keep the folder small; only files with our ending are touched."""
+        """Delete the oldest designs; only files with SUFFIX are touched."""
         assert self._folder is not None
         files = sorted(self._folder.glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime)
         for path in files[:-MOST_FILES]:
@@ -191,7 +192,7 @@ class KeptDesigns:
 
 
 def _key_of(task: DesignTask) -> dict[str, Any]:
-    """The task and the code, as JSON gives them back: numbers exact, tuples as lists."""
+    """The task and the code as JSON returns them: exact numbers, and lists in place of tuples."""
     key: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(task)))
     key["code"] = _code_version()
     return key
@@ -204,7 +205,7 @@ def _name_of(key: Mapping[str, Any]) -> str:
 
 @functools.cache
 def _code_version() -> str:
-    """Of everything between a task and its gains."""
+    """Digest of the code and library versions that lead from a task to its gains."""
     digest = hashlib.sha256(f"numpy {np.__version__}, scipy {scipy.__version__}".encode())
     for module in (gain_design, linear_joint):
         digest.update(inspect.getsource(module).encode())

@@ -1,4 +1,4 @@
-"""The joint, its gas and its pressure loops, linearised about a point of rest.
+"""The joint, its gas and its pressure loops, linearised about an equilibrium.
 
 With deviations q, pa, pb, the controller's output w and s the Laplace variable:
 
@@ -7,10 +7,10 @@ With deviations q, pa, pb, the controller's output w and s the Laplace variable:
     ui = k (gi w + hi q - pi) + [ci s q/(Tf s + 1)]     (bracket: measured-velocity feedforward)
     H(s) = exp(-T s)/(alpha tau s + 1)
 
-ci is what motion alone does to the pressure of a shut chamber, H the sampled, delayed and
-lead-compensated valve, gi how the law turns its output into pressures, hi how it moves the
-pressures with the measured position. At rest the valves are shut, where their flow does not
-depend on the pressure, and the inverse ISO 6358 flow makes their gain one.
+ci is the pressure change per angle in a closed chamber, H the sampled, delayed and lead-compensated
+valve, gi the gain from the law's output to the pressures, and hi the gain from the measured
+position to the pressures. At the equilibrium the valves are closed, so that their flow does not
+depend on the pressure; the inverse of the ISO 6358 flow makes their gain one.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ PADE_ORDER = 4
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoint:
-    """One joint at rest: the numbers of the module's equations.
+    """One joint at rest: the coefficients of the equations in the module's docstring.
 
     Attributes
     ----------
     position : float
         [rad].
     stiffness : float
-        Of the muscles at constant pressure [N m/rad].
+        Stiffness of the muscles at constant pressure [N m/rad].
     pressures : (float, float)
         Agonist, antagonist, gauge [Pa].
     inertia : float
@@ -70,24 +70,24 @@ class OperatingPoint:
 
 @dataclass(frozen=True, slots=True)
 class LoopTiming:
-    """What lies between a measurement and its effect.
+    """Delays and lags between a measurement and its effect.
 
     Attributes
     ----------
     period : float
-        Of the control loop [s]; half of it counts as delay (zero-order hold).
+        Period of the control loop [s]; half of it counts as delay (zero-order hold).
     transport_delay : float
         From the sensor's sample to the valve [s].
     valve_time_constant : float
         tau [s].
     lead_ratio : float
-        alpha: what the lead compensator leaves of the valve's lag [-]; 1 compensates nothing.
+        alpha: share of the valve's lag that remains after lead compensation [-]; 1: none.
     velocity_filter : float
-        Tf, of a measured velocity [s].
+        Tf, filter time constant of a measured velocity [s].
     regulated : bool
         The valves are pressure regulators: pi = exp(-T s)/(tau s + 1)^2 of its reference.
     position_delay : float
-        By which a measured position is older than a measured pressure [s].
+        Additional delay of a measured position compared with a measured pressure [s].
     """
 
     period: float
@@ -100,18 +100,18 @@ class LoopTiming:
 
     @property
     def delay(self) -> float:
-        """T: transport and hold [s]."""
+        """T: transport delay and half a period for the hold [s]."""
         return self.transport_delay + 0.5 * self.period
 
     @property
     def residual_lag(self) -> float:
-        """What the lead leaves of the valve's lag, alpha tau [s]."""
+        """The valve's lag that remains after lead compensation, alpha tau [s]."""
         return self.lead_ratio * self.valve_time_constant
 
 
 @dataclass(frozen=True, slots=True)
 class LoopStructure:
-    """How a law is wired around the pressure loops.
+    """How a control law is connected to the pressure loops.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class LoopStructure:
 def frequency_response(
     point: OperatingPoint, loop: LoopStructure, timing: LoopTiming, omega: npt.NDArray[np.float64]
 ) -> Complex:
-    """Output w to measured position at `omega` [rad/s], delays exact [rad per unit of w]."""
+    """Frequency response from w to the measured position, with exact delays [rad per unit of w]."""
     s = 1j * omega
     H = np.exp(-timing.delay * s) / (timing.residual_lag * s + 1.0)
     k = loop.pressure_gain
@@ -163,7 +163,7 @@ def frequency_response(
 
 
 def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
-    """The same from w to q as a `control.StateSpace`, the delay as a Pade approximation."""
+    """The system from w to q as a `control.StateSpace`, the delay as a Pade approximation."""
     if timing.regulated:
         return _regulated_state_space(point, loop, timing)
     k = loop.pressure_gain

@@ -1,12 +1,12 @@
 """Stability margins of a joint's position loop at one operating point.
 
-The margins are those of the exact frequency response, transport delay included. It is sampled on a
-grid, and each crossing and each minimum found there is sampled again on ever finer grids, so no
-interpolation enters the result. Stability is decided by the closed-loop poles, for which the delay
-is a Pade approximation; they are computed by python-control.
+The margins are those of the exact frequency response, including the transport delay. The response
+is sampled on a grid. Around each crossing and each minimum it is sampled again on finer and finer
+grids, so the result contains no interpolation. Stability is decided by the closed-loop poles, which
+python-control computes with a Pade approximation of the delay.
 
 Source: K. J. Astrom and R. M. Murray, Feedback Systems, Princeton 2008, section 9.3 (gain, phase
-and modulus margin). Of several crossings the one nearest to instability counts, as in
+and modulus margin). If there are several crossings, the one nearest to instability counts, as in
 python-control's `stability_margins`.
 """
 
@@ -35,20 +35,20 @@ from pam_model.errors import PamError
 
 LEAST_PHASE_MARGIN = math.radians(30.0)
 GRID = np.geomspace(0.05, 500.0, 400)  # rad/s
-ZOOMS, ZOOM_POINTS = 3, 33  # each zoom narrows an interval of the grid 32 times
+ZOOMS, ZOOM_POINTS = 3, 33  # each zoom makes an interval of the grid 32 times narrower
 
 Frequencies = npt.NDArray[np.float64]
 Response = Callable[[Frequencies], Complex]
-"""Angular frequencies [rad/s] to the loop's complex gain there."""
+"""Maps angular frequencies [rad/s] to the complex loop gain."""
 
 
 class ControlDesignError(PamError):
-    """No safe gains: the message names the joint, the operating point and its margins."""
+    """There are no safe gains; the message names joint, operating point and margins."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoopCase:
-    """One operating point and how the law is wired there."""
+    """One operating point, and how the control law is connected there."""
 
     point: OperatingPoint
     loop: LoopStructure
@@ -65,7 +65,7 @@ class LoopMargins(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Margins:
-    """Of one loop at one operating point.
+    """Margins of one loop at one operating point.
 
     Attributes
     ----------
@@ -74,13 +74,13 @@ class Margins:
     stable : bool
         All closed-loop poles in the left half plane.
     phase_margin : float
-        The one nearest to 0 over the gain crossings [rad]; infinite without one.
+        The margin nearest to 0 of all gain crossings [rad]; infinite without a crossing.
     gain_margin : float
-        The factor nearest to 1 over the phase crossings [-]; infinite without one.
+        The factor nearest to 1 of all phase crossings [-]; infinite without a crossing.
     modulus_margin : float
         Least distance of the loop from -1 [-], the inverse of the sensitivity peak.
     crossover : float
-        Highest frequency of loop gain one [rad/s], 0 where there is none.
+        Highest frequency with a loop gain of one [rad/s]; 0 if there is none.
     """
 
     position: float
@@ -92,7 +92,7 @@ class Margins:
     crossover: float
 
     def __str__(self) -> str:
-        """One line with units."""
+        """Give operating point and margins in one line with units."""
         return (
             f"at {self.position:+.2f} rad, {self.stiffness:.1f} N m/rad: "
             f"{'stable' if self.stable else 'UNSTABLE'}, "
@@ -117,8 +117,8 @@ def loop_margins(respond: Response, grid: Frequencies = GRID) -> LoopMargins:
     respond : callable
         The loop gain L at an array of angular frequencies [rad/s].
     grid : (n,) array, optional
-        Increasing angular frequencies [rad/s], close enough that no two crossings lie between two
-        of them.
+        Increasing angular frequencies [rad/s], so close that at most one crossing lies between
+        two neighbours.
     """
     opened = respond(grid)
     size = np.abs(opened)

@@ -1,7 +1,8 @@
-"""The points of rest at which a joint's loop is designed and checked.
+"""The equilibria at which a joint's loop is designed and checked.
 
-The derivatives of torque and stiffness are differences of the force model, so that any model
-serves; torque r (F_a - F_b) and stiffness r^2 (K_a + K_b) as in the rig's nominal physics.
+The derivatives of torque and stiffness are finite differences of the force model, so that any force
+model can be used. Torque r (F_a - F_b) and stiffness r^2 (K_a + K_b) follow the rig's nominal
+physics.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def operating_point(
     position : float
         [rad].
     pressures : (float, float)
-        Agonist, antagonist, gauge [Pa].
+        Gauge pressures of agonist and antagonist [Pa].
     """
 
     def statics(a: float, b: float, q: float) -> list[float]:
@@ -78,22 +79,22 @@ def _slope(high: Sequence[float], low: Sequence[float], step: float) -> list[flo
 def operating_grid(
     joint: Joint, model: AntagonisticJoint, stiffnesses: Sequence[float]
 ) -> list[OperatingPoint]:
-    """Points of rest over the joint's range and these stiffnesses.
+    """Equilibria over the joint's range and these stiffnesses.
 
     Parameters
     ----------
     joint : Joint
         Range and gravity.
     model : AntagonisticJoint
-        That joint's inverse.
+        Inverse model of the joint.
     stiffnesses : sequence of float
-        Asked for [N m/rad]; where gravity or the pressures do not allow one, what comes nearest
-        is taken, and points that coincide are taken once.
+        Desired values [N m/rad]. Where gravity or the pressures do not allow one, the nearest
+        possible stiffness is used; equal points are used once.
 
     Raises
     ------
     PamError
-        When the muscles hold the joint still at no point of the grid.
+        When the muscles cannot hold the joint at any point of the grid.
     """
     dynamics = InverseDynamics.from_joint(joint)
     lower, upper = joint.position_limits
@@ -114,5 +115,5 @@ def operating_grid(
                 continue
             points.append(operating_point(joint, model, position, (a, b)))
     if not points:
-        raise PamError(f"{joint.name}: its muscles hold it still at no position of its range")
+        raise PamError(f"{joint.name}: its muscles cannot hold it at any position of its range")
     return points

@@ -17,7 +17,7 @@ class PidGains:
     Attributes
     ----------
     proportional, integral, derivative : float
-        Per rad, per rad s, s per rad, of the output's unit.
+        In the output's unit per rad, per rad s, and times s per rad.
     derivative_filter : float
         Time constant of the derivative's first-order filter [s].
     """
@@ -29,14 +29,14 @@ class PidGains:
 
     @property
     def tracking_time(self) -> float:
-        """How fast the integrator follows what was reached [s]: the integral time constant."""
+        """Tracking time of the anti-windup [s]: the integral time constant."""
         if self.integral <= 0.0:
             return math.inf
         return max(self.proportional / self.integral, 2.0 * self.derivative_filter)
 
 
 class Pid:
-    """The state of one joint's PID; its gains come with every call, so they may change."""
+    """The state of one joint's PID; the gains are passed at every call, so they may change."""
 
     def __init__(self) -> None:
         self.integral = 0.0
@@ -44,13 +44,13 @@ class Pid:
         self._slope = 0.0
 
     def reset(self, integral: float = 0.0) -> None:
-        """Forget the past; the next output starts at `integral` for zero error."""
+        """Reset the state; for zero error the next output is `integral`."""
         self.integral = integral
         self._error = math.nan
         self._slope = 0.0
 
     def output(self, error: float, step: float, gains: PidGains) -> float:
-        """Output for `error` [rad], `step` [s] after the last one; a step of 0 is no new sample."""
+        """Output for `error` [rad], `step` [s] after the last one; step 0 means no new sample."""
         if math.isnan(self._error):
             self._error = error
         if step > 0.0:
@@ -78,13 +78,14 @@ class Pid:
         step : float
             [s].
         gains : PidGains
-            In force.
+            The present gains.
         missed : float
-            What was reached less what was asked, in the output's unit: not 0 when clipped.
+            Reachable minus requested output, in the output's unit; not 0 if the output is clipped.
         limit : float
-            Largest size of the integral, in the output's unit.
+            Largest absolute value of the integral, in the output's unit.
         frozen : bool, optional
-            Only let it shrink: something below is saturated that `missed` does not show.
+            The integral may only shrink, because an inner loop is saturated, which `missed` does
+            not show.
         """
         change = gains.integral * error * step
         if math.isfinite(gains.tracking_time):

@@ -1,9 +1,9 @@
-"""From the pressure a muscle should have to its valve's command.
+"""Pressure loop: from the desired pressure of a muscle to its valve's command.
 
-Flow valve: the wanted dp/dt = feedforward + gain (reference - pressure) becomes a mass flow by
-the polytropic chamber, m = (V dP/dt / exponent + P dV/dt)/(R T); the inverse of the ISO 6358 flow
-makes it a spool opening, and a lead compensator takes away most of the spool's lag. Pressure
-regulator: the reference itself, within its limits.
+For a flow valve, the desired dp/dt = feedforward + gain (reference - pressure) gives a mass flow
+by the law of the polytropic chamber, m = (V dP/dt / exponent + P dV/dt)/(R T). The inverse of the
+ISO 6358 flow gives the spool opening, and a lead compensator removes most of the spool's lag. For a
+pressure regulator, the command is the reference itself within its limits.
 
 Source: ISO 6358 and chamber as in the rig's nominal physics; the inversion is derived here.
 """
@@ -21,21 +21,21 @@ from pam_model.gas import flow_for_pressure_rate, reference_density, valve_openi
 from pam_model.joints.antagonistic_joint import JointMuscle
 from pam_model.rig import Muscle, Rig
 
-LENGTH_EDGE = 1e-6  # m, inside of what the force model covers
+LENGTH_EDGE = 1e-6  # m, distance from the ends of the force model's range
 
 
 @dataclass(frozen=True, slots=True)
 class PressureDemand:
-    """What a pressure loop is asked for, all gauge pressures of one muscle.
+    """Input of the pressure loop of one muscle; all pressures are gauge pressures.
 
     Attributes
     ----------
     reference : float
-        Pressure the muscle should have had when it was measured [Pa].
+        Desired pressure at the time of measurement [Pa].
     rate : float
-        Feedforward of dp/dt for the time the valve will act [Pa/s].
+        Feedforward of dp/dt for the time when the valve will act [Pa/s].
     ahead : float
-        Change the reference makes from the measurement until then [Pa].
+        Change of the reference from the measurement until that time [Pa].
     length : float
         Muscle length at that time [m].
     length_rate : float
@@ -51,7 +51,7 @@ class PressureDemand:
 
 @dataclass(frozen=True, slots=True)
 class PressureLoopSettings:
-    """Gain and shape, the same for every muscle.
+    """Gain, lead compensation and limit, the same for every muscle.
 
     Attributes
     ----------
@@ -77,24 +77,24 @@ class PressureLoop(Protocol):
     """One muscle's valve command."""
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Reset the state."""
         ...
 
     def command(
         self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
     ) -> tuple[float, bool]:
-        """The valve's command, and whether it was cut.
+        """The valve's command, and whether it was limited.
 
         Parameters
         ----------
         demand : PressureDemand
-            What is asked for.
+            Desired pressure and motion.
         pressure : float
-            Measured, gauge [Pa].
+            Measured gauge pressure [Pa].
         settings : PressureLoopSettings
-            In force.
+            The present settings.
         step : float
-            Since the last call [s].
+            Time since the last call [s].
         """
         ...
 
@@ -105,11 +105,11 @@ class FlowValveLoop:
     Parameters
     ----------
     rig : Rig
-        Gas and supply.
+        Gives gas and supply.
     muscle : Muscle
-        With its valve.
+        Gives the valve.
     gas_space : JointMuscle
-        With its volume.
+        Gives the gas volume.
     """
 
     def __init__(self, rig: Rig, muscle: Muscle, gas_space: JointMuscle) -> None:
@@ -134,13 +134,13 @@ class FlowValveLoop:
         self._lagged = 0.0
 
     def reset(self) -> None:
-        """Forget the opening before."""
+        """Reset the lead compensator."""
         self._opening = math.nan
 
     def command(
         self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
     ) -> tuple[float, bool]:
-        """Spool command, and whether the valve is too small for what is asked."""
+        """Spool command, and whether the valve is too small for the desired pressure rate."""
         rate = demand.rate + settings.gain * (demand.reference - pressure)
         absolute = max(pressure + demand.ahead + self._ambient, self._ambient)
         length = max(self._lengths[0], min(self._lengths[1], demand.length))
@@ -187,14 +187,14 @@ class FlowValveLoop:
 
 
 class RegulatorLoop:
-    """A pressure regulator that closes its own loop: command in Pa gauge.
+    """A pressure regulator, which closes its own loop; its command is in Pa gauge.
 
     Parameters
     ----------
     rig : Rig
         Its supply bounds the command.
     muscle : Muscle
-        With its valve and the pressure it may have.
+        Gives the valve and the maximum pressure.
     """
 
     def __init__(self, rig: Rig, muscle: Muscle) -> None:
@@ -202,12 +202,12 @@ class RegulatorLoop:
         self._limit = min(full_scale, muscle.max_pressure, rig.supply_gauge_pressure)
 
     def reset(self) -> None:
-        """Nothing is kept."""
+        """There is no state to reset."""
 
     def command(
         self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
     ) -> tuple[float, bool]:
-        """The reference at the time the valve acts, and whether it was cut."""
+        """The reference at the time when the valve acts, and whether it was limited."""
         wanted = demand.reference + demand.ahead
         given = max(0.0, min(self._limit, wanted))
         return given, given != wanted

@@ -1,1 +1,1 @@
-"""The control laws: which pressures a joint should have. One file per law."""
+"""The control laws, which compute the desired pressures of a joint. One file per law."""

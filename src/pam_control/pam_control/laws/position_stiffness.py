@@ -1,13 +1,14 @@
-"""Position and stiffness of antagonistic joints at once: the model-based law.
+"""The model-based law: simultaneous control of position and stiffness of antagonistic joints.
 
-Torque = inverse dynamics of the reference + PID; (torque, stiffness) -> two pressures by the
-joint's exact inverse, taken at the REFERENCE position: so the muscles' own passive stiffness
-pulls the joint to the reference without any delay, and the PID only corrects the rest. What the
-pressures cannot reach goes back to the integrator.
+The torque is the inverse dynamics of the reference plus the PID output. The joint's exact inverse
+turns torque and stiffness into two pressures. It is evaluated at the REFERENCE position, so the
+passive stiffness of the muscles pulls the joint to the reference without delay, and the PID
+corrects only the remaining error. The part of the torque that the pressures cannot reach is fed
+back to the integrator (anti-windup).
 
-With the feedforward off the torque is the PID's alone and the inverse is taken at the measured
-position, which makes the muscles ideal torque sources; the gains are then designed for that loop
-in the same way.
+If the feedforward is off, the torque is the PID output alone and the inverse is evaluated at the
+measured position, so that the muscles act as ideal torque sources. The gains are then designed for
+that loop in the same way.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from pam_control.settings import ControlSettings
 
 
 class PositionStiffnessController(Controller):
-    """The model-based law; see the module."""
+    """The model-based law; see the module's docstring."""
 
     def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
-        """Over the joint's range and the stiffness grid."""
+        """The loops over the joint's range and the stiffness grid."""
         gain = settings.pressure_gain or 0.0
         points = operating_grid(channel.joint, channel.model, settings.stiffness_grid)
         return [

@@ -1,8 +1,8 @@
-"""The usual law to compare with: a PID on position sets the ratio of the two pressures.
+"""The usual law, for comparison: a PID on position sets the ratio of the two pressures.
 
-p_agonist = p0 (1 + u), p_antagonist = p0 (1 - u), u in [-1, 1]; the mean pressure p0 makes the
-joint stiff. It has the same pressure loops, delays and gain design as the model-based law, and
-knows nothing of the joint but through its gains.
+p_agonist = p0 (1 + u), p_antagonist = p0 (1 - u), u in [-1, 1]; the mean pressure p0 determines the
+stiffness. The law has the same pressure loops, delays and gain design as the model-based law. It
+uses no model of the joint except in the design of its gains.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from pam_control.joint_channel import JointChannel, Pair
 from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
 
-LEAST_MEAN_PRESSURE = 1e3  # Pa; below it the ratio means nothing
-MEAN_PRESSURE_TIME = 0.5  # s, from vented to the mean pressure
+LEAST_MEAN_PRESSURE = 1e3  # Pa; below it the ratio is not meaningful
+MEAN_PRESSURE_TIME = 0.5  # s, rise from 0 to the mean pressure
 RATIO_STEPS = 60
 
 
 class PressureRatioPid(Controller):
-    """The pressure-ratio law; see the module. Stiffness commands have no meaning for it."""
+    """The pressure-ratio law; see the module's docstring. It ignores stiffness commands."""
 
     def __init__(
         self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
@@ -32,7 +32,7 @@ class PressureRatioPid(Controller):
         super().__init__(rig, settings, designs)
 
     def _ratio_at_rest(self, channel: JointChannel, position: float, mean: float) -> float | None:
-        """The ratio that holds the joint still, by bisection; None where no ratio does."""
+        """The ratio that holds the joint at rest, by bisection; None if there is none."""
         torque = channel.dynamics.gravity(position)
 
         def excess(u: float) -> float:
@@ -48,7 +48,7 @@ class PressureRatioPid(Controller):
         return low
 
     def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
-        """Over the part of the joint's range that this mean pressure holds still."""
+        """The loops over the part of the range in which this mean pressure can hold the joint."""
         mean, gain = settings.mean_pressure, settings.pressure_gain or 0.0
         lower, upper = channel.joint.position_limits
         found = []

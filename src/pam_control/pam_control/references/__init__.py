@@ -1,1 +1,1 @@
-"""What each joint should do: trajectories, streamed references, holding."""
+"""References of the joints: trajectories, streamed commands, hold."""

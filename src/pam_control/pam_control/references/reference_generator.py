@@ -1,8 +1,9 @@
-"""What each joint should do now and shortly after: a trajectory, a stream of commands, or hold.
+"""The reference of each joint at and near the present time: trajectory, stream or hold.
 
-The latest command wins, joint by joint. A stream that stops is held where it was after a
-time-out. Streamed positions pass a critically damped second-order filter, since the feedforward
-needs a velocity and an acceleration; streamed velocities, where given, take its lag away.
+For each joint, the latest command replaces the one before. If a stream stops, the joint holds its
+last reference after a time-out. Streamed positions pass a critically damped second-order filter,
+because the feedforward needs a velocity and an acceleration. If velocities are streamed as well,
+they compensate the filter's lag.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ LONGEST_FILTER_STEP = 0.02
 
 @dataclass(slots=True)
 class _Stream:
-    """A filtered stream: target as last commanded, state as last advanced."""
+    """A filtered stream: the last commanded target, and the state of the filter."""
 
     target: float
     velocity: float
@@ -37,7 +38,7 @@ class _Stream:
 
 @dataclass(slots=True)
 class _Source:
-    """One joint's present source; a stream or spline of None and None is a hold."""
+    """The present source of one joint; if stream and spline are None, the joint holds."""
 
     held: float
     spline: JointSpline | None = None
@@ -52,9 +53,9 @@ class ReferenceGenerator:
     limits : mapping of str to (float, float)
         Position limits [rad] of every joint, in the rig's order.
     stream_timeout : float
-        Age at which a streamed command is no command any more [s].
+        Age at which a streamed command expires [s].
     stream_bandwidth : float
-        Of the filter behind streamed commands [rad/s].
+        Bandwidth of the filter for streamed commands [rad/s].
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class ReferenceGenerator:
         self._sources = {name: _Source(held=0.0) for name in limits}
 
     def hold(self, positions: Mapping[str, float]) -> None:
-        """Drop what runs and hold these positions [rad], cut to the limits."""
+        """Stop all present references and hold these positions [rad], limited to the range."""
         for name, position in positions.items():
             lower, upper = self.limits[name]
             self._sources[name] = _Source(held=max(lower, min(upper, position)))
@@ -84,7 +85,7 @@ class ReferenceGenerator:
         start: float | None,
         now: float,
     ) -> None:
-        """Follow a trajectory in place of what runs; no points at all means stop and hold.
+        """Follow a trajectory instead of the present reference; without points, stop and hold.
 
         Parameters
         ----------
@@ -93,14 +94,14 @@ class ReferenceGenerator:
         points : sequence of TrajectoryPoint
             As in the message.
         start : float or None
-            When time_from_start is zero [s]; None for now.
+            Time at which time_from_start is zero [s]; None for the present time.
         now : float
-            [s].
+            Present time [s].
 
         Raises
         ------
         CommandError
-            When the trajectory is rejected; what runs goes on.
+            When the trajectory is rejected; the present reference is kept.
         """
         if not points:
             stopped = [name for name in names if name in self._sources] or list(self._sources)
@@ -132,11 +133,11 @@ class ReferenceGenerator:
         Parameters
         ----------
         names : sequence of str
-            Joints.
+            Names of the joints.
         positions, velocities : sequence of float
             [rad], [rad/s]; velocities may be empty.
         now : float
-            [s].
+            Present time [s].
 
         Raises
         ------
@@ -192,7 +193,7 @@ class ReferenceGenerator:
                 )
 
     def advance(self, now: float) -> list[str]:
-        """Move the stream filters to `now` [s]; the joints whose stream just timed out."""
+        """Advance the stream filters to `now` [s]; return the joints whose stream timed out."""
         expired = []
         for name, source in self._sources.items():
             stream = source.stream
@@ -218,7 +219,7 @@ class ReferenceGenerator:
         stream.state = JointReference(q + qd * step, qd, qdd)
 
     def sample(self, name: str, time: float) -> JointReference:
-        """The reference of a joint at `time` [s], which may lie a little ahead or behind."""
+        """The reference of a joint at `time` [s], which may be slightly before or after now."""
         source = self._sources[name]
         lower, upper = self.limits[name]
         if source.spline is not None:
@@ -239,7 +240,7 @@ class ReferenceGenerator:
         return reference
 
     def following(self, name: str) -> str:
-        """What the joint does: "trajectory", "stream" or "hold"."""
+        """The joint's present source: "trajectory", "stream" or "hold"."""
         source = self._sources[name]
         if source.spline is not None:
             return "trajectory"

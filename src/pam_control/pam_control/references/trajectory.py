@@ -1,8 +1,8 @@
 """Joint trajectories as ros2 joint_trajectory_controller reads them: splines through waypoints.
 
-Between two waypoints the spline is linear where only positions are given, cubic with velocities,
-quintic with accelerations too. Before the first waypoint it runs from where the joint's reference
-was when the trajectory came; after the last it holds.
+Between two waypoints the spline is linear if only positions are given, cubic with velocities, and
+quintic with accelerations as well. Before the first waypoint, it starts at the joint's reference at
+the time when the trajectory was received. After the last waypoint, it holds the position.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from itertools import pairwise
 
 from pam_model.errors import PamError
 
-# No joint moves so fast, and a larger number would overflow a spline: [rad/s], [rad/s^2].
+# [rad/s], [rad/s^2]: no joint moves so fast, and larger numbers would overflow a spline.
 LARGEST = {"velocities": 100.0, "accelerations": 1e5}
 DEFAULT_END_SPEED = 1e-3
 
 
 class CommandError(PamError):
-    """A command that is rejected whole; the message says which part of it and why."""
+    """A command that is rejected as a whole; the message names the wrong part and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointReference:
-    """Where one joint should be: position [rad], velocity [rad/s], acceleration [rad/s^2]."""
+    """Reference of one joint: position [rad], velocity [rad/s], acceleration [rad/s^2]."""
 
     position: float
     velocity: float = 0.0
@@ -35,7 +35,7 @@ class JointReference:
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:
-    """One joint at one time; what the message leaves out is None.
+    """Reference of one joint at one time; a field that the message does not give is None.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryPoint:
-    """One point of a message: fields are empty or as long as the message's joint names."""
+    """One point of a message; each field is empty or has one value per joint name."""
 
     time_from_start: float
     positions: Sequence[float]
@@ -72,7 +72,7 @@ def spline_coefficients(start: Waypoint, end: Waypoint) -> tuple[float, ...]:
     Returns
     -------
     tuple of float
-        Linear, cubic or quintic, by the fields both ends have.
+        Linear, cubic or quintic, according to the fields that both ends have.
     """
     T = end.time - start.time
     x0, x1 = start.position, end.position
@@ -106,7 +106,7 @@ class JointSpline:
     Parameters
     ----------
     waypoints : sequence of Waypoint
-        At least one, times increasing; the first may be the reference the spline leaves from.
+        At least one, with increasing times; the first may be the reference at the start.
     """
 
     def __init__(self, waypoints: Sequence[Waypoint]) -> None:
@@ -117,7 +117,7 @@ class JointSpline:
 
     @property
     def end_time(self) -> float:
-        """When the last waypoint is due [s]."""
+        """Time of the last waypoint [s]."""
         return self._times[-1]
 
     def sample(self, time: float) -> JointReference:
@@ -143,7 +143,7 @@ def check_trajectory(
     *,
     allow_nonzero_end_velocity: bool = False,
 ) -> None:
-    """Refuse a trajectory that cannot be followed as it stands.
+    """Reject a trajectory that cannot be followed.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def check_trajectory(
     limits : mapping of str to (float, float)
         Position limits [rad] of every joint of the rig.
     allow_nonzero_end_velocity : bool, optional
-        Accept a last point that moves; the reference then stops at once there.
+        Accept a last point with a velocity; the reference then stops there abruptly.
 
     Raises
     ------
@@ -235,19 +235,19 @@ def splines_from_points(
     Parameters
     ----------
     names, points
-        As `check_trajectory` accepted them.
+        Arguments that `check_trajectory` has accepted.
     start : float
-        When time_from_start is zero [s].
+        Time at which time_from_start is zero [s].
     now : float
         The present time [s].
     references : mapping of str to JointReference
-        Where each named joint's reference is at `now`.
+        Reference of each named joint at `now`.
 
     Raises
     ------
     CommandError
-        When the whole trajectory lies in the past, or its start so far away that points fall
-        together.
+        When the whole trajectory lies in the past, or when its start is so far away that the
+        times of two points become equal by rounding.
     """
     if start + points[-1].time_from_start < now:
         late = now - start - points[-1].time_from_start
