@@ -174,13 +174,13 @@ class ControllerNode(Node):  # type: ignore[misc]
             )
 
     def _now(self) -> float:
-        """Seconds since the start by the monotonic clock, which nobody can set."""
+        """Seconds since the start by the monotonic clock, which cannot be set."""
         return time.monotonic() - self._origin
 
     def _seconds(self, stamp: Any) -> float | None:
         """A message's stamp on the controller's time axis; None for a stamp of 0.
 
-        The wall clock only tells how long ago the stamp was when the message arrived.
+        The wall clock is only used for the age of the stamp when the message arrives.
         """
         if stamp.sec == 0 and stamp.nanosec == 0:
             return None
