@@ -1,4 +1,4 @@
-"""What the ideal rig leaves out: one file per effect, and the registry that finds them."""
+"""Effects that the ideal rig does not have: one file per effect, and their registry."""
 
 from pam_model.effects.declaration import Effect, EffectError
 from pam_model.effects.parts import (

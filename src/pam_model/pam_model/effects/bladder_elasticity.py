@@ -1,8 +1,9 @@
-"""The pull of a bladder about its rest length: linear, stiffening or softening.
+"""The elastic pull of a bladder about its rest length: linear, stiffening or softening.
 
-A cubic term above 0 stiffens. Below 0 it softens as rubber does (Treloar, The Physics of Rubber
-Elasticity, chapter 5) and keeps its largest pull from there on: a polynomial's own fall beyond it
-would be a bladder that drives the muscle away from rest.
+A positive cubic term makes the bladder stiffer with stretch, a negative one makes it softer, as
+rubber is (Treloar, The Physics of Rubber Elasticity, chapter 5). Beyond the stretch at which the
+pull of a softening bladder is largest, the pull is held constant. The polynomial itself would fall
+there and finally change its sign, and the bladder would drive the muscle away from its rest length.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ def bladder_pull(stretch: float, linear: float, cubic: float) -> tuple[float, fl
     Parameters
     ----------
     stretch : float
-        Length less rest length [m].
+        Length minus rest length [m].
     linear : float
         k_1, at least 0 [N/m].
     cubic : float
@@ -29,7 +30,8 @@ def bladder_pull(stretch: float, linear: float, cubic: float) -> tuple[float, fl
     Returns
     -------
     pull, slope : float
-        k_1 s + k_3 s^3 [N] and its derivative [N/m]; held from where a softening one is largest.
+        k_1 s + k_3 s^3 [N] and its derivative [N/m]. Beyond the largest pull of a softening bladder
+        the pull is constant and the slope is 0.
     """
     slope = linear + 3.0 * cubic * stretch * stretch
     if cubic < 0.0 and slope < 0.0:
@@ -41,7 +43,7 @@ def bladder_pull(stretch: float, linear: float, cubic: float) -> tuple[float, fl
 def pull_at_length(
     length: float, rest_length: float, linear: float, cubic: float
 ) -> tuple[float, float]:
-    """Pull [N] at a length [m], and its slope [N/m]."""
+    """Pull [N] at a length [m], and its slope dF/dL [N/m]."""
     return bladder_pull(length - rest_length, linear, cubic)
 
 
@@ -64,22 +66,22 @@ EFFECT = Effect(
     stage="muscle",
     scope="muscle",
     description="passive elastic force of the bladder about the rest length",
-    law="F = F_static + k_1 s + k_3 s^3, s = L - rest_length; with k_3 < 0 the force keeps its "
-    "largest value beyond it",
+    law="F = F_static + k_1 s + k_3 s^3, s = L - rest_length; with k_3 < 0 the elastic force "
+    "stays constant beyond its maximum",
     source="polynomial elastic force",
     parameters={
-        "linear": EffectParameter("k_1", "N/m", 0.0, 0.0, 1e5, "linear rate"),
-        "cubic": EffectParameter("k_3", "N/m^3", 0.0, -1e9, 1e9, "cubic rate; below 0 it softens"),
+        "linear": EffectParameter("k_1", "N/m", 0.0, 0.0, 1e5, "linear stiffness"),
+        "cubic": EffectParameter("k_3", "N/m^3", 0.0, -1e9, 1e9, "cubic term; negative: softening"),
     },
     slots=(PassivePull(pull_at_length),),
     control=Included("included in the muscle force and inverted exactly"),
-    plausibility=Included("in the muscle's force of the torque balance"),
+    plausibility=Included("included in the muscle force of the torque balance"),
     search=Search(ranges=_ranges, shown_by=("position", "pulls")),
     portrait=Portrait(
         sizes={"linear": 400.0, "cubic": 4e5},
-        signature="A force that depends on length and not on pressure: the joint is stiffer, at "
-        "low pressure most visibly.",
+        signature="The muscle has a force that depends on its length and not on its pressure. The "
+        "joint is stiffer, which is most visible at low pressure.",
         easily_taken_for="payload, end_caps, pulley_radius.",
-        told_apart_by="A co-contraction sweep, down to low pressure.",
+        told_apart_by="Sweep the co-contraction down to low pressure.",
     ),
 )

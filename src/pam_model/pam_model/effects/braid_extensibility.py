@@ -1,7 +1,7 @@
-"""The braid's threads stretch with their tension: b grows, in the force and in the volume.
+"""The threads of the braid stretch with their tension: force and volume depend on a longer b.
 
-By virtual work on the nominal braid: thread tension P b L/(2 pi n^2 N_t) over N_t threads of
-stiffness EA, so that c_b = b_0/(2 pi n^2 N_t EA).
+Virtual work on the nominal braid gives the tension P b L/(2 pi n^2 N_t) of each of the N_t threads.
+With the stiffness EA of a thread, c_b = b_0/(2 pi n^2 N_t EA).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, 
 from pam_model.effects.slots import Thread
 
 LEAST_SHRINK: Final = 0.5
-"""A stretch of half the thread is far outside any braid; the cut keeps a fit finite."""
+"""No braid stretches as far as this limit; it keeps a diverging fit finite."""
 
 
 def stretched_thread(
@@ -31,10 +31,11 @@ EFFECT = Effect(
     order=150,
     stage="muscle",
     scope="muscle",
-    description="threads stretch with their tension: b grows, in the force and in the volume",
+    description="the threads of the braid stretch with their tension; force and gas volume follow "
+    "from the longer thread",
     law="b = b_0/(1 - c_b P L), P gauge",
-    source="virtual work on the nominal braid, thread tension P b L/(2 pi n^2 N_t) over N_t "
-    "threads of stiffness EA: c_b = b_0/(2 pi n^2 N_t EA)",
+    source="virtual work on the nominal braid with N_t threads of stiffness EA and tension "
+    "P b L/(2 pi n^2 N_t): c_b = b_0/(2 pi n^2 N_t EA)",
     parameters={
         "compliance": EffectParameter(
             "c_b", "1/(Pa m)", 0.0, 0.0, 1e-6, "thread strain per pressure and length"
@@ -45,7 +46,7 @@ EFFECT = Effect(
         "included in the muscle force and inverted by iteration; the gas volume remains that of "
         "the stiff braid"
     ),
-    plausibility=Included("in the muscle's force of the torque balance"),
+    plausibility=Included("included in the muscle force of the torque balance"),
     search=Search(
         ranges=lambda rig: {
             "compliance": Range(0.0, 0.2 / rig.reach, 0.01 / rig.reach, (0.01 / rig.reach,))
@@ -54,9 +55,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"compliance": 1e-7},
-        signature="High pressure makes the threads longer: the muscle pulls less and holds more "
-        "gas than it should, the more the higher the pressure.",
-        easily_taken_for="end_caps, pressure_gain on both sensors.",
-        told_apart_by="Holds at several pressures; a load cell.",
+        signature="Pressure makes the threads longer: the muscle pulls less and holds more gas "
+        "than the nominal braid, and the difference grows with the pressure.",
+        easily_taken_for="end_caps; pressure_gain on both sensors.",
+        told_apart_by="Hold several pressures and measure the force with a load cell.",
     ),
 )

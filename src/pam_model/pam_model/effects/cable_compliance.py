@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def series_compliance(compliance_before: float, compliance: float) -> float:
-    """Stretch per force between muscle and pulley [m/N]; springs in series add."""
+    """Compliance between muscle and pulley [m/N]; the compliances of springs in series add up."""
     return compliance_before + compliance
 
 
@@ -18,7 +18,7 @@ EFFECT = Effect(
     stage="muscle",
     scope="muscle",
     description="elastic series element between muscle and pulley",
-    law="L = L_path - c_c F, and the gas volume follows L",
+    law="L = L_path - c_c F; the gas volume is that at L",
     source="series spring",
     parameters={"compliance": EffectParameter("c_c", "m/N", 0.0, 0.0, 1e-3, "stretch per force")},
     slots=(Adjusts("series_compliance", series_compliance),),
@@ -26,7 +26,7 @@ EFFECT = Effect(
         "included in the muscle force and inverted by iteration; the gas volume remains that of "
         "the stiff braid"
     ),
-    plausibility=Included("in the muscle's force of the torque balance"),
+    plausibility=Included("included in the muscle force of the torque balance"),
     search=Search(
         ranges=lambda rig: {
             "compliance": Range(
@@ -40,8 +40,8 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"compliance": 1e-5},
-        signature="The muscle is shorter than the joint's angle says, under load: softer joint, "
-        "and the gas volume moves although the joint does not.",
+        signature="Under load the muscle is shorter than the joint angle implies. The joint is "
+        "softer, and the gas volume changes although the joint does not move.",
         easily_taken_for="dead_volume, end_caps.",
         told_apart_by="Lock the joint and change the pressure.",
     ),

@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def longer_delay(delay_before: float, delay: float) -> float:
-    """Delay before the valve [s]."""
+    """Transport delay of the command [s]."""
     return delay_before + delay
 
 
@@ -17,7 +17,7 @@ EFFECT = Effect(
     order=70,
     stage="valve",
     scope="muscle",
-    description="pure transport delay before the valve",
+    description="pure transport delay between the command and the valve",
     law="u(t) = u_commanded(t - t_d)",
     source="transport delay",
     parameters={"delay": EffectParameter("t_d", "s", 0.0, 0.0, 0.2, "dead time")},
@@ -25,7 +25,7 @@ EFFECT = Effect(
     control=Delay(
         "looks ahead for each valve by its own delay, and includes the delay in the gain design"
     ),
-    plausibility=Delay("the pressure observer takes the command of that much earlier"),
+    plausibility=Delay("the pressure observer uses the command that was sent one delay earlier"),
     search=Search(
         ranges=lambda rig: {"delay": Range(0.0, 0.15, 0.01, (0.01, 0.03))},
         shown_by=("commands",),
@@ -35,6 +35,6 @@ EFFECT = Effect(
         sizes={"delay": 0.02},
         signature="Everything happens later by the same amount of time.",
         easily_taken_for="position_delay, where only the angle is late.",
-        told_apart_by="Steps: the time to the first reaction.",
+        told_apart_by="Apply steps and measure the time to the first reaction.",
     ),
 )

@@ -1,4 +1,4 @@
-"""Dry friction at the joint, the same at every speed.
+"""Dry friction at the joint, independent of speed.
 
 Source: Coulomb friction; presliding: P. R. Dahl, A solid friction model, Aerospace Corporation
 1968.
@@ -29,12 +29,12 @@ EFFECT = Effect(
     stage="joint",
     scope="joint",
     description="dry friction at the joint",
-    law="torque = -T_c z, |z| <= 1, z turning by dq/q_p (Dahl); q_p = 0: z = sign(qd)",
+    law="torque = -T_c z, dz = (1 - sign(dq) z) dq/q_p (Dahl); q_p = 0: z = sign(qd)",
     source="Coulomb friction; presliding: Dahl, A solid friction model (1968)",
     parameters={
         "torque": EffectParameter("T_c", "N m", 0.0, 0.0, 100.0, "magnitude"),
         "presliding_angle": EffectParameter(
-            "q_p", "rad", 0.0, 0.0, 0.1, "elastic turn before it slides", True
+            "q_p", "rad", 0.0, 0.0, 0.1, "elastic rotation before sliding", True
         ),
     },
     slots=(DryFriction(coulomb_friction, presliding="presliding_angle"),),
@@ -42,7 +42,7 @@ EFFECT = Effect(
         "adds the friction torque in the direction of the reference velocity, smoothed below "
         "0.03 rad/s; from rest the integrator overcomes it"
     ),
-    plausibility=Included("the torque balance leaves room for the friction's magnitude"),
+    plausibility=Included("the torque balance tolerates the magnitude of the friction"),
     search=Search(
         ranges=lambda rig: {
             "torque": Range(
@@ -54,9 +54,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"torque": 0.6},
-        signature="The joint stands still until the torque has grown enough; flat tops on every "
-        "turn.",
-        easily_taken_for="hysteresis (grows with pressure), stribeck_friction.",
-        told_apart_by="Slow cycles at two co-contraction levels.",
+        signature="The joint stands still until the torque exceeds the friction; the angle has a "
+        "flat top at every reversal.",
+        easily_taken_for="hysteresis, which grows with pressure; stribeck_friction.",
+        told_apart_by="Move in slow cycles at two co-contraction levels.",
     ),
 )

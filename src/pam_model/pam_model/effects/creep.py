@@ -1,8 +1,8 @@
-"""Creep of a viscoelastic bladder: a Maxwell element beside its own spring.
+"""Creep of a viscoelastic bladder: a Maxwell element in parallel with the bladder's spring.
 
-Pull = c K_3 (L - L_c), dL_c/dt = (L - L_c)/tau_c, K_3 the nominal braid's dF/dL at 3 bar and its
-rest length, which makes the ratio c a stiffness. The state is the stretch L - L_c that has not
-relaxed yet.
+Pull = c K_3 (L - L_c), dL_c/dt = (L - L_c)/tau_c. K_3 is dF/dL of the nominal braid at 3 bar and
+its rest length; it turns the ratio c into a stiffness. The state is the stretch L - L_c that has
+not relaxed yet.
 
 Source: standard linear solid, e.g. J. D. Ferry, Viscoelastic Properties of Polymers, Wiley 1980.
 """
@@ -23,11 +23,11 @@ from pam_model.effects.parts import (
 )
 from pam_model.effects.slots import PullState
 
-REFERENCE_PRESSURE: Final = 3e5  # Pa gauge, at which the ratio is told
+REFERENCE_PRESSURE: Final = 3e5  # Pa gauge, at which K_3 is taken
 
 
 def creep_stiffness(braid_slope: float, ratio: float) -> float:
-    """C K_3 [N/m]; `braid_slope` is 6 rest_length/(4 pi n^2) [m]."""
+    """Stiffness c K_3 [N/m]; `braid_slope` is 6 rest_length/(4 pi n^2) [m]."""
     return ratio * REFERENCE_PRESSURE * braid_slope
 
 
@@ -41,7 +41,7 @@ def maxwell_rate(
 def maxwell_step(
     stretch: float, stroke: float, duration: float, ratio: float, time_constant: float
 ) -> float:
-    """The stretch [m] after lengthening by `stroke` [m] evenly within `duration` [s]; exact."""
+    """Exact stretch [m] after a `stroke` [m] at constant speed within `duration` [s]."""
     if duration <= 0.0:
         return stretch + stroke
     decay = math.exp(-duration / time_constant)
@@ -56,7 +56,7 @@ def creep_pull(
     ratio: float,
     time_constant: float,
 ) -> tuple[float, float]:
-    """Pull [N] that the stretch adds, and its dF/dp [m^2]: none."""
+    """Pull [N] that the stretch adds, and its dF/dp [m^2], which is 0."""
     return creep_stiffness(braid_slope, ratio) * stretch, 0.0
 
 
@@ -74,7 +74,7 @@ def creep_response(
 
 
 def unsettled(length: float, rest_length: float) -> float:
-    """All of the stretch from the rest length is still to relax [m]."""
+    """The full stretch from the rest length [m]: none of it has relaxed."""
     return length - rest_length
 
 
@@ -83,23 +83,24 @@ EFFECT = Effect(
     order=120,
     stage="muscle",
     scope="muscle",
-    description="viscoelastic bladder: it resists a change of length and gives way in seconds to "
-    "minutes",
-    law="F = F_static + c K_3 (L - L_c), dL_c/dt = (L - L_c)/tau_c, K_3 = dF/dL of the braid at "
-    "3 bar and its rest length",
-    source="Maxwell element beside the bladder's own spring (standard linear solid)",
+    description="viscoelastic bladder: it resists a change of length, and the resistance relaxes "
+    "within seconds to minutes",
+    law="F = F_static + c K_3 (L - L_c), dL_c/dt = (L - L_c)/tau_c; K_3 is dF/dL of the braid "
+    "at 3 bar and its rest length",
+    source="Maxwell element in parallel with the bladder's spring (standard linear solid)",
     parameters={
-        "ratio": EffectParameter("c", "-", 0.0, 0.0, 0.5, "stiffness that relaxes away, over K_3"),
+        "ratio": EffectParameter("c", "-", 0.0, 0.0, 0.5, "relaxing stiffness over K_3"),
         "time_constant": EffectParameter("tau_c", "s", 10.0, 0.1, 1e3, "of the relaxation", True),
     },
     slots=(PullState("creep", creep_pull, maxwell_rate, creep_response, unsettled),),
     control=TorqueFeedforward(
         "computes a Maxwell element along the reference lengths and compensates its torque; the "
-        "element starts relaxed",
+        "element starts in the relaxed state",
         maxwell_step,
     ),
     plausibility=Nothing(
-        "it is a few per cent of the pull, which `plausibility.torque_share` leaves room for"
+        "nothing, because creep is a few per cent of the pull, which `plausibility.torque_share` "
+        "tolerates"
     ),
     search=Search(
         ranges=lambda rig: {
@@ -110,10 +111,10 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"ratio": 0.08, "time_constant": 5.0},
-        signature="After each step the joint drifts on for seconds to minutes at constant "
+        signature="After each step the joint continues to drift for seconds to minutes at constant "
         "pressure.",
         easily_taken_for="leakage without a pressure sensor; bladder_elasticity in short "
         "recordings.",
-        told_apart_by="Long holds.",
+        told_apart_by="Hold a position for a long time.",
     ),
 )

@@ -1,4 +1,4 @@
-"""More gas volume beside the braid's own than written."""
+"""The gas volume outside the braid is larger than the rig file states."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def larger_dead_volume(dead_volume: float, extra_volume: float) -> float:
-    """Gas volume beside the braid's own [m^3]."""
+    """Gas volume outside the braid [m^3]."""
     return dead_volume + extra_volume
 
 
@@ -17,7 +17,7 @@ EFFECT = Effect(
     order=90,
     stage="valve",
     scope="muscle",
-    description="more gas volume beside the braid than the rig file says",
+    description="the gas volume outside the braid is larger than the rig file states",
     law="V = V_braid + dead_volume + V_x",
     source="geometry",
     parameters={
@@ -25,7 +25,7 @@ EFFECT = Effect(
     },
     slots=(Adjusts("dead_volume", larger_dead_volume),),
     control=Included("uses the true gas volume in the flow and in the gain design"),
-    plausibility=Included("the pressure observer has the true gas volume"),
+    plausibility=Included("the pressure observer uses the true gas volume"),
     search=Search(
         ranges=lambda rig: {
             "extra_volume": Range(
@@ -38,8 +38,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"extra_volume": 4e-5},
-        signature="The same air gives less pressure change; with shut valves the joint is softer.",
-        easily_taken_for="a smaller sonic_conductance, thermal.",
+        signature="The same air mass changes the pressure less; with shut valves the joint is "
+        "softer.",
+        easily_taken_for="thermal; a smaller sonic_conductance than the rig file states.",
         told_apart_by="Move the joint with shut valves.",
     ),
 )

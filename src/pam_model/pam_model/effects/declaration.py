@@ -1,7 +1,7 @@
-"""What one effect declares: all that simulation, control, safety, diagnosis and docs ask of it.
+"""The declaration of one effect: everything that simulation, control, diagnosis and docs need.
 
-A file `pam_model/effects/<name>.py` makes one `EFFECT = Effect(...)`. An effect without one of its
-parts is refused when it is made, with a message that names effect and part.
+A file `pam_model/effects/<name>.py` creates one `EFFECT = Effect(...)`. If a part is missing, the
+constructor raises an error that names the effect and the part.
 """
 
 from __future__ import annotations
@@ -29,66 +29,66 @@ from pam_model.errors import PamError
 
 
 class EffectError(PamError):
-    """An effect's file is incomplete or contradicts itself."""
+    """The file of an effect is incomplete or contradicts itself."""
 
 
 _MISSING: Any = object()
 PARTS: Mapping[str, str] = {
-    "name": "the identifier of rig files",
-    "order": "the place between command and measurement",
+    "name": "the identifier used in rig files",
+    "order": "the position in the chain from command to measurement",
     "stage": "valve, muscle, joint or sensing",
     "scope": "muscle, joint or rig",
-    "description": "one line on what it is",
+    "description": "one line that says what it is",
     "law": "the formula, in the parameters' symbols",
     "source": "the literature of the law",
-    "parameters": "its numbers, by their names in a rig file",
+    "parameters": "its parameters, by their names in a rig file",
     "slots": "the law's functions and where the plant calls them",
     "control": "what the controller does about it",
     "plausibility": "what the driver's plausibility check does",
-    "search": "where the diagnosis begins and how far it goes",
-    "portrait": "how the page of effects shows it",
+    "search": "starting points and bounds of the diagnosis",
+    "portrait": "what the page of effects shows",
 }
-"""Every part of an effect, and what it says."""
+"""Every part of an effect, and its meaning."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """One thing an ideal rig leaves out.
+    """One effect that the ideal rig does not have.
 
     Attributes
     ----------
     name : str
         Identifier used by rig files, reports and diagnoses; the name of its file.
     order : int
-        Its place between command and measurement; effects are listed by it.
+        Its position in the chain from command to measurement; effects are listed in this order.
     stage : str
-        Where between command and measurement it acts.
+        The stage of that chain in which it acts: valve, muscle, joint or sensing.
     scope : str
         Whether each muscle, each joint or the whole rig has its own parameters.
     description : str
-        One line.
+        One line that says what it is.
     law : str
-        What is computed, in the symbols of the parameters.
+        The formula, in the symbols of the parameters.
     source : str
-        Where the law is from.
+        The literature of the law.
     parameters : mapping of str to EffectParameter
-        By the name a rig file uses.
+        The parameters by their names in a rig file.
     slots : tuple of Slot
-        The law as code: where it enters the plant, and the functions.
+        The law as code: its functions, and where the plant calls them.
     control : Treatment
         What the controller does about it.
     plausibility : Treatment
         What the driver's plausibility check does about it.
     search : Search
-        How the diagnosis looks for it.
+        How the diagnosis searches for it.
     portrait : Portrait
-        How the page of effects shows it.
+        What the page of effects shows.
 
     Raises
     ------
     EffectError
-        For a missing part, a law that does not take the effect's parameters, a search or portrait
-        that does not fit them.
+        If a part is missing, a law does not take the effect's parameters, or the search or portrait
+        does not fit them.
     """
 
     name: str = _MISSING
@@ -114,7 +114,7 @@ class Effect:
             if not getattr(self, text):
                 self._refuse(f"part {text!r} is empty")
         if not self.magnitudes:
-            self._refuse("part 'parameters' has no magnitude that switches it on")
+            self._refuse("part 'parameters' has no magnitude that switches the effect on")
         if not self.slots:
             self._refuse("part 'slots' is empty: no law reaches the plant")
         for part_name in ("control", "plausibility"):
@@ -130,14 +130,14 @@ class Effect:
         return tuple(key for key, entry in self.parameters.items() if not entry.is_shape)
 
     def is_neutral(self, values: Mapping[str, float]) -> bool:
-        """Whether these values add nothing."""
+        """Whether the effect does nothing at these values."""
         return all(
             self.parameters[key].is_neutral(values.get(key, self.parameters[key].neutral))
             for key in self.magnitudes
         )
 
     def values(self, effects: EffectValues) -> tuple[float, ...]:
-        """Its parameters in order, from `muscle.effects` and the like; neutral where not given."""
+        """Its parameters in order, from e.g. `muscle.effects`; neutral values where not given."""
         given = effects.get(self.name, {})
         return tuple(given.get(key, entry.neutral) for key, entry in self.parameters.items())
 
@@ -194,7 +194,7 @@ class Effect:
             if key not in self.parameters:
                 self._refuse(f"part 'portrait' has a size for {key!r}, which is no parameter")
         if self.is_neutral(self.portrait.sizes):
-            self._refuse("part 'portrait' shows it at its neutral values")
+            self._refuse("part 'portrait' shows the effect at its neutral values")
         for text in ("signature", "easily_taken_for", "told_apart_by"):
             if not getattr(self.portrait, text):
                 self._refuse(f"part 'portrait' has no {text}")

@@ -8,12 +8,12 @@ from pam_model.effects.slots import Adjusts
 
 
 def exhaust_ratio(ratio_before: float, ratio: float) -> float:
-    """Exhaust over supply conductance [-]."""
+    """Exhaust conductance over supply conductance [-]."""
     return ratio_before * ratio
 
 
 def wider_exhaust(opening: float, ratio: float) -> float:
-    """The opening [-] that passes what `opening` would on a valve with two equal paths."""
+    """Opening [-] that gives the flow of `opening` on a valve with two equal paths."""
     return opening / ratio if opening < 0.0 else opening
 
 
@@ -23,18 +23,18 @@ EFFECT = Effect(
     stage="valve",
     scope="muscle",
     description="the exhaust path lets less air through than the supply path",
-    law="C = ratio * sonic_conductance while x < 0",
+    law="C = C_e/C_s sonic_conductance for x < 0",
     source="ISO 6358-1, flow-rate characteristics of pneumatic components",
     parameters={
         "ratio": EffectParameter("C_e/C_s", "-", 1.0, 0.05, 2.0, "exhaust over supply conductance")
     },
     slots=(Adjusts("valve.exhaust_ratio", exhaust_ratio),),
     control=Inverse(
-        "opens the exhaust wider by the ratio, up to full opening; beyond that the valve is too "
-        "small",
+        "divides the exhaust opening by the ratio, up to full opening; larger flows are beyond the "
+        "valve",
         wider_exhaust,
     ),
-    plausibility=Included("the pressure observer's exhaust path has the true conductance"),
+    plausibility=Included("the pressure observer uses the true conductance of the exhaust path"),
     search=Search(
         ranges=lambda rig: {"ratio": Range(0.1, 1.9, 0.2, (0.75,))},
         shown_by=("commands",),
@@ -42,9 +42,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"ratio": 0.6},
-        signature="Venting is slower than filling: each cycle of equal commands pumps the pressure "
-        "up.",
+        signature="Venting is slower than filling: each cycle of symmetric commands raises the "
+        "pressure.",
         easily_taken_for="valve_null_offset on both valves.",
-        told_apart_by="Steps up and down of equal size.",
+        told_apart_by="Apply steps of equal size up and down.",
     ),
 )

@@ -1,7 +1,7 @@
-"""Friction of the braid's threads: rate-independent, growing with pressure.
+"""Friction between the threads of the braid: rate-independent, growing with pressure.
 
-Pull = h p b^2/(4 pi n^2) z, with the state z of pam_model.physics.dahl, which the controller runs
-along the reference ahead of time.
+Pull = h p b^2/(4 pi n^2) z, with the state z of pam_model.physics.dahl. The controller computes
+this state along the reference in advance.
 
 Source: P. R. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14(12), 1976.
 """
@@ -29,14 +29,14 @@ def friction_area(braid_area: float, amplitude: float) -> float:
 def friction_rate(
     state: float, speed: float, step: float, amplitude: float, presliding_length: float
 ) -> float:
-    """dz/dt [1/s] at dL/dt = `speed` [m/s], no faster than a step [s] can follow."""
+    """dz/dt [1/s] at dL/dt = `speed` [m/s], limited to what an integration step [s] can follow."""
     return dahl_rate(state, speed, presliding_length, step)
 
 
 def friction_step(
     state: float, stroke: float, duration: float, amplitude: float, presliding_length: float
 ) -> float:
-    """State z after a monotonic stroke [m] of any size; exact, and the duration plays no part."""
+    """Exact state z after a monotonic stroke [m] of any size; the duration has no influence."""
     return dahl_step(state, stroke, presliding_length)
 
 
@@ -61,7 +61,7 @@ def friction_response(
     amplitude: float,
     presliding_length: float,
 ) -> tuple[float, float, float]:
-    """dF/dL [N/m] while lengthening and while shortening; nothing changes at constant length."""
+    """dF/dL [N/m] while lengthening and while shortening; dF/dt at constant length is 0."""
     largest = friction_area(braid_area, amplitude) * max(pressure, 0.0)
     return (
         largest * dahl_slope(state, 1.0, presliding_length),
@@ -71,7 +71,7 @@ def friction_response(
 
 
 def unsettled(length: float, rest_length: float) -> float:
-    """Nothing tells in which state a muscle was left: the middle."""
+    """The state after an unknown motion is unknown; the middle of its range is assumed."""
     return 0.0
 
 
@@ -81,14 +81,14 @@ EFFECT = Effect(
     stage="muscle",
     scope="muscle",
     description="rate-independent thread friction that grows with pressure",
-    law="F = F_static + h p b^2/(4 pi n^2) z, |z| <= 1, z rising by dL/s_p until it slips",
-    source="Coulomb friction with presliding (Dahl's first-order form)",
+    law="F = F_static + h p b^2/(4 pi n^2) z, dz = (1 - sign(dL) z) dL/s_p (Dahl)",
+    source="Coulomb friction with presliding (first-order model of Dahl)",
     parameters={
         "amplitude": EffectParameter(
             "h", "-", 0.0, 0.0, 0.5, "saturated friction over p b^2/(4 pi n^2)"
         ),
         "presliding_length": EffectParameter(
-            "s_p", "m", 5e-4, 1e-6, 2e-2, "stroke to build it up", True
+            "s_p", "m", 5e-4, 1e-6, 2e-2, "stroke over which it builds up", True
         ),
     },
     slots=(PullState("hysteresis", friction_pull, friction_rate, friction_response, unsettled),),
@@ -98,8 +98,8 @@ EFFECT = Effect(
         friction_step,
     ),
     plausibility=Nothing(
-        "its state cannot be told from the pressures; it is a few per cent of the pull, which "
-        "`plausibility.torque_share` leaves room for"
+        "nothing, because the pressures do not determine its state; it is a few per cent of the "
+        "pull, which `plausibility.torque_share` tolerates"
     ),
     search=Search(
         ranges=lambda rig: {
@@ -110,9 +110,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"amplitude": 0.05, "presliding_length": 1e-3},
-        signature="Force on the way out differs from force on the way back, whatever the speed, "
-        "and more at high pressure.",
+        signature="Force against length is a hysteresis loop: lengthening and shortening give "
+        "different forces at any speed, and the difference grows with pressure.",
         easily_taken_for="coulomb_friction, which does not grow with pressure.",
-        told_apart_by="Slow cycles at two co-contraction levels; a load cell.",
+        told_apart_by="Move in slow cycles at two co-contraction levels; use a load cell.",
     ),
 )

@@ -1,4 +1,4 @@
-"""Air leaves the muscle to ambient, whatever the valve does."""
+"""Air leaks from the muscle to ambient, independent of the valve."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pam_model.gas.flow import reference_flow
 def leaking_flow(
     pressure: float, ambient_pressure: float, critical_ratio: float, conductance: float
 ) -> float:
-    """Flow out of the muscle over the reference density [m^3/s]; pressures absolute [Pa]."""
+    """Mass flow out of the muscle over rho0 [m^3/s]; pressures absolute [Pa]."""
     return reference_flow(conductance, critical_ratio, pressure, ambient_pressure)
 
 
@@ -20,13 +20,13 @@ EFFECT = Effect(
     order=80,
     stage="valve",
     scope="muscle",
-    description="air leaves the muscle to ambient",
+    description="air leaks from the muscle to ambient",
     law="mdot = ISO 6358 with C_l from muscle to ambient, always open",
     source="ISO 6358-1, flow-rate characteristics of pneumatic components",
-    parameters={"conductance": EffectParameter("C_l", "m^3/(s Pa)", 0.0, 0.0, 1e-8, "of the leak")},
+    parameters={"conductance": EffectParameter("C_l", "m^3/(s Pa)", 0.0, 0.0, 1e-8, "leak")},
     slots=(Leak(leaking_flow),),
-    control=Included("adds the leak's flow"),
-    plausibility=Included("the pressure observer loses the leak's flow"),
+    control=Included("adds the flow of the leak to the flow of the valve"),
+    plausibility=Included("the pressure observer includes the flow of the leak"),
     search=Search(
         ranges=lambda rig: {
             "conductance": Range(0.0, 0.5 * rig.flow, 0.01 * rig.flow, (0.01 * rig.flow,))
@@ -36,9 +36,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"conductance": 6e-11},
-        signature="Pressure falls with shut valves, the faster the higher it is; holds need a "
-        "constant positive command.",
+        signature="The pressure falls while the valves are shut, faster at higher pressure; "
+        "holding a pressure needs a constant positive command.",
         easily_taken_for="valve_null_offset, which does not depend on the pressure.",
-        told_apart_by="A leak-down with shut valves.",
+        told_apart_by="Record the pressure decay with shut valves.",
     ),
 )

@@ -1,4 +1,4 @@
-"""What the parts of an effect's declaration are made of; see declaration.py."""
+"""The types of the parts of an effect's declaration; see declaration.py."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ Stage = Literal["valve", "muscle", "joint", "sensing"]
 Scope = Literal["muscle", "joint", "rig"]
 Channel = Literal["commands", "position", "pulls"]
 EffectValues = Mapping[str, Mapping[str, float]]
-"""Effect name -> parameter name -> value, as a muscle, a joint or a rig carries it."""
+"""Effect name -> parameter name -> value, as stored in a muscle, a joint or a rig."""
 
 
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
-    """One number of an effect.
+    """One parameter of an effect.
 
     Attributes
     ----------
     symbol : str
-        As formulas write it.
+        Its symbol in formulas.
     unit : str
-        SI.
+        SI unit.
     neutral : float
-        What applies when a rig file leaves it out; for a magnitude, the value that adds nothing.
+        The default in a rig file; for a magnitude, the value at which the effect does nothing.
     low, high : float
-        What a rig file may say and a fit may try.
+        Bounds in a rig file and in a fit.
     description : str
         One line.
     is_shape : bool
-        It shapes an effect that another parameter switches on; alone it adds nothing.
+        It only shapes an effect that another parameter (a magnitude) switches on.
     """
 
     symbol: str
@@ -42,7 +42,7 @@ class EffectParameter:
     is_shape: bool = False
 
     def is_neutral(self, value: float) -> bool:
-        """Whether this value adds nothing: the neutral one, or beyond it where none is allowed."""
+        """Whether the value is neutral; below a neutral lower bound it counts as neutral."""
         return value <= self.neutral if self.low == self.neutral else value == self.neutral
 
 
@@ -51,14 +51,14 @@ class EffectParameter:
 
 @dataclass(frozen=True, slots=True)
 class Inverse:
-    """The controller undoes it between what a valve should pass and its command.
+    """The controller applies the inverse law between the wanted opening of a valve and its command.
 
     Attributes
     ----------
     how : str
         One or two sentences, for the controller's page.
     law : callable
-        law(opening, *parameters) -> the opening to ask for, so that the valve has `opening`.
+        law(opening, *parameters) -> the opening to command, so that the valve has `opening`.
     """
 
     how: str
@@ -74,14 +74,14 @@ class Lead:
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """The controller looks ahead, or compares with an earlier reference, by a known time."""
+    """The controller shifts its command or its reference in time by the known delay."""
 
     how: str
 
 
 @dataclass(frozen=True, slots=True)
 class TorqueFeedforward:
-    """The controller adds the torque that it costs along the reference.
+    """The controller adds the torque that the effect costs along the reference.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class TorqueFeedforward:
         One or two sentences, for the controller's page.
     step : callable, optional
         For an effect with a PullState: step(state, stroke, duration, *parameters) -> the state
-        after the muscle has lengthened evenly by `stroke` [m] within `duration` [s].
+        after lengthening by `stroke` [m] at constant speed within `duration` [s].
     """
 
     how: str
@@ -105,14 +105,14 @@ class Correction:
 
 @dataclass(frozen=True, slots=True)
 class Included:
-    """It is part of a model that is used as a whole, such as the effective force model."""
+    """The effect is part of a model that is used as a whole, such as the effective force model."""
 
     how: str
 
 
 @dataclass(frozen=True, slots=True)
 class Nothing:
-    """Nothing is done about it, for the reason that `how` gives."""
+    """Nothing is done about the effect; `how` gives the reason."""
 
     how: str
 
@@ -126,7 +126,7 @@ PlausibilityTreatment = Inverse | Lead | Delay | Correction | Included | Nothing
 
 @dataclass(frozen=True, slots=True)
 class RigScales:
-    """Quantities of a rig that set how large an effect on it is.
+    """Quantities of a rig that determine the typical size of an effect.
 
     Attributes
     ----------
@@ -135,19 +135,19 @@ class RigScales:
     volume : float
         Gas volume of the agonist at its neutral length [m^3].
     force : float
-        Its pull there at 40 % of the supply's gauge pressure [N].
+        Pull of the agonist at this length and at 40 % of the supply's gauge pressure [N].
     torque : float
-        That pull on the pulley [N m].
+        Torque of this pull on the pulley [N m].
     stroke : float
-        Rest length less neutral length, at least 2 % of the rest length [m].
+        Rest length minus neutral length, at least 2 % of the rest length [m].
     pressure : float
         40 % of the supply's gauge pressure [Pa].
     reach : float
-        That pressure times the neutral length [Pa m].
+        This pressure times the neutral length [Pa m].
     viscous_friction : float
-        As written for the joint [N m s/rad].
+        Of the joint, as stated in the rig file [N m s/rad].
     contraction_factor : float
-        The larger one that the muscles' force models have already [-].
+        The larger contraction factor of the two muscles' force models [-].
     """
 
     flow: float
@@ -172,23 +172,23 @@ SAMPLE_SCALES = RigScales(
     viscous_friction=0.05,
     contraction_factor=1.0,
 )
-"""An ordinary rig, on which an effect's search is tried out when the effect is made."""
+"""A typical rig, for which the ranges of an effect are checked when the effect is created."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Where a search for one parameter may go.
+    """Bounds, step size and starting points of the search for one parameter.
 
     Attributes
     ----------
     low, high : float
-        Bounds, cut to those of the parameter.
+        Bounds, limited to those of the parameter.
     size : float
-        A sizeable change: of the value, or of its logarithm.
+        A considerable change of the value or, with `logarithmic`, of its logarithm.
     starts : tuple of float
-        Where searches begin.
+        Starting points.
     logarithmic : bool
-        The search moves the logarithm.
+        The search variable is the logarithm of the value.
     """
 
     low: float
@@ -200,16 +200,16 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Richer:
-    """It contains a simpler effect for some of its values, and is searched from there as well.
+    """The effect contains a simpler one as a special case, and is also searched from its values.
 
     Attributes
     ----------
     than : str
-        The simpler effect.
+        Name of the simpler effect.
     starts : callable
         starts(values of the simpler effect by parameter name) -> one mapping of parameter name to
-        value per search; a parameter it does not name keeps the value of the simpler effect's
-        parameter of that name, or its own start.
+        value per search. A parameter that the mapping does not name starts at the value of the
+        simpler effect's parameter of the same name or, without one, at its own starting point.
     """
 
     than: str
@@ -218,20 +218,20 @@ class Richer:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """Where the diagnosis begins and how far it goes.
+    """Starting points and bounds of the diagnosis, and what it needs to see the effect.
 
     Attributes
     ----------
     ranges : callable
         ranges(RigScales) -> Range of every parameter.
     shown_by : tuple of str
-        Recorded channels of which at least one is needed; empty: the pressures alone show it.
+        Recorded channels of which at least one is needed; empty if the pressures alone suffice.
     is_one_sided : bool
-        It belongs to one valve or one sensor, and is tried on each muscle by itself.
+        The effect belongs to one valve or one sensor; it is also fitted to each muscle alone.
     shows_when_shut : bool
-        For the valve stage: it can be seen while the valves are shut.
+        For the valve stage: the effect is visible while the valves are shut.
     is_sharp : bool
-        Its law has one form only, so that what it leaves unexplained is something else.
+        The law has only one form, so that a residual after its fit has another cause.
     richer : Richer, optional
         For an effect that contains a simpler one.
     """
@@ -246,18 +246,18 @@ class Search:
 
 @dataclass(frozen=True, slots=True)
 class Portrait:
-    """How the page of effects shows it.
+    """What the page of effects shows.
 
     Attributes
     ----------
     sizes : mapping of str to float
-        Parameters of the picture.
+        Parameter values of the picture.
     signature : str
-        What a person sees, in whole sentences.
+        What a person sees in the recording, in full sentences.
     easily_taken_for : str
-        Which other effects look alike.
+        Other effects that look similar.
     told_apart_by : str
-        The motion or measurement that shows it best.
+        The motion or measurement that distinguishes them best.
     """
 
     sizes: Mapping[str, float]

@@ -18,7 +18,7 @@ def inertia_with_payload(inertia: float, mass: float, distance: float) -> float:
 
 
 def gravity_with_payload(gravity_torque: float, mass: float, distance: float) -> float:
-    """Largest torque of gravity [N m]."""
+    """Amplitude of the gravity torque [N m]."""
     return gravity_torque + mass * GRAVITY * distance
 
 
@@ -28,18 +28,18 @@ EFFECT = Effect(
     stage="joint",
     scope="joint",
     description="a point mass at a distance from the axis",
-    law="gravity_torque + m g l, inertia + m l^2, g = 9.80665 m/s^2",
+    law="gravity_torque + m g l; inertia + m l^2; g = 9.80665 m/s^2",
     source="rigid body",
     parameters={
-        "mass": EffectParameter("m", "kg", 0.0, 0.0, 100.0, "of the load"),
-        "distance": EffectParameter("l", "m", 0.3, 0.0, 2.0, "from the joint's axis", True),
+        "mass": EffectParameter("m", "kg", 0.0, 0.0, 100.0, "mass"),
+        "distance": EffectParameter("l", "m", 0.3, 0.0, 2.0, "distance from the joint axis", True),
     },
     slots=(
         Adjusts("joint.inertia", inertia_with_payload),
         Adjusts("joint.gravity_torque", gravity_with_payload),
     ),
     control=Included("included in the inverse dynamics and in the gain design"),
-    plausibility=Included("the torque balance has the true inertia and gravity torque"),
+    plausibility=Included("the torque balance uses the true inertia and gravity torque"),
     search=Search(
         ranges=lambda rig: {
             "mass": Range(1e-3, 30.0, 0.5, (0.3,), True),
@@ -50,8 +50,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"mass": 0.8, "distance": 0.25},
-        signature="More pressure for the same angle away from the vertical, and slower swings.",
+        signature="The same angle away from the vertical needs more pressure, and the joint swings "
+        "more slowly.",
         easily_taken_for="pulley_radius, bladder_elasticity.",
-        told_apart_by="Turn the joint over (gravity flip), or swing it vented.",
+        told_apart_by="Mount the joint upside down, or let it swing with vented muscles.",
     ),
 )

@@ -1,4 +1,4 @@
-"""Positions are stamped later than they were measured."""
+"""The time stamps of the positions are later than the measurements."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def longer_delay(delay_before: float, delay: float) -> float:
-    """Age of a reading at its stamp [s]."""
+    """Age of a reading at its time stamp [s]."""
     return delay_before + delay
 
 
@@ -17,11 +17,11 @@ EFFECT = Effect(
     order=230,
     stage="sensing",
     scope="joint",
-    description="the readings of the encoder are stamped late",
+    description="the time stamps of the encoder's readings are late",
     law="q_measured(t) = q(t - t_q)",
-    source="sensor",
+    source="sensor model",
     parameters={
-        "delay": EffectParameter("t_q", "s", 0.0, 0.0, 0.2, "age of the reading at its stamp")
+        "delay": EffectParameter("t_q", "s", 0.0, 0.0, 0.2, "age of the reading at its time stamp")
     },
     slots=(Adjusts("position_sensor.delay", longer_delay),),
     control=Delay(
@@ -29,7 +29,8 @@ EFFECT = Effect(
         "delay in the gain design"
     ),
     plausibility=Nothing(
-        "the torque balance is low-passed over 0.15 s, against which the delay is short"
+        "nothing, because the torque balance is low-pass filtered over 0.15 s, which is long "
+        "compared with the delay"
     ),
     search=Search(
         ranges=lambda rig: {"delay": Range(0.0, 0.15, 0.01, (0.01, 0.03))},
@@ -38,8 +39,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"delay": 0.02},
-        signature="Only the angle is late: pressures fit, acceleration leads.",
+        signature="Only the angle is late: the pressures agree with the model, but the measured "
+        "motion follows them too late.",
         easily_taken_for="viscous_friction, command_delay.",
-        told_apart_by="A chirp of the joint.",
+        told_apart_by="Move the joint with a chirp.",
     ),
 )

@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def sensor_bias(bias_before: float, bias: float) -> float:
-    """What the sensor adds to the pressure [Pa]."""
+    """Bias that the sensor adds to the pressure [Pa]."""
     return bias_before + bias
 
 
@@ -19,11 +19,11 @@ EFFECT = Effect(
     scope="muscle",
     description="one pressure sensor does not read zero at ambient pressure",
     law="p_measured = p + p_0",
-    source="sensor",
+    source="sensor model",
     parameters={"bias": EffectParameter("p_0", "Pa", 0.0, -1e5, 1e5, "added to the reading")},
     slots=(Adjusts("pressure_sensor.bias", sensor_bias),),
     control=Correction("corrects the measurements; `pressure_states` still shows the raw reading"),
-    plausibility=Correction("pressures are corrected before they are judged"),
+    plausibility=Correction("pressures are corrected before they are checked"),
     search=Search(
         ranges=lambda rig: {"bias": Range(-9e4, 9e4, 5e3, (5e3, -5e3))},
         shown_by=(),
@@ -32,8 +32,8 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"bias": 1.2e4},
-        signature="One sensor does not read zero when vented.",
+        signature="One sensor does not read zero when its muscle is vented.",
         easily_taken_for="pressure_gain, when the pressure hardly changes.",
-        told_apart_by="Vent, and read the sensor.",
+        told_apart_by="Vent the muscles and read the sensors.",
     ),
 )

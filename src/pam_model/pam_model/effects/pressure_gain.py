@@ -19,11 +19,11 @@ EFFECT = Effect(
     scope="muscle",
     description="the gain of one pressure sensor is not 1",
     law="p_measured = g p",
-    source="sensor",
+    source="sensor model",
     parameters={"gain": EffectParameter("g", "-", 1.0, 0.5, 2.0, "reading over pressure")},
     slots=(Adjusts("pressure_sensor.gain", sensor_gain),),
     control=Correction("corrects the measurements; `pressure_states` still shows the raw reading"),
-    plausibility=Correction("pressures are corrected before they are judged"),
+    plausibility=Correction("pressures are corrected before they are checked"),
     search=Search(
         ranges=lambda rig: {"gain": Range(0.6, 1.6, 0.05, (1.04, 0.96))},
         shown_by=(),
@@ -32,8 +32,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"gain": 1.08},
-        signature="One sensor is wrong in proportion: torque and flow disagree on that side.",
-        easily_taken_for="pressure_bias, when the pressure hardly changes; a valve asymmetry.",
-        told_apart_by="Holds at several pressures; vent to zero.",
+        signature="The error of one sensor is proportional to the pressure: torque and flow do not "
+        "agree with the readings of this muscle.",
+        easily_taken_for="pressure_bias, when the pressure hardly changes; unequal valves.",
+        told_apart_by="Hold several pressures, and vent to zero.",
     ),
 )

@@ -1,4 +1,4 @@
-"""The pressure sensors filter."""
+"""The pressure sensors filter their readings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def longer_lag(lag_before: float, time_constant: float) -> float:
-    """Time constant of the sensor's first-order lag [s]."""
+    """Time constant of the sensor's first-order filter [s]."""
     return lag_before + time_constant
 
 
@@ -19,13 +19,13 @@ EFFECT = Effect(
     scope="muscle",
     description="the pressure sensor filters its reading",
     law="dp_measured/dt = (p - p_measured)/tau_p",
-    source="sensor",
-    parameters={"time_constant": EffectParameter("tau_p", "s", 0.0, 0.0, 0.5, "first order")},
+    source="sensor model",
+    parameters={"time_constant": EffectParameter("tau_p", "s", 0.0, 0.0, 0.5, "time constant")},
     slots=(Adjusts("pressure_sensor.lag", longer_lag),),
-    control=Included("includes it in the gain design as a delay"),
+    control=Included("included in the gain design as a delay"),
     plausibility=Nothing(
-        "the observer is pulled to the measurement; `plausibility.pressure_residual` has to cover "
-        "the lag in fast changes"
+        "nothing, because the observer corrects itself with the measurement; "
+        "`plausibility.pressure_residual` must be larger than the lag error in fast changes"
     ),
     search=Search(
         ranges=lambda rig: {"time_constant": Range(0.0, 0.3, 0.01, (0.01, 0.03))},
@@ -35,7 +35,7 @@ EFFECT = Effect(
         sizes={"time_constant": 0.03},
         signature="Pressure readings are late and smoothed: the joint moves before the sensor "
         "shows the pressure that moves it.",
-        easily_taken_for="valve_lag, where the joint waits too.",
-        told_apart_by="A chirp: angle against pressure.",
+        easily_taken_for="valve_lag, where the joint is late as well.",
+        told_apart_by="Move with a chirp and compare angle and pressure.",
     ),
 )

@@ -1,4 +1,4 @@
-"""The moment arm of the muscles is not as written."""
+"""The moment arm of the muscles differs from the rig file."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ EFFECT = Effect(
     order=210,
     stage="joint",
     scope="joint",
-    description="the moment arm differs from the rig file's",
+    description="the moment arm differs from the rig file",
     law="r = pulley_radius * s",
     source="geometry",
-    parameters={"scale": EffectParameter("s", "-", 1.0, 0.5, 2.0, "true over written radius")},
+    parameters={"scale": EffectParameter("s", "-", 1.0, 0.5, 2.0, "true over stated radius")},
     slots=(Adjusts("joint.pulley_radius", true_radius),),
     control=Included("included in torque, stiffness, lengths and gain design"),
-    plausibility=Included("the torque balance and the gas volumes have the true radius"),
+    plausibility=Included("torque balance and gas volumes use the true radius"),
     search=Search(
         ranges=lambda rig: {"scale": Range(0.5, 2.0, 0.05, (1.05, 0.95))},
         shown_by=("position",),
@@ -31,8 +31,8 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"scale": 0.9},
-        signature="Torque and muscle travel per radian are both off by the same factor.",
+        signature="Torque and muscle travel per radian are wrong by the same factor.",
         easily_taken_for="payload, end_caps, bladder_elasticity.",
-        told_apart_by="Move the joint with shut valves: the pressures tell the travel.",
+        told_apart_by="Move the joint with shut valves: the pressures show the travel.",
     ),
 )

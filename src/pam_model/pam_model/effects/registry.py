@@ -1,35 +1,36 @@
-"""What an ideal rig leaves out: every effect by its name, found in the files of this folder.
+"""The registry of effects: every effect by its name, found in the files of this folder.
 
 A rig file names effects under `<muscle>.effects.<effect>.<parameter>`,
-`<joint>.effects.<effect>.<parameter>` or, for what the whole rig shares,
-`effects.<effect>.<parameter>`. Simulation applies them, diagnosis fits them, estimator, controller
-and plausibility check take them into account. A parameter at its `neutral` value adds nothing. Some
-parameters only shape an effect that another one switches on (a time constant, a volume): their
-neutral value is what applies when a rig file leaves them out.
+`<joint>.effects.<effect>.<parameter>` or, for the whole rig, `effects.<effect>.<parameter>`. The
+simulation applies them, the diagnosis fits them, and estimator, controller and plausibility check
+take them into account. An effect whose magnitudes have their `neutral` values does nothing. Other
+parameters only shape an effect (a time constant, a volume): their neutral value is the default that
+applies when a rig file does not state them.
 
-One effect is one file `pam_model/effects/<name>.py` that makes one `EFFECT = Effect(...)`
-(declaration.py lists the parts, parts.py what they are made of, slots.py where a law may enter the
-plant). Nothing else names the effects: the plant's parameters, layout and calls, the keys of the
-rig file, the candidates of the diagnosis and the tables of the docs are made from `EFFECTS`.
-Effects of your own need not stand in this folder: the environment variable PAM_EFFECTS names
-further folders (separated as in PATH).
+One effect is one file `pam_model/effects/<name>.py` that creates one `EFFECT = Effect(...)`.
+declaration.py lists the parts, parts.py holds their types, slots.py lists the places where a law
+may enter the plant. Nothing else names the effects: the plant's parameters, layout and calls, the
+keys of the rig file, the candidates of the diagnosis and the tables of the docs are generated from
+`EFFECTS`. Your own effects may be in other folders: the environment variable PAM_EFFECTS lists them
+(separated as in PATH).
 
 How to use an effect elsewhere:
 
-- `EFFECTS[name]` has all parts; `EFFECTS[name].values(muscle.effects)` its parameters in order, as
-  every law takes them; `effect_value(muscle.effects, effect, parameter)` a single one.
+- `EFFECTS[name]` has all parts. `EFFECTS[name].values(muscle.effects)` gives the parameters in the
+  order of every law's arguments, `effect_value(muscle.effects, effect, parameter)` a single one.
 - `adjusted(target, written, effects)` is a number of the ideal rig after all effects that change
-  it: `adjusted("joint.inertia", joint.inertia, joint.effects)` holds the payload,
-  `adjusted("valve.time_constant", valve.time_constant, muscle.effects)` the slower spool. Targets
-  are in `slots.TARGETS`; sensors, delays, tube, reservoir and cable are targets as well, with an
-  ideal value that need not be given (`adjusted("pressure_sensor.gain", None, muscle.effects)`).
+  it: `adjusted("joint.inertia", joint.inertia, joint.effects)` includes the payload,
+  `adjusted("valve.time_constant", valve.time_constant, muscle.effects)` the slower spool.
+  `slots.TARGETS` lists the targets. Those of sensors, delays, tube, reservoir and cable have an
+  ideal value, so that `written` is None (`adjusted("pressure_sensor.gain", None, muscle.effects)`).
 - `filled(kind)` lists the effects that fill a slot in the order in which the plant applies them:
   `for effect, slot in filled(Opening): x = slot.law(x, *effect.values(muscle.effects))`.
-- `EFFECTS[name].control` and `.plausibility` declare what is done about it: `Inverse` carries the
-  inverse law; to undo a chain of Opening laws apply the inverses in reverse order.
-- What else plant and controller share is a plain function: in the effect's file
-  (`hysteresis.friction_area`, `creep.maxwell_step`, `stribeck_friction.stribeck_curve`), or on the
-  ground floor where several effects use it (`pam_model.physics.dahl`, `pam_model.gas`).
+- `EFFECTS[name].control` and `.plausibility` declare what controller and plausibility check do.
+  `Inverse` holds the inverse law; to invert a chain of Opening laws, apply the inverses in reverse
+  order.
+- Other laws that plant and controller share are plain functions in the effect's file
+  (`hysteresis.friction_area`, `creep.maxwell_step`, `stribeck_friction.stribeck_curve`) or, if
+  several effects use them, in `pam_model.physics` and `pam_model.gas`.
 """
 
 from __future__ import annotations
@@ -48,17 +49,17 @@ from pam_model.effects.parts import EffectValues
 from pam_model.effects.slots import TARGETS, Adjusts, Chamber, Opening, Slot, Thread
 
 HOUSE: Final = ("__init__", "declaration", "parts", "registry", "slots")
-"""Files of this folder that are no effects."""
+"""Files of this folder that declare no effect."""
 _HERE: Final = Path(__file__).parent
 
 
 def effect_files() -> tuple[Path, ...]:
-    """The files of all effects: of this folder, then of those that PAM_EFFECTS names.
+    """The files of all effects: of this folder, then of the folders listed in PAM_EFFECTS.
 
     Raises
     ------
     EffectError
-        For a folder that is not there.
+        If a folder does not exist.
     """
     found = [path for path in sorted(_HERE.glob("*.py")) if path.stem not in HOUSE]
     for entry in filter(None, os.environ.get("PAM_EFFECTS", "").split(os.pathsep)):
@@ -82,12 +83,12 @@ def _module(path: Path) -> ModuleType:
 
 
 def load_effect(path: Path) -> Effect:
-    """The effect that a file declares.
+    """Load the effect that a file declares.
 
     Raises
     ------
     EffectError
-        For a file without `EFFECT`, of another name than its effect, or an incomplete effect.
+        If the file has no `EFFECT` or another name than its effect, or the effect is incomplete.
     """
     effect = getattr(_module(path), "EFFECT", None)
     if not isinstance(effect, Effect):
@@ -98,12 +99,13 @@ def load_effect(path: Path) -> Effect:
 
 
 def check_together(effects: Mapping[str, Effect]) -> None:
-    """Check what effects must agree on.
+    """Check that no two effects claim the same thing.
 
     Raises
     ------
     EffectError
-        For a place or a structural slot that two effects claim.
+        If two effects claim the same order, place, structural slot or structural target, or if the
+        simpler effect of `Richer` does not exist.
     """
     claimed: dict[object, str] = {}
     for effect in effects.values():
@@ -143,7 +145,7 @@ EFFECTS: Final[Mapping[str, Effect]] = _discover()
 
 
 def effect_value(effects: EffectValues, effect: str, parameter: str) -> float:
-    """One parameter of one effect, its neutral value where a rig does not name it.
+    """One parameter of one effect, or its neutral value if the rig does not state it.
 
     Parameters
     ----------
@@ -159,7 +161,7 @@ def effect_value(effects: EffectValues, effect: str, parameter: str) -> float:
 
 
 def active(effect: Effect, effects: EffectValues) -> bool:
-    """Whether the parameters that a muscle, joint or rig carries switch an effect on."""
+    """Whether the effects of a muscle, joint or rig switch this effect on."""
     return effect.name in effects and not effect.is_neutral(effects[effect.name])
 
 
@@ -184,7 +186,7 @@ def adjusted(target: str, written: float | None, effects: EffectValues) -> float
     target : str
         One of `slots.TARGETS`.
     written : float or None
-        As the rig file states it; None for a target that has an ideal value.
+        The value stated in the rig file; None for a target that has an ideal value.
     effects : mapping
         `muscle.effects` for a target of a muscle, `joint.effects` for one of a joint, `rig.effects`
         for the reservoir's.
@@ -192,7 +194,7 @@ def adjusted(target: str, written: float | None, effects: EffectValues) -> float
     Raises
     ------
     EffectError
-        For an unknown target, or None where the rig file has to state the value.
+        For an unknown target, or for None where the target has no ideal value.
     """
     if target not in TARGETS:
         raise EffectError(f"no target {target!r}; known: {', '.join(TARGETS)}")

@@ -1,19 +1,19 @@
-"""Where an effect enters the plant: the slots, and what a law in each of them is given.
+"""The slots: where an effect enters the plant, and the arguments of the law in each of them.
 
-A law is a plain Python function of floats. The plant compiles it with numba where that is
-installed; estimator, controller and plausibility check call the very same function. Each law
-takes the arguments listed at its slot, followed by the effect's parameters in the order in which
-the effect declares them, each at its value or at its neutral value. A law that is compiled may
-call `math` and other plain functions of floats; it must not use arrays, strings or keyword
+A law is a plain Python function of floats. The plant compiles it with numba if numba is
+installed; estimator, controller and plausibility check call the same function. Each law takes the
+arguments listed at its slot, followed by all parameters of the effect in the order of their
+declaration; a parameter that the rig does not state has its neutral value. A law that is compiled
+may call `math` and other plain functions of floats; it must not use arrays, strings or keyword
 arguments.
 
-Slots of one kind are filled by any number of effects: their contributions are chained (Adjusts,
-Opening) or added (Leak, PassivePull, PullState, DryFriction, JointTorque). Chamber and Thread, and
-the targets of Adjusts that are marked structural, describe one thing that a rig has once: a
-second effect that fills one of them is refused at import.
+Any number of effects may fill slots of one kind: their contributions are chained (Adjusts,
+Opening) or added (Leak, PassivePull, PullState, DryFriction, JointTorque). Chamber, Thread and the
+structural targets of Adjusts describe something that a rig has only once: if a second effect fills
+one of them, the import fails.
 
 Pressures are absolute in Leak and Chamber, gauge elsewhere. Flows are volume flows at the ISO 8778
-reference density (mass flow over rho0) [m^3/s].
+reference density: mass flow over rho0 [m^3/s]. Only Chamber takes mass flows [kg/s].
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Target:
     scope : str
         "joint" (once per plant) or "muscle".
     ideal : float or None
-        Its value on the ideal rig; None where the rig file states it.
+        Its value on the ideal rig; None if the rig file states the value.
     is_structural : bool
         Only one effect may change it.
     """
@@ -67,12 +67,12 @@ TARGETS: Mapping[str, Target] = {
     "pressure_sensor.bias": Target("muscle", 0.0),  # Pa, added after the gain
     "pressure_sensor.lag": Target("muscle", 0.0),  # s, first order, after gain and bias
 }
-"""What Adjusts may name, by the plant's own parameter names."""
+"""The targets of Adjusts, by the plant's parameter names."""
 
 
 @dataclass(frozen=True, slots=True)
 class Adjusts:
-    """Changes a number of the ideal rig, before anything is simulated.
+    """Change a number of the ideal rig before the simulation begins.
 
     Attributes
     ----------
@@ -89,14 +89,14 @@ class Adjusts:
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """From the position of a flow valve's spool to its opening.
+    """Convert the spool position of a flow valve to its opening.
 
     Attributes
     ----------
     law : callable
         law(opening, *parameters) -> opening, -1 (exhaust) to 1 (supply).
     place : int
-        Laws are applied in the order of their places; two effects cannot share one.
+        Laws are applied in the order of their places; every place is unique.
     """
 
     context: ClassVar[tuple[str, ...]] = ("opening",)
@@ -106,7 +106,7 @@ class Opening:
 
 @dataclass(frozen=True, slots=True)
 class Leak:
-    """Gas that leaves the muscle, added over all effects.
+    """Gas that leaves the muscle; the flows of all effects are added.
 
     Attributes
     ----------
@@ -121,18 +121,18 @@ class Leak:
 
 @dataclass(frozen=True, slots=True)
 class Chamber:
-    """Replaces the polytropic chamber. Structural: one effect.
+    """Replace the polytropic chamber. Structural: only one effect may fill it.
 
     Attributes
     ----------
     law : callable
         law(pressure, temperature, volume, volume_per_pressure, flow_in, flow_out,
         wall_temperature, *parameters) -> (dP/dt [Pa/s], dT/dt [K/s]) at constant muscle length;
-        mass flows [kg/s] as at the wall temperature.
+        mass flows [kg/s] calculated for gas at the wall temperature.
     exponent : float
-        -dln P/dln V of the shut chamber under a sudden change of volume.
+        -dln P/dln V of the shut chamber for a sudden change of volume.
     heat_rate : callable
-        heat_rate(mass, *parameters) -> rate at which the gas takes the wall's temperature [1/s],
+        heat_rate(mass, *parameters) -> rate at which the gas approaches wall temperature [1/s],
         so that the plant can choose a stable step.
     """
 
@@ -152,13 +152,13 @@ class Chamber:
 
 @dataclass(frozen=True, slots=True)
 class Thread:
-    """The length of the braid's threads under load, in force and volume. Structural: one effect.
+    """The length of the threads under load. Structural: only one effect may fill it.
 
     Attributes
     ----------
     law : callable
         law(pressure, length, thread_length, *parameters) -> (stretched length b [m],
-        db/dp [m/Pa], db/dL [-]); `thread_length` is the rig file's.
+        db/dp [m/Pa], db/dL [-]); `thread_length` is that of the rig file.
     """
 
     context: ClassVar[tuple[str, ...]] = ("pressure", "length", "thread_length")
@@ -167,7 +167,7 @@ class Thread:
 
 @dataclass(frozen=True, slots=True)
 class PassivePull:
-    """A pull that depends on the muscle's length alone, added over all effects.
+    """A pull that depends only on the muscle's length; the pulls of all effects are added.
 
     Attributes
     ----------
@@ -181,10 +181,10 @@ class PassivePull:
 
 @dataclass(frozen=True, slots=True)
 class PullState:
-    """A state of the muscle with a memory, and the pull it adds; one per effect, added.
+    """A dynamic state of the muscle and the pull it adds; each effect has its own state.
 
-    `braid_area` below is b^2/(4 pi n^2) [m^2], `braid_slope` is 6 rest_length/(4 pi n^2) [m]: the
-    braid's dF/dL at its rest length over its pressure.
+    The pulls of all effects are added. `braid_area` below is b^2/(4 pi n^2) [m^2]. `braid_slope` is
+    6 rest_length/(4 pi n^2) [m], which is dF/dL of the braid at its rest length over its pressure.
 
     Attributes
     ----------
@@ -194,14 +194,14 @@ class PullState:
         pull(state, pressure, braid_area, braid_slope, *parameters) -> (pull [N], dF/dp [m^2]).
     rate : callable
         rate(state, speed, step, *parameters) -> d state/dt; `speed` is dL/dt [m/s], `step` the
-        length of the integration step [s], which a fast state must not outrun.
+        integration step [s]; the rate of a fast state must be limited to stay stable with it.
     response : callable
         response(state, pressure, braid_area, braid_slope, *parameters) -> (dF/dL [N/m] that the
         state adds while the muscle lengthens, dF/dL while it shortens, dF/dt [N/s] at constant
-        length): what a compliant cable sees of it.
+        length): the plant needs them for a compliant cable.
     unsettled : callable
-        unsettled(length, rest_length) -> the state of a muscle that was just brought to `length`
-        from its rest length. 0 is the state of one that has been there for long.
+        unsettled(length, rest_length) -> the state of a muscle that was just moved from its rest
+        length to `length`. 0 is the state of a muscle that has been at this length for long.
     """
 
     context: ClassVar[tuple[str, ...]] = ("state", "pressure", "braid_area", "braid_slope")
@@ -214,15 +214,15 @@ class PullState:
 
 @dataclass(frozen=True, slots=True)
 class DryFriction:
-    """Dry friction at the joint, added over all effects. The plant knows how to stick and slide.
+    """Dry friction at the joint, added over all effects; the plant handles sticking and sliding.
 
     Attributes
     ----------
     law : callable
         law(speed, *parameters) -> magnitude [N m] at a joint speed [rad/s].
     presliding : str
-        The parameter that holds the angle over which the contact yields before it slides [rad]; of
-        several effects, the softest contact applies.
+        Name of the parameter for the angle over which the contact yields before it slides [rad]. If
+        there are several effects, the softest contact applies.
     """
 
     context: ClassVar[tuple[str, ...]] = ("speed",)
@@ -232,7 +232,7 @@ class DryFriction:
 
 @dataclass(frozen=True, slots=True)
 class JointTorque:
-    """A smooth torque at the joint, added over all effects.
+    """A smooth torque at the joint; the torques of all effects are added.
 
     Attributes
     ----------
@@ -266,11 +266,11 @@ SCOPES: Mapping[type, str] = {
     DryFriction: "joint",
     JointTorque: "joint",
 }
-"""The scope that an effect must have to fill a slot; that of Adjusts is its target's."""
+"""The scope that an effect must have to fill a slot; for Adjusts the target determines it."""
 
 
 def laws_of(slot: Slot) -> Mapping[str, tuple[tuple[str, ...], Callable[..., object]]]:
-    """Every function of a slot by its name, with the arguments before the effect's parameters."""
+    """The laws of a slot by name, each with the arguments before the effect's parameters."""
     if isinstance(slot, PullState):
         return {
             "pull": (slot.context, slot.pull),

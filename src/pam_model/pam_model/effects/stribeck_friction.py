@@ -1,6 +1,6 @@
-"""Dry friction at the joint that falls with speed.
+"""Dry friction at the joint that decreases with speed.
 
-Friction that rises with speed is no Stribeck curve: at rest it is never below that at speed.
+A Stribeck curve never rises with speed: static friction below kinetic friction counts as equal.
 
 Source: Stribeck curve as in H. Olsson, K. J. Astrom, C. Canudas de Wit, M. Gafvert, P. Lischinsky,
 "Friction models and friction compensation", European Journal of Control 4(3), 1998; presliding:
@@ -26,7 +26,7 @@ from pam_model.effects.parts import (
 from pam_model.effects.slots import DryFriction
 
 RISING_SPEEDS: Final = (0.05, 0.3)
-"""Speeds [rad/s] over which the curve may fall: where searches begin."""
+"""Starting points of the Stribeck speed in a search [rad/s]."""
 
 
 def stribeck_curve(
@@ -38,7 +38,7 @@ def stribeck_curve(
 
 
 def starts_from_coulomb(known: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:
-    """The same torque and presliding, a little more at rest, over a low or a high speed."""
+    """Similar torque, the same presliding, more static friction, a low and a high speed."""
     return tuple(
         {"static_torque": 1.4 * known["torque"], "torque": 0.9 * known["torque"], "speed": speed}
         for speed in RISING_SPEEDS
@@ -50,15 +50,15 @@ EFFECT = Effect(
     order=180,
     stage="joint",
     scope="joint",
-    description="dry friction that falls with speed",
-    law="torque = -(T_c + (T_s - T_c) exp(-(qd/w_s)^2)) z, z as in coulomb_friction",
+    description="dry friction that decreases with speed",
+    law="torque = -(T_c + (T_s - T_c) exp(-(qd/w_s)^2)) z; z as in coulomb_friction",
     source="Stribeck curve; presliding: Dahl, A solid friction model (1968)",
     parameters={
-        "static_torque": EffectParameter("T_s", "N m", 0.0, 0.0, 100.0, "at rest; T_c where below"),
+        "static_torque": EffectParameter("T_s", "N m", 0.0, 0.0, 100.0, "at rest; T_c if smaller"),
         "torque": EffectParameter("T_c", "N m", 0.0, 0.0, 100.0, "at speed"),
-        "speed": EffectParameter("w_s", "rad/s", 0.1, 1e-3, 10.0, "over which it falls", True),
+        "speed": EffectParameter("w_s", "rad/s", 0.1, 1e-3, 10.0, "Stribeck speed", True),
         "presliding_angle": EffectParameter(
-            "q_p", "rad", 0.0, 0.0, 0.1, "elastic turn before it slides", True
+            "q_p", "rad", 0.0, 0.0, 0.1, "elastic rotation before sliding", True
         ),
     },
     slots=(DryFriction(stribeck_curve, presliding="presliding_angle"),),
@@ -66,7 +66,7 @@ EFFECT = Effect(
         "adds the friction torque in the direction of the reference velocity, smoothed below "
         "0.03 rad/s; from rest the integrator overcomes it"
     ),
-    plausibility=Included("the torque balance leaves room for the friction's magnitude"),
+    plausibility=Included("the torque balance tolerates the magnitude of the friction"),
     search=Search(
         ranges=lambda rig: {
             "static_torque": Range(0.0, 5.0 * rig.torque, 0.05 * rig.torque, (0.06 * rig.torque,)),
@@ -79,8 +79,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"static_torque": 1.0, "torque": 0.4, "speed": 0.1},
-        signature="As dry friction, but it lets go with a jump: stick and slip at low speed.",
-        easily_taken_for="coulomb_friction, when the motion never is slow.",
-        told_apart_by="Very slow ramps.",
+        signature="As coulomb_friction, but the joint breaks away with a jump: stick-slip motion "
+        "at low speed.",
+        easily_taken_for="coulomb_friction, if the motion is never slow.",
+        told_apart_by="Move in very slow ramps.",
     ),
 )

@@ -28,7 +28,7 @@ EFFECT = Effect(
     source="ISO 6358-1, flow-rate characteristics of pneumatic components",
     parameters={
         "conductance": EffectParameter(
-            "C_s", "m^3/(s Pa)", 0.0, 0.0, 1e-6, "refill path; 0: no droop"
+            "C_s", "m^3/(s Pa)", 0.0, 0.0, 1e-6, "refill path; 0: ideal supply"
         ),
         "volume": EffectParameter("V_s", "m^3", 1e-3, 1e-6, 1.0, "reservoir", True),
     },
@@ -41,8 +41,9 @@ EFFECT = Effect(
         "corrects the error"
     ),
     plausibility=Nothing(
-        "a measured supply pressure replaces the written one; without it the observer is pulled to "
-        "the measurement, and `plausibility.pressure_residual` has to cover the rest"
+        "if the supply pressure is measured, it replaces the stated one; otherwise the observer "
+        "corrects itself with the measurement, and `plausibility.pressure_residual` must be larger "
+        "than the remaining error"
     ),
     search=Search(
         ranges=lambda rig: {
@@ -61,9 +62,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"conductance": 3e-10, "volume": 2e-4},
-        signature="After air was drawn, filling is slow for a while; venting is untouched.",
-        easily_taken_for="exhaust_restriction with the other sign; a measured supply pressure "
-        "settles it.",
+        signature="After air was drawn, filling is slow for some time; venting is not affected.",
+        easily_taken_for="exhaust_restriction with a ratio above 1; a measured supply pressure "
+        "decides.",
         told_apart_by="Record `supply_pressure`, or fill both muscles at once.",
     ),
 )

@@ -1,6 +1,7 @@
 """The gas heats and cools: first law with heat transfer to the wall.
 
-Gas arrives at the wall's temperature; what leaves a warmer chamber flows as sqrt(T_wall/T).
+Gas enters at the wall's temperature. The flow out of a warmer chamber is smaller by the factor
+sqrt(T_wall/T).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pam_model.gas.chamber import first_law_pressure_rate, temperature_rate
 from pam_model.gas.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO
 
 HEAT_CAPACITY: Final = GAS_CONSTANT / (HEAT_CAPACITY_RATIO - 1.0)
-"""At constant volume [J/(kg K)]."""
+"""Specific heat capacity at constant volume [J/(kg K)]."""
 
 
 def first_law_rates(
@@ -28,7 +29,7 @@ def first_law_rates(
     wall_temperature: float,
     conductance: float,
 ) -> tuple[float, float]:
-    """dP/dt [Pa/s] and dT/dt [K/s] at constant length; flows [kg/s] as at the wall temperature."""
+    """dP/dt [Pa/s], dT/dt [K/s] at constant length; flows [kg/s] for gas at wall temperature."""
     leaving = flow_out * math.sqrt(wall_temperature / temperature)
     rate = first_law_pressure_rate(
         pressure,
@@ -46,7 +47,7 @@ def first_law_rates(
 
 
 def heat_rate(mass: float, conductance: float) -> float:
-    """Rate [1/s] at which `mass` [kg] of gas takes the wall's temperature."""
+    """Rate [1/s] at which `mass` [kg] of gas approaches the wall's temperature."""
     return conductance / (mass * HEAT_CAPACITY)
 
 
@@ -55,9 +56,9 @@ EFFECT = Effect(
     order=100,
     stage="valve",
     scope="muscle",
-    description="the gas heats and cools: first law with heat transfer to the wall at "
+    description="the gas heats and cools: first law with heat transfer to the wall, which is at "
     "gas.temperature",
-    law="dT/dt from the first law, Q = G (T_wall - T); replaces the polytropic chamber while G > 0",
+    law="dT/dt from the first law, Q = G (T_wall - T); replaces the polytropic chamber if G > 0",
     source="first law of an open chamber of ideal gas",
     parameters={
         "conductance": EffectParameter(
@@ -67,7 +68,7 @@ EFFECT = Effect(
             0.0,
             1e3,
             "gas to wall; exactly 0 keeps the nominal polytropic chamber, a small value "
-            "(1e-6) is adiabatic, a large one isothermal",
+            "(1e-6) is adiabatic, a large value isothermal",
         )
     },
     slots=(Chamber(first_law_rates, exponent=HEAT_CAPACITY_RATIO, heat_rate=heat_rate),),
@@ -76,8 +77,8 @@ EFFECT = Effect(
         "corrects the error"
     ),
     plausibility=Nothing(
-        "lies between the isothermal and the adiabatic chamber; the observer is pulled to the "
-        "measurement faster than the difference grows"
+        "nothing, because the chamber lies between an isothermal and an adiabatic one; the "
+        "observer corrects itself with the measurement faster than the difference grows"
     ),
     search=Search(
         ranges=lambda rig: {"conductance": Range(1e-4, 100.0, 1.0, (0.1, 1.0), True)},
@@ -86,9 +87,9 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"conductance": 0.5},
-        signature="Fast changes are stiffer than slow ones; after a fast fill the pressure sinks "
-        "back within a second with shut valves.",
-        easily_taken_for="dead_volume, leakage (which does not stop sinking).",
-        told_apart_by="A fast fill, then a hold with shut valves.",
+        signature="The muscle is stiffer in fast changes than in slow ones; after a fast fill with "
+        "valves then shut, the pressure falls again within a second.",
+        easily_taken_for="dead_volume; leakage, where the pressure continues to fall.",
+        told_apart_by="Fill fast, then hold with shut valves.",
     ),
 )

@@ -1,4 +1,4 @@
-"""A tube lies between the valve, where the sensor is, and the muscle."""
+"""A tube lies between the muscle and the valve, where the pressure sensor is."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pam_model.effects.slots import Adjusts
 
 
 def tube_conductance(ideal: float, conductance: float, volume: float) -> float:
-    """Conductance of the tube [m^3/(s Pa)]; 0: there is none."""
+    """Conductance of the tube [m^3/(s Pa)]; 0: there is no tube."""
     return conductance
 
 
@@ -22,26 +22,23 @@ EFFECT = Effect(
     order=60,
     stage="valve",
     scope="muscle",
-    description="a tube lies between the valve, where the sensor is, and the muscle",
+    description="a tube lies between the muscle and the valve, where the pressure sensor is",
     law="two chambers: valve -> V_t, then ISO 6358 with C_t -> muscle",
     source="ISO 6358-1, flow-rate characteristics of pneumatic components",
     parameters={
-        "conductance": EffectParameter(
-            "C_t", "m^3/(s Pa)", 0.0, 0.0, 1e-6, "of the tube; 0: no tube"
-        ),
-        "volume": EffectParameter("V_t", "m^3", 1e-5, 1e-8, 1e-2, "gas in the tube", True),
+        "conductance": EffectParameter("C_t", "m^3/(s Pa)", 0.0, 0.0, 1e-6, "tube; 0: no tube"),
+        "volume": EffectParameter("V_t", "m^3", 1e-5, 1e-8, 1e-2, "gas volume of the tube", True),
     },
     slots=(
         Adjusts("tube.conductance", tube_conductance),
         Adjusts("tube.volume", tube_volume),
     ),
     control=Nothing(
-        "nothing, because the sensor is on the side of the valve and the pressure in the muscle "
-        "is not measured"
+        "nothing, because the sensor is at the valve and the pressure in the muscle is not measured"
     ),
     plausibility=Nothing(
-        "the muscle's own pressure is not measured; `plausibility.pressure_residual` has to cover "
-        "the jump at the valve"
+        "nothing, because the pressure in the muscle is not measured; "
+        "`plausibility.pressure_residual` must be larger than the pressure jump at the valve"
     ),
     search=Search(
         ranges=lambda rig: {
@@ -56,10 +53,10 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"conductance": 2e-9, "volume": 1.5e-5},
-        signature="The sensor at the valve leads the muscle: pressure jumps, then creeps on while "
-        "the flow dies away; the force follows late.",
-        easily_taken_for="valve_lag and pressure_lag, which leave the force in step with the "
-        "pressure.",
-        told_apart_by="A load cell, or steps with the joint locked.",
+        signature="The sensor at the valve leads the muscle: the pressure jumps and then changes "
+        "slowly while the flow decays; the force follows late.",
+        easily_taken_for="valve_lag, where the force follows the measured pressure at once; "
+        "pressure_lag, where it leads.",
+        told_apart_by="Use a load cell, or apply steps with the joint locked.",
     ),
 )

@@ -1,9 +1,9 @@
 """Overlap of a flow valve's spool: no flow while the spool is inside it.
 
 Inverse: G. Tao, P. V. Kokotovic, Adaptive Control of Systems with Actuator and Sensor
-Nonlinearities, Wiley 1996. Within ROUNDED of the closed position the inverse's jump across the
-overlap is a straight line: a valve that crosses its overlap with every noise of a pressure sensor
-wears and hisses.
+Nonlinearities, Wiley 1996. For openings below ROUNDED a straight line replaces the inverse's jump
+across the overlap. Otherwise the noise of a pressure sensor would move the spool across the whole
+overlap all the time, which wears the valve.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ ROUNDED: Final = 0.01  # of full opening
 
 
 def opening_behind_overlap(opening: float, overlap: float) -> float:
-    """Opening [-] of a valve with overlap, at a spool position [-] counted from its middle."""
+    """Opening [-] of a valve with overlap at a spool position [-] measured from its middle."""
     if opening > overlap:
         return (opening - overlap) / (1.0 - overlap)
     if opening < -overlap:
@@ -28,7 +28,7 @@ def opening_behind_overlap(opening: float, overlap: float) -> float:
 
 
 def spool_for_opening(opening: float, overlap: float) -> float:
-    """The spool position [-] with this opening [-], the jump at 0 rounded."""
+    """Spool position [-] for an opening [-]; the jump at 0 is smoothed."""
     if not overlap > 0.0:
         return opening
     size = abs(opening)
@@ -50,20 +50,20 @@ EFFECT = Effect(
     },
     slots=(Opening(opening_behind_overlap, place=2),),
     control=Inverse(
-        "inverts the overlap after the flow inversion; the jump is smoothed within 1 % of the "
-        "opening, so that much of the dead zone remains",
+        "inverts the overlap after the flow inversion; the jump is smoothed for openings below "
+        "1 %, where a part of the dead zone remains",
         spool_for_opening,
     ),
-    plausibility=Included("the pressure observer's valve has the same overlap"),
+    plausibility=Included("the pressure observer uses the same overlap"),
     search=Search(
         ranges=lambda rig: {"overlap": Range(0.0, 0.4, 0.05, (0.05, 0.02, 0.12))},
         shown_by=("commands",),
     ),
     portrait=Portrait(
         sizes={"overlap": 0.05},
-        signature="Small commands move no air: the pressure loop hunts around every hold, and the "
-        "command jumps across zero whenever the pressure has to turn round.",
-        easily_taken_for="leakage and null offset in holds; command_delay in fast motion.",
-        told_apart_by="Microsteps around the valve's null.",
+        signature="Small commands cause no flow: the pressure oscillates around every set point "
+        "(limit cycle), and the command jumps across zero at every reversal of the pressure.",
+        easily_taken_for="leakage and valve_null_offset at rest; command_delay in fast motion.",
+        told_apart_by="Apply small steps around the closed position of the valve.",
     ),
 )

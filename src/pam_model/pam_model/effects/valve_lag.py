@@ -1,4 +1,4 @@
-"""The spool of a valve follows its command more slowly than written."""
+"""The spool of a valve follows its command more slowly than the rig file states."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EFFECT = Effect(
     order=30,
     stage="valve",
     scope="muscle",
-    description="the spool is slower than the rig file says",
+    description="the spool is slower than the rig file states",
     law="dx/dt = (u - x)/(time_constant + tau_x)",
     source="first-order spool",
     parameters={
@@ -29,15 +29,16 @@ EFFECT = Effect(
     control=Lead(
         "uses the true time constant in the lead term, in the look-ahead and in the gain design"
     ),
-    plausibility=Included("the pressure observer's spool has the true time constant"),
+    plausibility=Included("the pressure observer uses the true time constant of the spool"),
     search=Search(
         ranges=lambda rig: {"extra_time_constant": Range(0.0, 0.15, 0.01, (0.01, 0.03))},
         shown_by=("commands",),
     ),
     portrait=Portrait(
         sizes={"extra_time_constant": 0.02},
-        signature="Pressure follows commands late and rounded, the more the faster they change.",
-        easily_taken_for="command_delay (late but not rounded), tube_restriction, pressure_lag.",
-        told_apart_by="A chirp in the command.",
+        signature="The pressure follows the commands late and smoothed, most visibly in fast "
+        "changes.",
+        easily_taken_for="command_delay (late but not smoothed), tube_restriction, pressure_lag.",
+        told_apart_by="Apply a chirp as command.",
     ),
 )

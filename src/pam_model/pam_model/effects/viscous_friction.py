@@ -1,4 +1,4 @@
-"""More damping at the joint than written."""
+"""The damping of the joint is larger than the rig file states."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EFFECT = Effect(
     order=190,
     stage="joint",
     scope="joint",
-    description="more viscous damping than the rig file says",
+    description="the viscous damping is larger than the rig file states",
     law="torque = -(viscous_friction + d_x) qd",
     source="linear damping",
     parameters={
@@ -25,7 +25,7 @@ EFFECT = Effect(
     },
     slots=(Adjusts("joint.viscous_friction", larger_damping),),
     control=Included("included in the inverse dynamics and in the gain design"),
-    plausibility=Included("the torque balance has the true damping"),
+    plausibility=Included("the torque balance uses the true damping"),
     search=Search(
         ranges=lambda rig: {
             "extra": Range(
@@ -40,8 +40,8 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"extra": 0.4},
-        signature="Swings die out faster; the joint lags in proportion to its speed.",
+        signature="Oscillations decay faster; the joint lags in proportion to its speed.",
         easily_taken_for="position_delay, cable_compliance.",
-        told_apart_by="A vented swing.",
+        told_apart_by="Let the joint swing with vented muscles.",
     ),
 )
