@@ -50,7 +50,7 @@ def test_nothing_is_known_at_first() -> None:
     estimate = JointEstimator(RIG).estimate(1.0)
     assert estimate.stamp is None
     assert all(math.isnan(value) for value in estimate.muscle_forces + estimate.joint_torques)
-    assert "shoulder: no position has come yet" in estimate.problems
+    assert "shoulder: no position was received yet" in estimate.problems
 
 
 def test_old_values_are_no_values() -> None:

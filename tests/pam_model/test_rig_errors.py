@@ -67,10 +67,10 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ("joints missing", {"joints": DROP}, "joints: missing; must be a list of names"),
     ("joints text", {"joints": "elbow"}, "joints = 'elbow'; must be a list of names"),
     ("no joints", {"joints": []}, "names no joint"),
-    ("joint twice", {"joints": ["elbow", "elbow"]}, "elbow stands there twice"),
+    ("joint twice", {"joints": ["elbow", "elbow"]}, "elbow appears twice"),
     ("joint without section", {"joints": ["elbow", "knee"]}, "knee: missing; joints names it"),
-    ("joint called gas", {"joints": ["elbow", "gas"]}, "gas is a key of its own"),
-    ("bad name", {"joints": ["left elbow"]}, "'left elbow' is no name"),
+    ("joint called gas", {"joints": ["elbow", "gas"]}, "gas is a key of the rig file"),
+    ("bad name", {"joints": ["left elbow"]}, "'left elbow' is not a name"),
     ("one muscle", {"elbow.muscles": [F]}, "must be two, [agonist, antagonist]"),
     ("same muscle twice", {"elbow.muscles": [F, F]}, "must be two, [agonist, antagonist]"),
     ("muscles missing", {"elbow.muscles": DROP}, "elbow.muscles: missing"),
@@ -93,7 +93,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
         f"wrist.muscles: {F} already belongs to elbow",
     ),
     ("muscle on joint and bench", {"bench_muscles": [F]}, "already belongs to bench_muscles"),
-    ("muscle is the joint", {"elbow.muscles": [F, "elbow"]}, "it is something else too"),
+    ("muscle is the joint", {"elbow.muscles": [F, "elbow"]}, "the name has another use already"),
     ("unknown model", {f"{F}.model": "chou_hanaford"}, "did you mean chou_hannaford"),
     ("no model", {f"{F}.model": DROP}, f"{F}.model: missing force model"),
     ("unknown constant", {f"{F}.model_parameters.k": 1.0}, "model_parameters.k: unknown key"),
@@ -137,9 +137,9 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ("channel truth", {f"{F}.channel": True}, "must be a whole number from 0 on, or a name"),
     ("boards", {"boards": [1]}, "boards = [1]: must be a mapping of keys"),
     ("boards without kind", {"boards": {"arm": {"bus": "can0"}}}, "a section with the key kind"),
-    ("boards by number", {"boards": {"0": {"kind": "pam_board"}}}, "0: is no name"),
-    ("board without channel", {f"{F}.channel": DROP}, "board and channel belong together"),
-    ("same channel", {f"{F}.channel": 1}, f"{F} is there too"),
+    ("boards by number", {"boards": {"0": {"kind": "pam_board"}}}, "0: is not a name"),
+    ("board without channel", {f"{F}.channel": DROP}, "board and channel are needed together"),
+    ("same channel", {f"{F}.channel": 1}, f"{F} uses it too"),
     ("encoder without board", {"elbow.encoder": {"channel": 0}}, "encoder.board: missing"),
     ("unknown effect", {f"{F}.effects.histeresis.amplitude": 0.1}, "did you mean hysteresis?"),
     ("unknown parameter", {f"{F}.effects.hysteresis.size": 0.1}, "hysteresis.size: unknown key"),
@@ -197,7 +197,7 @@ FILES: list[tuple[str, bytes, str]] = [
     ("other file", b"name: x\n", "must begin with /**: and ros__parameters:"),
     ("a list", b"- 1\n- 2\n", "not a rig file"),
     ("parameters are text", b"/**:\n  ros__parameters: no\n", "not a rig file"),
-    ("key twice", b"/**:\n  ros__parameters:\n    a: 1\n    a: 2\n", "a stands there twice"),
+    ("key twice", b"/**:\n  ros__parameters:\n    a: 1\n    a: 2\n", "a appears twice"),
     ("alias", b"/**: &x\n  ros__parameters: *x\n", "aliases"),
     ("code", b"/**: !!python/object/apply:os.getcwd []\n", "not YAML"),
     ("too large", b"#" * (1 << 20) + b"\n/**:", "larger than"),
@@ -226,7 +226,7 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
 
 
 def test_value_and_section_at_once() -> None:
-    with pytest.raises(RigError, match="a value and a section at once"):
+    with pytest.raises(RigError, match="both a value and a section"):
         rig_from_parameters({"gas": 1.0, "gas.temperature": 293.0})
 
 

@@ -3,14 +3,14 @@
 The public names, without ROS:
 
 - `load_rig`, `save_rig`, `Rig`: a robot's description, read from its rig file, checked and written.
-- `create_force_model`, `registered_models`, `MuscleGeometry`: force by length and pressure.
-- `AntagonisticJoint`: a joint's torque and stiffness from two pressures, and back.
-- `EFFECTS`: what a real rig does beside the ideal one, by name.
+- `create_force_model`, `registered_models`, `MuscleGeometry`: force from length and pressure.
+- `AntagonisticJoint`: a joint's torque and stiffness from two pressures, and the inverse.
+- `EFFECTS`: the effects by which a real rig differs from the ideal one, by name.
 - `PlantParameters`, `initial_state`, `simulate`, `simulate_measured`, `Plant`: the simulated joint.
-- `load_measurements`, `fit`, `compare`: force models identified and ranked on measured points.
-- `PamError`, `RigError`: a user's mistake, said in one line.
+- `load_measurements`, `fit`, `compare`: identify and rank force models with measured points.
+- `PamError`, `RigError`: a user's mistake, reported in one line.
 
-The names are imported when they are first used, so that importing the package takes no time.
+A name is imported when it is first used, so that importing the package is fast.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name."""
+    """Import a public name at its first use."""
     match name:
         case "EFFECTS":
             from pam_model import effects
@@ -99,5 +99,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """All names, those that were not used yet among them."""
+    """All names, including those that were not used yet."""
     return sorted({*globals(), *__all__})

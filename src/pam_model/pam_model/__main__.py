@@ -35,7 +35,7 @@ def _list(chosen: Arguments) -> Outcome:
         for row in (r for r in rows if r.family == family):
             names = [name for name in row.models if name in known]
             print(f"  {row.key:28s} {row.equations or '-':34s} {row.status}")
-            usable = " or ".join(names) or "none, it is no length-force model"
+            usable = " or ".join(names) or "none, it is not a length-force model"
             print(f"      {row.title}\n      in a rig file: {usable}")
     return Outcome([{n: getattr(r, n) for n in r.__dataclass_fields__} for r in rows])
 
@@ -60,7 +60,7 @@ def _show(chosen: Arguments) -> Outcome:
     if not name and (geometry or constants or chosen.pressures):
         name = next((n for n in row.models if n in registered_models()), "")
         if not name:
-            raise PamError(f"{row.key} is no length-force model: its picture has fixed numbers")
+            raise PamError(f"{row.key} is not a length-force model: its picture has fixed numbers")
     if not name:
         figure = draw_row(row)
     else:
@@ -82,7 +82,7 @@ def _fit(chosen: Arguments) -> Outcome:
 
     if chosen.name not in registered_models():
         raise PamError(
-            f"{chosen.name} is no length-force model; known: {', '.join(registered_models())}"
+            f"{chosen.name} is not a length-force model; known: {', '.join(registered_models())}"
         )
     data = _data(chosen)
     geometry = _geometry(chosen)
@@ -176,7 +176,7 @@ def _data(chosen: Arguments) -> Measurements:
 
 
 def _residual(chosen: Arguments, data: Measurements) -> Literal["force", "length"]:
-    # A displacement under a known load is what was measured; a force at a set length likewise.
+    # The residual is in the measured quantity: length at a known load, or force at a set length.
     if chosen.residual == "force" or (chosen.residual is None and not data.is_shortening):
         return "force"
     return "length"
@@ -192,7 +192,7 @@ def _geometry(chosen: Arguments) -> MuscleGeometry | None:
     if all(value is None for value in given):
         return None
     if any(value is None for value in given):
-        raise PamError("--thread-length [m], --turns and --rest-length [m] are given together")
+        raise PamError("--thread-length [m], --turns and --rest-length [m] must be given together")
     from pam_model.muscles.force_model import MuscleGeometry  # noqa: PLC0415  (numpy)
 
     return MuscleGeometry(
@@ -201,11 +201,11 @@ def _geometry(chosen: Arguments) -> MuscleGeometry | None:
 
 
 def _declare_nothing(parser: Parser) -> None:
-    """For a command without arguments of its own."""
+    """Declare nothing: the command has no arguments of its own."""
 
 
 def _declare_show(parser: Parser) -> None:
-    parser.add_argument("name", help="as `list` gives it")
+    parser.add_argument("name", help="name as printed by `list`")
     parser.add_argument(
         "--pressures", type=number("Pa", above=0.0), nargs="+", metavar="PA", help="gauge [Pa]"
     )
@@ -239,7 +239,7 @@ def _declare_design(parser: Parser) -> None:
     add("--force", "N", "force at the end of the stroke", required=True)
     add("--stroke", "m", "stroke under that force", required=True)
     add("--pressure", "Pa", "gauge pressure", required=True)
-    add("--contraction", "", "stroke over rest length (default: chosen)")
+    add("--contraction", "", "stroke over rest length (default: chosen by the program)")
     add("--strand-width", "m", "of the braid (default: %(default)g)", default=0.3e-3)
     parser.add_argument(
         "--strands", type=count(), default=96, help="both families (default: %(default)s)"
@@ -288,21 +288,21 @@ def _add_data(parser: Parser) -> None:
     parser.add_argument("--residual", choices=("force", "length"), help="what is minimised")
     parser.add_argument(
         "--pressure-bands", type=count(2), metavar="N",
-        help="hold out this many bands of pressure, not the blocks",
+        help="cross-validate with this many bands of pressure instead of the blocks",
     )  # fmt: skip
     parser.add_argument(
         "--load-share", type=count(), default=6, metavar="N",
-        help="staircase: muscles that carry the weight (default: %(default)s)",
+        help="staircase: number of muscles that carry the weight (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "--starts", type=count(), default=4, metavar="N",
-        help="starts of each fit: more find better optima (default: %(default)s)",
+        help="starting points of each fit; more can find better optima (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--plot", type=output_file, metavar="FILE", help="PNG or SVG file")
 
 
 COMMANDS = (
-    Command("list", "every model, its equations and status", _declare_nothing, _list),
+    Command("list", "list every model, its equations and status", _declare_nothing, _list),
     Command(
         "show",
         "draw a model",
@@ -312,7 +312,7 @@ COMMANDS = (
     ),
     Command(
         "fit",
-        "identify a model's constants from measured points",
+        "identify the constants of a model from measured points",
         _declare_fit,
         _fit,
         examples=(
@@ -322,26 +322,30 @@ COMMANDS = (
     ),
     Command(
         "compare",
-        "rank models on measured points",
+        "rank models by their errors at measured points",
         _declare_compare,
         _compare,
         examples=("python -m pam_model compare points.csv --plot ranking.png",),
     ),
     Command(
         "design",
-        "from force, stroke and pressure to a muscle",
+        "design a muscle for a force, a stroke and a pressure",
         _declare_design,
         _design,
         examples=("python -m pam_model design --force 100 --stroke 0.05 --pressure 300000",),
     ),
-    Command("gallery", "pictures and table of models for the docs", _declare_gallery, _gallery),
-    Command("effect-tables", "tables of effects in the docs", _declare_gallery, _effect_tables),
+    Command(
+        "gallery", "write pictures and table of models for the docs", _declare_gallery, _gallery
+    ),
+    Command(
+        "effect-tables", "write the tables of effects in the docs", _declare_gallery, _effect_tables
+    ),
 )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
-    description = "Models of pneumatic muscles: what there is, what fits, what to build."
+    description = "Models of pneumatic muscles: list, draw, fit and compare them; design a muscle."
     return run_program("python -m pam_model", description, COMMANDS, arguments)
 
 

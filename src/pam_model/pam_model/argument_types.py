@@ -1,6 +1,6 @@
 """Types of command line arguments: numbers within bounds, files and folders that can be used.
 
-Each is given to `add_argument(type=...)`. A value that cannot be used ends the command at once, in
+Each is used as `add_argument(type=...)`. A value that cannot be used ends the command at once with
 one line that names the option, the value and what was expected.
 """
 
@@ -39,7 +39,7 @@ def number(
     Parameters
     ----------
     unit : str
-        For the message; "" for none.
+        Unit in the message; "" for none.
     above, least, most : float, optional
         Open lower bound, closed lower bound, closed upper bound.
     """
@@ -109,13 +109,13 @@ def output_file(text: str) -> Path:
     if path.is_dir():
         raise argparse.ArgumentTypeError(f"{text}: is a folder; expected a file")
     if path.exists() and not os.access(path, os.W_OK):
-        raise argparse.ArgumentTypeError(f"{text}: may not be written")
+        raise argparse.ArgumentTypeError(f"{text}: no permission to write this file")
     _check_parent(path)
     return path
 
 
 def output_folder(text: str) -> Path:
-    """A folder that is there or can be made."""
+    """A folder that exists or can be created."""
     path = Path(text)
     if path.exists() and not path.is_dir():
         raise argparse.ArgumentTypeError(f"{text}: is a file; expected a folder")
@@ -124,15 +124,15 @@ def output_folder(text: str) -> Path:
 
 
 def _check_parent(path: Path) -> None:
-    """Refuse a path that cannot be made: the nearest folder that exists decides."""
+    """Refuse a path that cannot be created, by its nearest existing folder."""
     parent = next(above for above in path.absolute().parents if above.exists())
     if not parent.is_dir():
         raise argparse.ArgumentTypeError(f"{path}: {parent} is a file; expected a folder")
     if not os.access(parent, os.W_OK | os.X_OK):
-        raise argparse.ArgumentTypeError(f"{path}: nothing may be written to {parent}")
+        raise argparse.ArgumentTypeError(f"{path}: no permission to write to {parent}")
 
 
 def make_parents(path: Path) -> Path:
-    """The path of a file to write, after the folders above it were made."""
+    """Create the folders above a file, and return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     return path

@@ -1,15 +1,15 @@
-"""The one way in which every tool of the suite builds its command line.
+"""The command line of every tool of the suite.
 
 A tool is a list of `Command`s that `run_program` parses and runs. This module gives all of them
 the same options, messages and exit codes (docs/exit_codes.md):
 
 - `--json` prints the result as one JSON document on standard output, and nothing else there;
-- `--check` ends with exit code 1 where the result is bad news;
-- a user's mistake ends in one line on standard error and exit code 2;
-- progress is shown on standard error, and only if that is a terminal.
+- `--check` ends with exit code 1 if the result is bad news;
+- a user's mistake ends with one line on standard error and exit code 2;
+- progress is shown on standard error, and only if it is a terminal.
 
-Only the standard library is imported here. A command imports what it needs when it runs, so that
-`--help` and a mistake in the command line are answered at once.
+Only the standard library is imported here. A command imports its modules when it runs, so that
+`--help` and a mistake in the command line are reported at once.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from pam_model.errors import PamError
 
 DONE: Final = 0
 BAD_NEWS: Final = 1
-"""Of a result, where the option --check asks for it."""
+"""The result is bad news, and the option --check was given."""
 MISTAKE: Final = 2
-"""Of the user: an option, a file or a number that cannot be used."""
+"""A user's mistake: an option, a file or a number that cannot be used."""
 INTERRUPTED: Final = 130
-"""By Ctrl-C: 128 and the number of the signal."""
+"""Interrupted with Ctrl-C: 128 plus the number of the signal."""
 READER_GONE: Final = 141
-"""Standard output was closed, as `head` does: 128 and the number of the signal."""
+"""Standard output was closed, for example by `head`: 128 plus the number of the signal."""
 
 Arguments = argparse.Namespace
 Parser = argparse.ArgumentParser
@@ -46,16 +46,16 @@ Parser = argparse.ArgumentParser
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a command has found out.
+    """The result of a command.
 
     Attributes
     ----------
     document : object
         The result for --json: mappings, sequences, numbers, text, paths, dataclasses, arrays.
     bad_news : sequence of str
-        Why --check ends with exit code 1, one line each; empty for good news.
+        Reasons why --check ends with exit code 1, one line each; empty for good news.
     interrupted : bool
-        Whether the user ended the command early, which it has survived to tell its result.
+        Whether the user ended the command early; the result is that up to this moment.
     """
 
     document: object
@@ -76,9 +76,9 @@ class Command:
     declare : callable
         Adds the arguments to a parser; imports nothing heavy.
     run : callable
-        Does the work; a PamError is a mistake of the user.
+        Does the work; a PamError reports a mistake of the user.
     bad_news : str
-        When --check ends with exit code 1; empty for a command without --check.
+        Condition on which --check ends with exit code 1; empty without --check.
     examples : sequence of str
         Command lines for the help text.
     """
@@ -93,7 +93,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class NodeCommand:
-    """A command that is a ROS node: the words after its name are the node's own."""
+    """A command that is a ROS node: the arguments after its name are those of the node."""
 
     name: str
     summary: str
@@ -101,7 +101,7 @@ class NodeCommand:
 
 
 class _OneLineParser(argparse.ArgumentParser):
-    """Tells a mistake in one line, and takes no abbreviated options."""
+    """A parser that reports a mistake in one line and accepts no abbreviated options."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(
@@ -130,15 +130,15 @@ def run_program(
     program : str
         What the user types before the command, for example "python -m pam_model".
     description : str
-        What the tool is for.
+        Purpose of the tool.
     commands : sequence of Command or NodeCommand
-        All that the tool can do.
+        All commands of the tool.
     arguments : sequence of str, optional
         Words of the command line; those of the process by default.
     default : str, optional
-        The command that runs where none is named.
+        The command that runs if none is named.
     moved : mapping of str to str, optional
-        Commands that were once here, with the command line that replaces each.
+        Former commands, each with the command line that replaces it.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     names = [command.name for command in commands]
@@ -172,7 +172,7 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
     Parameters
     ----------
     command : Command
-        What is run.
+        The command.
     program : str
         What the user types before the arguments.
     arguments : sequence of str, optional
@@ -215,8 +215,8 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
 
 
 def _carry_out(command: Command, chosen: Arguments) -> Outcome:
-    """Run a command and print what it has found out, as text or as JSON."""
-    # text for people has no place beside a document for programs
+    """Run a command and print its result as text or as JSON."""
+    # with --json, standard output holds the document alone
     hidden = contextlib.redirect_stdout(io.StringIO())
     with hidden if chosen.json else contextlib.nullcontext():
         outcome = command.run(chosen)
@@ -227,16 +227,16 @@ def _carry_out(command: Command, chosen: Arguments) -> Outcome:
 
 
 def _code_after(error: BaseException) -> int:
-    """The exit code after a mistake of the user, told in one line, or an interruption."""
+    """Report a user's mistake in one line, or an interruption; return the exit code."""
     code, text = MISTAKE, f"error: {error}"
     if isinstance(error, KeyboardInterrupt):
         code, text = INTERRUPTED, "stopped"
     elif isinstance(error, BrokenPipeError):
-        # keep the interpreter from flushing into the closed pipe when it ends
+        # prevents the interpreter from flushing into the closed pipe at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return READER_GONE
     elif isinstance(error, OSError):
-        if error.filename is None:  # nothing that the user has named
+        if error.filename is None:  # the user did not name this file
             raise error
         text = f"error: {error.filename}: {error.strerror}"
     print(text, file=sys.stderr)
@@ -244,17 +244,17 @@ def _code_after(error: BaseException) -> int:
 
 
 def _code_of(end: SystemExit) -> int:
-    """What argparse ends with, after the help text or a mistake."""
+    """The exit code of argparse after the help text or a mistake."""
     return end.code if isinstance(end.code, int) else MISTAKE if end.code else DONE
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON knows it: a number that is not finite becomes null.
+    """Convert a value to JSON types; a number that is not finite becomes null.
 
     Parameters
     ----------
     value : object
-        Mappings, sequences, dataclasses, paths, numbers, arrays or text, in each other.
+        Mappings, sequences, dataclasses, paths, numbers, arrays or text; they may be nested.
     """
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
@@ -272,13 +272,13 @@ def plain(value: Any) -> Any:
 
 
 class Progress:
-    """Told how much of the work is done; shows it if standard error is a terminal."""
+    """Progress of the work, shown if standard error is a terminal."""
 
     def __init__(self, bar: Any) -> None:
         self._bar = bar
 
     def show(self, done: float, text: str = "") -> None:
-        """How much is done, in the unit of the total, and what is being done now."""
+        """Show the finished amount, in the unit of the total, and the present work."""
         if text:
             self._bar.set_description_str(text, refresh=False)
         self._bar.update(max(0.0, done - self._bar.n))
@@ -286,16 +286,16 @@ class Progress:
 
 @contextlib.contextmanager
 def progress(total: float, text: str = "", *, wanted: bool = True) -> Iterator[Progress]:
-    """A bar for as long as the work lasts; nothing at all where standard error is no terminal.
+    """A progress bar during the work; nothing if standard error is not a terminal.
 
     Parameters
     ----------
     total : float
-        What `Progress.show` is told at the end.
+        Amount of work, which `Progress.show` gets at the end.
     text : str, optional
-        What is being done.
+        The present work.
     wanted : bool, optional
-        False shows nothing on a terminal either.
+        False: show nothing, even on a terminal.
     """
     from tqdm import tqdm  # type: ignore[import-untyped]  # noqa: PLC0415
 
@@ -306,18 +306,18 @@ def progress(total: float, text: str = "", *, wanted: bool = True) -> Iterator[P
 
 
 def add_rig(parser: Parser, *, required: bool = False) -> None:
-    """Declare `--rig`; without a default where `required`, else `chosen_rig` finds the example."""
+    """Declare `--rig`; if it is not `required`, `chosen_rig` finds the example by default."""
     text = "rig file" if required else "rig file (default: the elbow of config/)"
     parser.add_argument("--rig", type=input_file, required=required, metavar="FILE", help=text)
 
 
 def chosen_rig(given: Arguments) -> Path:
-    """The rig file that was named, or the example in the source tree or where colcon put it.
+    """The named rig file, or the example in the source tree or in the colcon installation.
 
     Raises
     ------
     PamError
-        If none was named and the example is not there.
+        If none was named and the example does not exist.
     """
     if given.rig is not None:
         return Path(given.rig)

@@ -1,4 +1,4 @@
-"""Checks that a quantity lies in a model's domain, with an error that names it and the bound."""
+"""Check that a quantity is in a model's domain; the error names quantity and bound."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from pam_model.errors import DomainError
 
 ROUNDING = 1e-12
-"""By how much, relative to a closed bound, a value may pass it and still count as the bound:
-thousands of times the rounding of one operation, and far below what any sensor resolves."""
+"""Relative amount by which a value may exceed a closed bound and still be accepted: thousands of
+times the rounding error of one operation, and far below the resolution of any sensor."""
 
 
 def require(
@@ -26,25 +26,25 @@ def require(
 ) -> None:
     """Refuse a value, or any element of an array, outside [low, high] or not finite.
 
-    A value that passes a closed bound by no more than `ROUNDING` of it is let through.
+    A value that exceeds a closed bound by at most `ROUNDING` of the bound is accepted.
 
     Parameters
     ----------
     quantity : str
         Name and unit, such as "thread_length [m]".
     value : float or array
-        What was given.
+        The value to check.
     low, high : float
         The bounds.
     open_low, open_high : bool
-        Whether the bound itself is outside.
+        Whether the bound itself is outside the domain.
     why : str
-        What the bound means, for the message.
+        Meaning of the bound, for the message.
 
     Raises
     ------
     DomainError
-        Naming the quantity, the first bad value and the bound.
+        With the quantity, the first bad value and the bound.
     """
     values = np.asarray(value, dtype=float)
     good = np.isfinite(values)
@@ -62,5 +62,5 @@ def _size(bound: float) -> float:
 
 
 def plain(value: Any) -> Any:
-    """A float for anything without dimensions, so that floats in give floats out."""
+    """Convert a zero-dimensional result to float, so that float arguments give float results."""
     return float(value) if np.ndim(value) == 0 else value

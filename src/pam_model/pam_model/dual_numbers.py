@@ -1,12 +1,12 @@
-"""Dual numbers: a value together with its exact slopes by several unknowns.
+"""Dual numbers: a value together with its exact partial derivatives by several unknowns.
 
 Forward-mode automatic differentiation: every operation applies the chain rule, so slopes are
 exact to rounding and need no step width. A force model built from dual numbers as constants and
 geometry gives a dual force; the model's code is the same as for plain floats, as long as it uses
 `pam_model.muscles.elementary` (or numpy) instead of `math`. Where a model solves an equation, the
 root is found in plain numbers and `root_with_slopes` adds its slopes by the implicit function
-theorem. What would lose the slopes without notice (`float(x)`, `math.sqrt(x)`,
-`np.asarray(x, float)`) raises TypeError instead.
+theorem. Operations that would silently lose the slopes (`float(x)`, `math.sqrt(x)`,
+`np.asarray(x, float)`) raise TypeError.
 
 Source: A. Griewank, A. Walther, "Evaluating Derivatives", 2nd edition, SIAM 2008, chapters 3 and
 15 (implicit functions).
@@ -24,14 +24,14 @@ Array = npt.NDArray[np.float64]
 
 
 class Dual:
-    """A value and its slopes by a number of unknowns.
+    """A value and its slopes (partial derivatives) by several unknowns.
 
     Parameters
     ----------
     value : float or array, shape S
         The value.
     slope : array, shape (unknowns, *S) or broadcastable to it
-        Its partial derivatives. The last unknown is kept free for `root_with_slopes`.
+        Its partial derivatives. The last unknown is reserved for `root_with_slopes`.
     """
 
     __slots__ = ("slope", "value")
@@ -42,7 +42,7 @@ class Dual:
 
     @classmethod
     def seed(cls, value: Any, unknown: int, unknowns: int) -> Dual:
-        """The unknown with this index among so many, not counting the one kept for roots."""
+        """The unknown number `unknown` of `unknowns`, without the one reserved for roots."""
         return cls(value, _unit(np.shape(value), unknown, unknowns + 1))
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
@@ -66,7 +66,7 @@ class Dual:
         return Dual(result, slope)
 
     def _spread(self, dimensions: int) -> Array:
-        """The slope with as many dimensions after the first as a result has."""
+        """The slope, reshaped to as many dimensions after the first as the result has."""
         missing = dimensions - (self.slope.ndim - 1)
         shape = self.slope.shape
         return self.slope.reshape(shape[0], *(1,) * missing, *shape[1:])
@@ -143,24 +143,24 @@ class Dual:
 
 
 def value_of(number: Any) -> Any:
-    """The value of a dual number; anything else as it is."""
+    """The value of a dual number; any other argument unchanged."""
     return number.value if isinstance(number, Dual) else number
 
 
 def is_dual(*numbers: Any) -> bool:
-    """Whether any of these carries slopes."""
+    """Whether any of these is a dual number."""
     return any(isinstance(number, Dual) for number in numbers)
 
 
 def root_with_slopes(root: Any, equation: Callable[[Any], Any]) -> Any:
-    """A root, found in plain numbers, with slopes by whatever dual numbers the equation holds.
+    """Add slopes to a root found in plain numbers, by the dual numbers in the equation.
 
     Implicit function theorem: where f(x, p) = 0, dx/dp = -(df/dp)/(df/dx).
 
     Parameters
     ----------
     root : float or array
-        Where the equation is 0.
+        Solution of f(x) = 0.
     equation : callable
         f(x), written so that it takes dual numbers.
     """
@@ -169,7 +169,7 @@ def root_with_slopes(root: Any, equation: Callable[[Any], Any]) -> Any:
         return root
     unknowns = at_root.slope.shape[0]
     moved = equation(Dual(root, _unit(np.shape(root), unknowns - 1, unknowns)))
-    # What the equation already holds of the last unknown is that of a root around this one.
+    # A slope by the last unknown that is present before belongs to an enclosing root search.
     with np.errstate(divide="ignore", invalid="ignore"):
         by_root = moved.slope[-1] - at_root.slope[-1]
         return Dual(root, -at_root.slope / by_root)
@@ -181,7 +181,7 @@ def _unit(shape: tuple[int, ...], index: int, unknowns: int) -> Array:
     return slope
 
 
-# For each function, from its result and arguments, its partial derivatives by the arguments.
+# For each function: its partial derivatives by the arguments, from its result and arguments.
 _PARTIALS: dict[Any, Callable[..., tuple[Any, ...]]] = {
     np.add: lambda _, a, b: (1.0, 1.0),
     np.subtract: lambda _, a, b: (1.0, -1.0),

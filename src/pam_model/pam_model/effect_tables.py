@@ -1,13 +1,12 @@
-"""The tables of effects in the pages of docs/, written from the registry.
+"""The tables of effects in the pages of docs/, generated from the registry.
 
-A page holds a table between two comments; `python -m pam_model effect-tables` writes it anew:
+A page holds a table between two comments; `python -m pam_model effect-tables` rewrites it:
 
     <!-- effects: muscle -->
     <!-- end of effects -->
 
-The kinds of table: `muscle`, `joint` and `rig` list the keys that a rig file may hold at that
-place; `control` and `plausibility` tell what controller and plausibility check do about each
-effect.
+The kinds of table `muscle`, `joint` and `rig` list the keys that a rig file may have at that place.
+`control` and `plausibility` describe what controller and plausibility check do about each effect.
 """
 
 from __future__ import annotations
@@ -56,7 +55,7 @@ def table(kind: str) -> str:
     Raises
     ------
     PamError
-        For another kind.
+        If the kind is unknown.
     """
     if kind == "control":
         lines = [_row("effect", "what the controller does"), "|---|---|"]
@@ -74,12 +73,12 @@ def table(kind: str) -> str:
 
 
 def with_tables(page: str) -> str:
-    """The text of a page with its tables of effects written anew.
+    """The text of a page with updated tables of effects.
 
     Raises
     ------
     PamError
-        For a table of an unknown kind.
+        If a table has an unknown kind.
     """
     return _PLACE.sub(
         lambda found: found["begin"] + "\n" + table(found["kind"]) + "\n" + found["end"], page
@@ -87,12 +86,12 @@ def with_tables(page: str) -> str:
 
 
 def write_tables(folder: Path) -> list[Path]:
-    """Write the tables in the pages of a docs folder.
+    """Update the tables in the pages of a docs folder.
 
     Parameters
     ----------
     folder : Path
-        Holds PAGES.
+        Folder with the PAGES.
 
     Returns
     -------
@@ -102,7 +101,7 @@ def write_tables(folder: Path) -> list[Path]:
     Raises
     ------
     PamError
-        For a page that is not there or holds no table.
+        If a page does not exist or holds no table.
     """
     changed = []
     for name in PAGES:

@@ -1,8 +1,8 @@
-"""The errors a user of the suite may meet, each with a message fit to be shown to them."""
+"""The errors that users of the suite may cause; their messages are written for users."""
 
 
 class PamError(ValueError):
-    """A user's mistake: the message names what, where and what was expected."""
+    """A user's mistake: the message says what is wrong, where, and what was expected."""
 
 
 class RigError(PamError):

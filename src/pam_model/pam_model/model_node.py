@@ -1,4 +1,4 @@
-"""Estimates muscle forces, joint torques and stiffness, and publishes them.
+"""Node that estimates and publishes muscle forces, joint torques and stiffness.
 
 `ros2 run pam_model model_node --ros-args --params-file config/elbow.yaml`
 """
@@ -25,7 +25,7 @@ from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
 
 PARAMETERS = (
-    Parameter("publish_rate", 100.0, "Hz", 1.0, 1000.0, "how often estimates are published"),
+    Parameter("publish_rate", 100.0, "Hz", 1.0, 1000.0, "rate at which estimates are published"),
     Parameter("max_age", 0.1, "s", 0.001, 10.0, "an older measurement counts as missing", True),
     Parameter(
         "closed_chambers", False, "-", 0, 0, "stiffness with shut valves instead of fixed pressure"
@@ -39,7 +39,7 @@ def _seconds(stamp: Any) -> float:
 
 
 class ModelNode(Node):  # type: ignore[misc]
-    """Topics in and out around a JointEstimator."""
+    """ROS interface of a JointEstimator: subscriptions, publishers and parameters."""
 
     def __init__(self) -> None:
         super().__init__("pam_model", automatically_declare_parameters_from_overrides=True)
@@ -85,7 +85,7 @@ class ModelNode(Node):  # type: ignore[misc]
         now = self._now()
         estimate = self._estimator.estimate(now)
         self._problems = estimate.problems
-        # where nothing is known, that is what is known now
+        # unknown estimates (NaN) are stamped with the present time
         at = now if estimate.stamp is None else estimate.stamp
         stamp = Time(nanoseconds=round(at * 1e9)).to_msg()
         muscles = JointState(

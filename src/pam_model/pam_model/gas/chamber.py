@@ -1,11 +1,11 @@
 """Pressure and temperature of a chamber of changing volume, filled with an ideal gas.
 
-Functions of floats, which the plant compiles; `pressure_rate` and `flow_for_pressure_rate` work on
-arrays too, element by element. Pressures are absolute.
+The plant compiles these functions of floats; `pressure_rate` and `flow_for_pressure_rate` also
+accept arrays, element by element. Pressures are absolute.
 
 Source: ideal gas law; polytropic chamber; first law of an open chamber,
 dP/dt = (g R/V)(m_in T_in - m_out T) - g P V'/V + (g - 1) Q/V, and dT/dt from P V = m R T. The same
-V(L) belongs into the force F = -P dV/dL, else the joint creates energy.
+V(L) must be used in the force F = -P dV/dL; otherwise the joint creates energy.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def pressure_rate(
     pressure : float or array
         [Pa absolute].
     volume : float or array
-        Dead volume included [m^3].
+        Including the dead volume [m^3].
     volume_rate : float or array, optional
         dV/dt = V'(L) dL/dt [m^3/s].
     temperature : float or array, optional
@@ -53,7 +53,7 @@ def flow_for_pressure_rate(
     temperature: Any = REFERENCE_TEMPERATURE,
     exponent: Any = 1.0,
 ) -> Any:
-    """Mass flow [kg/s] that gives dP/dt = `rate` [Pa/s]; the inverse of `pressure_rate`."""
+    """Mass flow [kg/s] for dP/dt = `rate` [Pa/s]; the inverse of `pressure_rate`."""
     return (rate * volume / exponent + pressure * volume_rate) / (GAS_CONSTANT * temperature)
 
 
@@ -77,9 +77,9 @@ def first_law_pressure_rate(
     volume, volume_rate, volume_per_pressure : float
         V [m^3], its rate at constant pressure [m^3/s], dV/dP [m^3/Pa].
     flow_in, entering_temperature, flow_out : float
-        Mass flows, neither below 0 [kg/s], and the temperature of what enters [K].
+        Mass flows, both at least 0 [kg/s], and the temperature of the entering gas [K].
     heat : float
-        From the wall into the gas [W].
+        Heat flow from the wall into the gas [W].
     """
     enthalpy = flow_in * entering_temperature - flow_out * temperature
     gained = HEAT_CAPACITY_RATIO * GAS_CONSTANT * enthalpy
@@ -103,7 +103,7 @@ def temperature_rate(
     pressure, temperature, volume : float
         [Pa], [K], [m^3].
     pressure_rate, volume_rate : float
-        Total ones [Pa/s], [m^3/s].
+        Total rates [Pa/s], [m^3/s].
     flow : float
         Net mass flow into the chamber [kg/s].
     """

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 GAS_CONSTANT: Final = 287.05
-"""Of air, R [J/(kg K)]."""
+"""Specific gas constant R of air [J/(kg K)]."""
 HEAT_CAPACITY_RATIO: Final = 1.4
-"""Of air [-]."""
+"""Heat capacity ratio of air [-]."""
 REFERENCE_DENSITY: Final = 1.185
-"""ANR, 293.15 K and 100 kPa [kg/m^3]."""
+"""Density rho0 at the reference state ANR, 293.15 K and 100 kPa [kg/m^3]."""
 REFERENCE_TEMPERATURE: Final = 293.15
 """ANR [K]."""
 LINEAR_RATIO: Final = 0.999
-"""Above this pressure ratio the flow is a straight line to zero [-]."""
+"""Pressure ratio above which the flow falls linearly to zero [-]."""

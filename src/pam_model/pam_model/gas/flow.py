@@ -1,8 +1,7 @@
 """Flow of air through restrictions, by ISO 6358 and through an isentropic nozzle.
 
-Pressures here are absolute. `flow_share` and `reference_flow` are functions of floats: the plant
-compiles them, everyone else calls them as they are. `flow_function` and `mass_flow` apply them to
-arrays, element by element.
+Pressures here are absolute. `flow_share` and `reference_flow` are functions of floats, which the
+plant compiles. `flow_function` and `mass_flow` apply them to arrays, element by element.
 
 Source: ISO 6358-1 (flow rate by sonic conductance and critical ratio, with the linear part near
 equal pressures that keeps the slope finite); isentropic nozzle and polytropic chamber from the
@@ -29,7 +28,7 @@ _SMALLEST_FLOW = 1e-30
 
 
 def flow_share(ratio: float, critical_ratio: float) -> float:
-    """The part psi of the choked flow that passes at a pressure ratio.
+    """Flow function psi: the flow at a pressure ratio over the choked flow.
 
     Parameters
     ----------
@@ -59,7 +58,7 @@ def flow_function(ratio: Any, critical_ratio: Any) -> Any:
 
 
 def reference_flow(conductance: float, critical_ratio: float, first: float, second: float) -> float:
-    """Flow from `first` to `second` over the reference density, negative when it runs back.
+    """Mass flow from `first` to `second` over the reference density; negative if it is reversed.
 
     Parameters
     ----------
@@ -81,12 +80,12 @@ def reference_flow(conductance: float, critical_ratio: float, first: float, seco
 
 
 def reference_density(temperature: float) -> float:
-    """Mass per ANR volume of gas that flows at a temperature [K]: rho0 sqrt(T0/T) [kg/m^3]."""
+    """Mass flow over ANR volume flow for gas at a temperature [K]: rho0 sqrt(T0/T) [kg/m^3]."""
     return REFERENCE_DENSITY * math.sqrt(REFERENCE_TEMPERATURE / temperature)
 
 
 def choking_slope(critical_ratio: float) -> float:
-    """-d psi/dr of the straight line near equal pressures [-]."""
+    """-d psi/dr of the linear part near equal pressures [-]."""
     return flow_share(LINEAR_RATIO, critical_ratio) / (1.0 - LINEAR_RATIO)
 
 
@@ -97,7 +96,7 @@ def mass_flow(
     downstream: Any,
     temperature: Any = REFERENCE_TEMPERATURE,
 ) -> Any:
-    """ISO 6358 mass flow [kg/s], negative where `downstream` is the higher pressure.
+    """ISO 6358 mass flow [kg/s]; negative if `downstream` is the higher pressure.
 
     mdot = C rho0 P_up sqrt(T0/T) psi(P_dn/P_up)
 
@@ -149,7 +148,7 @@ def valve_flow(
     Parameters
     ----------
     opening : float
-        Spool, -1 (muscle to ambient, fully open) to 1 (supply to muscle) [-].
+        Spool opening, -1 (muscle to ambient, fully open) to 1 (supply to muscle) [-].
     pressure : float
         In the muscle [Pa absolute].
     supply_pressure, ambient_pressure : float
@@ -180,10 +179,10 @@ def valve_opening(
     critical_ratio: float,
     temperature: float = REFERENCE_TEMPERATURE,
 ) -> float:
-    """The spool opening [-] that lets this mass flow into a muscle; the inverse of `valve_flow`.
+    """The spool opening [-] for a mass flow into a muscle; the inverse of `valve_flow`.
 
-    What the valve cannot pass saturates at -1 or 1; a flow against the pressure difference gets
-    the full opening of its sign, since the best it can do is to open that side.
+    For a flow beyond the valve's range the opening saturates at -1 or 1. For a flow against the
+    pressure difference it is also -1 or 1, with the sign of the flow.
 
     Parameters
     ----------
@@ -218,7 +217,7 @@ def orifice_flow(
     *,
     heat_capacity_ratio: float = HEAT_CAPACITY_RATIO,
 ) -> Any:
-    """Isentropic flow of an ideal gas through an orifice [kg/s], `upstream` the higher pressure.
+    """Isentropic mass flow of an ideal gas through an orifice [kg/s].
 
     Parameters
     ----------
@@ -236,7 +235,7 @@ def orifice_flow(
     Raises
     ------
     DomainError
-        Where `downstream` is the higher pressure.
+        If `downstream` is the higher pressure.
     """
     if np.any(np.asarray(downstream) > np.asarray(upstream)):
         raise DomainError("downstream pressure must not be above upstream pressure")
@@ -250,6 +249,6 @@ def orifice_flow(
 
 
 def critical_pressure_ratio(heat_capacity_ratio: float = HEAT_CAPACITY_RATIO) -> float:
-    """Below this ratio an ideal nozzle is choked: (2/(g+1))^(g/(g-1)) [-]."""
+    """Ratio below which an ideal nozzle is choked: (2/(g+1))^(g/(g-1)) [-]."""
     g = heat_capacity_ratio
     return float((2.0 / (g + 1.0)) ** (g / (g - 1.0)))

@@ -1,1 +1,1 @@
-"""Two muscles about a pulley: torque, stiffness, and the pressures that give both."""
+"""A joint with two muscles on a pulley: torque, stiffness, and the pressures for both."""

@@ -1,13 +1,13 @@
-"""A pulley between two muscles: torque and stiffness from pressures, and pressures from both.
+"""A joint with two muscles on a pulley: torque and stiffness from pressures, and the inverse.
 
 With lengths L_a = L_a0 - r q and L_b = L_b0 + r q, torque = r (F_a - F_b) and, at constant
-pressures, stiffness = -d torque/dq = r^2 (K_a + K_b). Two pressures give two freedoms: the
-difference of the pulls sets the torque, their sum the stiffness.
+pressures, stiffness = -d torque/dq = r^2 (K_a + K_b). The two pressures are two degrees of freedom:
+the difference of the pulls determines the torque, their sum the stiffness.
 
 Source: section on antagonistic joints of "A Review of Design and Modeling of Pneumatic
-Artificial Muscle"; the inverse is exact for models affine in pressure (a line in the plane of the
-two pressures holds the torque, and stiffness changes evenly along it); for others the same line is
-drawn through the last two points (secants) until it stays.
+Artificial Muscle". For models affine in pressure the inverse is exact: the torque is constant along
+a straight line in the plane of the two pressures, and the stiffness is linear along this line. For
+other models the line is iterated with secants through the last two points until it converges.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ _PRESSURE_TOLERANCE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class JointMuscle:
-    """One muscle as its joint sees it.
+    """The properties of a muscle that its joint needs.
 
     Attributes
     ----------
     model : ForceModel
-        Static law.
+        The static force.
     neutral_length : float
         At joint position 0 [m].
     low_pressure, high_pressure : float
-        What a command may ask for [Pa gauge].
+        Range of the commands [Pa gauge].
     dead_volume : float
         [m^3].
     is_affine : bool
@@ -57,13 +57,13 @@ class JointMuscle:
     is_affine: bool = field(init=False)
 
     def __post_init__(self) -> None:
-        # asked once: checking a protocol costs more than solving the joint
+        # checked once, because checking a protocol takes longer than solving the joint
         object.__setattr__(self, "is_affine", isinstance(self.model, AffineForceModel))
 
 
 @dataclass(frozen=True, slots=True)
 class JointPressures:
-    """Two pressures, what they achieve, and what of the request they do not.
+    """Two pressures, the achieved torque and stiffness, and which requests were limited.
 
     Attributes
     ----------
@@ -74,9 +74,9 @@ class JointPressures:
     stiffness : float
         Achieved, at constant pressures [N m/rad].
     torque_limited, stiffness_limited : bool
-        Whether the request was out of reach; torque goes first, stiffness gets what is left.
+        Whether the request was outside the reachable range; torque has priority over stiffness.
     position_limited : bool
-        Whether the position was outside what the models cover and its nearest edge was used.
+        Whether the position was outside `position_range` and its nearest limit was used.
     """
 
     agonist: float
@@ -89,18 +89,18 @@ class JointPressures:
 
 
 class AntagonisticJoint:
-    """Statics of one joint, on plain floats.
+    """Statics of one joint, for plain floats.
 
     Parameters
     ----------
     agonist, antagonist : JointMuscle
-        The first pulls towards positive positions.
+        The agonist pulls towards positive positions.
     pulley_radius : float
         r [m].
     ambient_pressure : float, optional
         [Pa absolute].
     exponent : float, optional
-        Of shut chambers [-].
+        Polytropic exponent of shut chambers [-].
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class AntagonisticJoint:
                 )
             )
         self.position_range = (max(ends[0][0], ends[1][0]), min(ends[0][1], ends[1][1]))
-        """Positions that both models cover [rad]."""
+        """Range of positions in the domain of both models [rad]."""
 
     @classmethod
     def from_rig(
@@ -142,9 +142,9 @@ class AntagonisticJoint:
         rig : Rig
             As read from a file.
         joint_name : str
-            Which joint.
+            Name of the joint.
         min_pressure : float, optional
-            What a command never goes below [Pa gauge].
+            Lower limit of the commands [Pa gauge].
         with_effects : bool, optional
             False for the nominal rig.
 
@@ -153,7 +153,7 @@ class AntagonisticJoint:
         KeyError
             For an unknown joint.
         DomainError
-            For a muscle that cannot reach `min_pressure`.
+            If a muscle cannot reach `min_pressure`.
         """
         joint = rig.joint(joint_name)
         muscles = []
@@ -208,7 +208,7 @@ class AntagonisticJoint:
         Raises
         ------
         DomainError
-            At a position that a model does not cover.
+            If the position is outside the domain of a model.
         """
         first, second = self.lengths(position)
         speed = self.pulley_radius * velocity
@@ -268,7 +268,7 @@ class AntagonisticJoint:
         return self.pulley_radius * self.pulley_radius * total
 
     def volumes(self, position: float) -> tuple[float, float]:
-        """Gas volumes [m^3], dead volumes included."""
+        """Gas volumes [m^3], including dead volumes."""
         first, second = self.lengths(position)
         return (
             float(self.agonist.model.volume(first)) + self.agonist.dead_volume,
@@ -284,10 +284,10 @@ class AntagonisticJoint:
         )
 
     def pressures_for(self, torque: float, stiffness: float, position: float) -> JointPressures:
-        """The pressures that give this torque and this stiffness at constant pressures.
+        """The pressures for a torque and a stiffness at constant pressures.
 
-        What the pressure range cannot reach is cut: first the torque to what is reachable at all,
-        then the stiffness to what is reachable at that torque.
+        The request is limited to the range of the pressures: first the torque to its reachable
+        range, then the stiffness to the range that is reachable at this torque.
 
         Parameters
         ----------
@@ -296,12 +296,12 @@ class AntagonisticJoint:
         stiffness : float
             [N m/rad].
         position : float
-            [rad]; outside `position_range` its nearest edge is used.
+            [rad]; outside `position_range` the nearest limit is used.
 
         Raises
         ------
         DomainError
-            For a request that is not finite.
+            If a request is not finite.
         """
         if not (math.isfinite(torque) and math.isfinite(stiffness) and math.isfinite(position)):
             raise DomainError(
@@ -342,7 +342,7 @@ class AntagonisticJoint:
         at_low, at_high = float(model.force(low, length)), float(model.force(high, length))
         weakest, strongest = max(0.0, at_low), max(0.0, at_high)
         if strongest <= weakest:
-            # too short to pull: whatever the pressure, there is nothing to choose
+            # The muscle is too short to pull at any pressure, so the choice has no influence.
             rate = float(model.stiffness(low, length)) if weakest > 0.0 else 0.0
             return PressureLine(weakest, weakest, 0.0, weakest, 0.0, rate, low, high)
         if muscle.is_affine:
@@ -357,7 +357,7 @@ class AntagonisticJoint:
 
     @staticmethod
     def _antagonist_pull(a: PressureLine, b: PressureLine, difference: float, rate: float) -> float:
-        """The antagonist's pull [N] at which the sum of stiffnesses comes nearest to `rate`."""
+        """Pull of the antagonist [N] at which the sum of stiffnesses is nearest to `rate`."""
         least = max(b.weakest, a.weakest - difference)
         most = max(least, min(b.strongest, a.strongest - difference))
         at_least = a.stiffness(least + difference) + b.stiffness(least) - rate
@@ -374,7 +374,7 @@ class AntagonisticJoint:
         difference: float,
         rate: float,
     ) -> tuple[float, float]:
-        """Pressures for models that are not affine: redraw both lines until they stay."""
+        """Pressures for models that are not affine: iterate both lines until they converge."""
         sides = [(self.agonist, a, lengths[0]), (self.antagonist, b, lengths[1])]
         last: list[Point | None] = [None, None]
         pressures = [a.low, b.low]

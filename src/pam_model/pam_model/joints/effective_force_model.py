@@ -1,9 +1,9 @@
 """The static force of a muscle, with the effects that its rig file names.
 
 Effects on the contraction ratio, passive pulls, stretching threads and a compliant cable are
-functions of pressure and length, so that estimator and controller can account for them. Effects
-with a memory (hysteresis, creep) are left out. The laws stand in the files of the effects
-(`pam_model.effects`). Scalars only: this is the view of a joint, not of a fit.
+functions of pressure and length, so that estimator and controller can take them into account. The
+dynamic effects hysteresis and creep are not included. The laws are in the files of the effects
+(`pam_model.effects`). These models take scalars only: joints use them, fits do not.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
     rig : Rig
         As read from a file.
     muscle_name : str
-        Which muscle.
+        Name of the muscle.
 
     Returns
     -------
     ForceModel
-        Affine in pressure where the nominal model is and neither threads nor cable stretch; the
-        nominal model itself where no such effect is named.
+        Affine in pressure if the nominal model is affine and neither threads nor cable stretch; the
+        nominal model itself if the rig file names no such effect.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
 
 
 class _Wrapper(ABC):
-    """A model in terms of another one; pressure slopes by difference, unless better is known."""
+    """A model based on another one; by default, finite differences give the pressure slope."""
 
     name: ClassVar[str] = "effective"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {}
@@ -118,7 +118,7 @@ class _Wrapper(ABC):
 
 
 class _Ends(_Wrapper):
-    """The nominal force at a multiple of the contraction, plus pulls that need no pressure."""
+    """The nominal force at a multiple of the contraction, plus passive pulls."""
 
     def __init__(
         self,
@@ -160,7 +160,7 @@ class _Ends(_Wrapper):
 
 
 class _AffineEnds(_Ends):
-    """The same for a model affine in pressure, which it stays."""
+    """The same for a model that is affine in pressure; the result is affine as well."""
 
     inner: AffineForceModel
 
@@ -178,7 +178,7 @@ class _AffineEnds(_Ends):
 
 
 class _ExtensibleBraid(_Wrapper):
-    """Threads that stretch to a length b: the cylinder's force at b, less that at b_0."""
+    """Threads that stretch to a length b: adds the cylinder's force at b minus that at b_0."""
 
     def __init__(
         self, inner: ForceModel, muscle: Muscle, law: Law3, values: tuple[float, ...]
@@ -200,7 +200,7 @@ class _ExtensibleBraid(_Wrapper):
 
 
 class _SeriesCable(_Wrapper):
-    """A muscle behind a spring: it is shorter than its path by compliance times force."""
+    """A muscle in series with a spring: its length is the path minus compliance times force."""
 
     def __init__(self, inner: ForceModel, compliance: float) -> None:
         super().__init__(inner)
@@ -208,8 +208,8 @@ class _SeriesCable(_Wrapper):
         self._solved = (math.nan, math.nan, math.nan)
 
     def _stretched(self, pressure: float, length: float) -> float:
-        """The muscle's own length: Newton steps, kept inside [shortest, path]."""
-        # force and stiffness are asked for the same state, one after the other
+        """Length of the muscle [m] by Newton steps within [shortest, path]."""
+        # force and stiffness are called one after the other for the same state
         solved = self._solved
         if solved[0] == pressure and solved[1] == length:
             return solved[2]
@@ -237,6 +237,6 @@ class _SeriesCable(_Wrapper):
         muscle = self._stretched(pressure, length)
         rate = float(self.inner.stiffness(pressure, muscle))
         if muscle >= length:
-            # slack: the cable plays no part
+            # slack: the cable has no influence
             return rate
         return rate / max(1e-3, 1.0 + self._compliance * rate)

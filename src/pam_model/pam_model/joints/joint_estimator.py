@@ -1,7 +1,7 @@
-"""What muscles and joints do, from the latest pressures and positions: the model node without ROS.
+"""Estimates of muscles and joints from the latest pressures and positions: the model node's core.
 
-A measurement counts while it is younger than `max_age`; what is missing or too old is NaN, never
-zero and never the last value.
+A measurement is valid while it is younger than `max_age`. If a measurement is missing or too old,
+the estimates that need it are NaN, never zero and never the last value. No ROS is needed.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ NAN = math.nan
 
 @dataclass(slots=True)
 class Estimate:
-    """One estimate, in the order of the rig's muscles and joints; NaN where nothing is known.
+    """One estimate, in the order of the rig's muscles and joints; NaN for unknown values.
 
     Attributes
     ----------
     stamp : float or None
-        Time of the newest measurement in it [s]; None if there is none.
+        Time of the newest measurement used [s]; None if there is none.
     muscle_lengths, muscle_speeds, muscle_forces : list of float
         [m], [m/s] (lengthening), [N].
     joint_torques, joint_stiffnesses : list of float
         [N m], [N m/rad].
     problems : list of str
-        Why something is NaN, one line each.
+        The reasons for values that are NaN, one line each.
     """
 
     stamp: float | None
@@ -47,16 +47,16 @@ class JointEstimator:
     """Forces, torques and stiffnesses from pressures and positions.
 
     Sensor errors that the rig file names (gain and bias of a pressure, offset of a position) are
-    taken out first.
+    corrected first.
 
     Parameters
     ----------
     rig : Rig
         As read from a file.
     max_age : float, optional
-        An older measurement is none [s].
+        Older measurements are not used [s].
     closed_chambers : bool, optional
-        Stiffness with the valves shut instead of at constant pressures.
+        Estimate the stiffness with shut valves instead of that at constant pressures.
     """
 
     def __init__(self, rig: Rig, max_age: float = 0.1, *, closed_chambers: bool = False) -> None:
@@ -71,9 +71,9 @@ class JointEstimator:
         self._positions: dict[str, tuple[float, float, float]] = {}
 
     def take_pressures(self, stamp: float, names: Sequence[str], pressures: Sequence[float]) -> int:
-        """Keep measured gauge pressures [Pa]; names of no muscle are passed over.
+        """Store measured gauge pressures [Pa]; names that are no muscle of the rig are ignored.
 
-        Returns how many were of this rig.
+        Returns the number of names that belong to this rig.
         """
         taken = 0
         for index, name in enumerate(names):
@@ -93,9 +93,9 @@ class JointEstimator:
         positions: Sequence[float],
         velocities: Sequence[float],
     ) -> int:
-        """Keep measured positions [rad] and velocities [rad/s], either of which may be empty.
+        """Store measured positions [rad] and velocities [rad/s]; either list may be empty.
 
-        Returns how many were of this rig.
+        Returns the number of names that belong to this rig.
         """
         taken = 0
         for index, name in enumerate(names):
@@ -111,11 +111,11 @@ class JointEstimator:
         return taken
 
     def _is_overtaken(self, stamp: float, kept: tuple[float, ...] | None) -> bool:
-        """Whether a newer value came first; one far newer is of a clock since set back."""
+        """Whether the stored value is newer; if it is much newer, the clock was set back: False."""
         return kept is not None and 0.0 < kept[0] - stamp <= self.max_age
 
     def estimate(self, now: float) -> Estimate:
-        """Everything that the measurements at hand tell at time `now` [s]."""
+        """The estimate at time `now` [s] from the stored measurements."""
         result = Estimate(None)
         stamps: list[float] = []
         by_muscle: dict[str, tuple[float, float, float]] = {}
@@ -129,7 +129,7 @@ class JointEstimator:
                 lengths = statics.lengths(position)
                 speed = 0.0 if math.isnan(velocity) else velocity
                 try:
-                    # one pressure missing must not hide the other muscle's pull
+                    # if one pressure is missing, the pull of the other muscle is still estimated
                     forces = statics.tensions(
                         0.0 if math.isnan(a) else a, 0.0 if math.isnan(b) else b, position, speed
                     )
@@ -180,7 +180,7 @@ class JointEstimator:
         self, quantity: str, name: str, age: float, value: float, problems: list[str]
     ) -> bool:
         if math.isnan(age):
-            problems.append(f"{name}: no {quantity} has come yet")
+            problems.append(f"{name}: no {quantity} was received yet")
         elif abs(age) > self.max_age:
             problems.append(f"{name}: {quantity} is {age:.3g} s old, limit {self.max_age:g} s")
         elif not math.isfinite(value):

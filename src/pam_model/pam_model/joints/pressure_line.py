@@ -1,4 +1,7 @@
-"""A muscle at one length as straight lines over pressure: exact for affine models, else local."""
+"""Pull and stiffness of a muscle at one length as linear functions of pressure.
+
+They are exact for affine models and a local approximation for others.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,11 @@ class PressureLine:
     weakest, strongest : float
         Pulls at the ends of the range, never below 0 [N].
     scale, passive : float
-        Of the pull [m^2], [N]; a scale of 0 is a muscle too short to pull.
+        Coefficients of the pull [m^2], [N]; scale is 0 if the muscle is too short to pull.
     rise, offset : float
-        Of dF/dL at constant pressure [m], [N/m].
+        Coefficients of dF/dL at constant pressure [m], [N/m].
     low, high : float
-        The range [Pa gauge].
+        Limits of the range [Pa gauge].
     """
 
     weakest: float
@@ -34,7 +37,7 @@ class PressureLine:
     high: float
 
     def pressure(self, force: float) -> float:
-        """Pressure [Pa gauge] for a pull [N], kept in the range."""
+        """Pressure [Pa gauge] for a pull [N], limited to the range."""
         if self.scale <= 0.0:
             return self.low
         return min(max((force - self.passive) / self.scale, self.low), self.high)
@@ -46,7 +49,7 @@ class PressureLine:
         return (force - self.passive) / self.scale * self.rise + self.offset
 
     def through(self, first: Point, second: Point) -> None:
-        """Draw the lines through two points of different pressure."""
+        """Fit the lines to two points of different pressure."""
         run = second[0] - first[0]
         scale = (second[1] - first[1]) / run
         if scale > 0.0:
@@ -55,7 +58,7 @@ class PressureLine:
         self.shift(second)
 
     def shift(self, point: Point) -> None:
-        """Move the lines, with their slopes, to a point."""
+        """Move the lines to a point and keep their slopes."""
         if self.scale > 0.0:
             self.passive = point[1] - self.scale * point[0]
             self.offset = point[2] - self.rise * point[0]

@@ -1,7 +1,7 @@
-"""From the readings of sensors to true values: static errors that the rig file names, undone.
+"""Correction of the static sensor errors that the rig file names.
 
-A reading is gain times pressure plus bias, or position plus offset, with gain, bias and offset as
-the effects of the rig file make them (`pam_model.effects`).
+A reading is gain times pressure plus bias, or position plus offset. Gain, bias and offset come from
+the effects of the rig file (`pam_model.effects`).
 """
 
 from __future__ import annotations

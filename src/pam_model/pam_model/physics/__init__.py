@@ -1,1 +1,1 @@
-"""Laws that several packages share, as functions of floats; the plant compiles them."""
+"""Laws that several packages share: functions of floats, which the plant can compile."""

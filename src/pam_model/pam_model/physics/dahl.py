@@ -1,7 +1,8 @@
-"""Friction with presliding: Dahl's first-order bristle, of the braid's threads and of a joint.
+"""Friction with presliding by Dahl's first-order model, for the braid's threads and for a joint.
 
-The state z turns by dz = (1 - sign(dx) z) dx/s_p and stays within [-1, 1]; friction is z times its
-saturated value. It does not depend on time, so that it can be run along a reference.
+The state z changes by dz = (1 - sign(dx) z) dx/s_p and stays within [-1, 1]; the friction is z
+times its saturated value. The model is rate-independent, so that z can be computed along a
+reference path.
 
 Source: P. R. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14(12), 1976.
 """
@@ -12,7 +13,7 @@ import math
 
 
 def dahl_rate(state: float, speed: float, presliding: float, step: float) -> float:
-    """dz/dt [1/s], no faster than an integration step can follow.
+    """dz/dt [1/s], limited to what an integration step can follow.
 
     Parameters
     ----------
@@ -21,16 +22,16 @@ def dahl_rate(state: float, speed: float, presliding: float, step: float) -> flo
     speed : float
         dx/dt [m/s or rad/s].
     presliding : float
-        s_p, travel over which friction builds up [m or rad].
+        s_p, the travel over which the friction builds up [m or rad].
     step : float
-        Of the integration [s].
+        Integration step [s].
     """
     turn = min(max(speed / presliding, -1.0 / step), 1.0 / step)
     return turn - abs(turn) * state
 
 
 def dahl_step(state: float, travel: float, presliding: float) -> float:
-    """State z after a monotonic travel [m or rad] of any size; exact."""
+    """Exact state z after a monotonic travel [m or rad] of any size."""
     if travel == 0.0:
         return state
     end = math.copysign(1.0, travel)

@@ -1,7 +1,6 @@
-"""What a pressure sensor with gain and zero shows, and what it should have shown.
+"""Readings of a pressure sensor with gain and bias, and the true pressure from a reading.
 
-Functions of floats, which also work on arrays element by element; the plant's observer compiles
-them. The position sensor adds its offset to the position.
+These functions of floats also accept arrays, element by element.
 """
 
 from __future__ import annotations
@@ -10,10 +9,10 @@ from typing import Any
 
 
 def pressure_reading(pressure: Any, gain: Any, bias: Any) -> Any:
-    """The reading [Pa] at a gauge pressure [Pa]: gain [-] first, then bias [Pa]."""
+    """Reading [Pa] at a gauge pressure [Pa]: gain [-] times pressure, plus bias [Pa]."""
     return gain * pressure + bias
 
 
 def true_pressure(reading: Any, gain: Any, bias: Any) -> Any:
-    """The gauge pressure [Pa] of a reading [Pa]; the inverse of `pressure_reading`."""
+    """Gauge pressure [Pa] of a reading [Pa]; the inverse of `pressure_reading`."""
     return (reading - bias) / gain

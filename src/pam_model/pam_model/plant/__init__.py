@@ -1,1 +1,1 @@
-"""The simulated joint: nominal physics and every effect, compiled where numba is installed."""
+"""The simulated joint: nominal physics and all effects, compiled if numba is installed."""

@@ -1,10 +1,10 @@
-"""Compile a function with numba where it is installed, leave it plain Python where it is not.
+"""Compile a function with numba if it is installed; otherwise it remains plain Python.
 
-Laws of effects, of the gas and of friction are plain functions of floats that everyone calls. When
-the plant compiles a function, plain functions that it calls by name are compiled with it, so that
-no law is written twice. The environment variable PAM_NO_NUMBA=1 forces plain Python. A compiled
-function takes arrays, a plain one lists: `for_kernel` makes the right one, since indexing a numpy
-array from Python costs twenty times a list's.
+The laws of effects, gas and friction are plain functions of floats that the whole suite calls. When
+the plant compiles a function, the plain functions that it calls by name are compiled as well, so
+that no law is written twice. The environment variable PAM_NO_NUMBA=1 forces plain Python. A
+compiled function takes arrays, a plain one takes lists, because Python indexes a list about twenty
+times faster than a numpy array. `for_kernel` converts an array to the right type.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _NEVER_COMPILED = ("constants", "force_table", "parameters", "sensors", "simulat
 
 
 def kernel_sources() -> tuple[Path, ...]:
-    """Every file whose text the compiled plant depends on."""
+    """All source files on which the compiled plant depends."""
     return (
         *(path for path in sorted(_HERE.glob("*.py")) if path.stem not in _NEVER_COMPILED),
         *sorted(Path(gas.__file__).parent.glob("*.py")),
@@ -46,10 +46,10 @@ def kernel_sources() -> tuple[Path, ...]:
 
 
 def _cache_folder() -> str:
-    """A folder named after the kernels' sources, "" where none can be written.
+    """A folder named after a hash of the kernels' sources; "" if no folder can be written.
 
-    numba's own cache looks at the file of the outermost function alone and would go on using an
-    old compilation of what it calls.
+    numba's own cache checks only the file of the outermost function. After a change in a function
+    that this one calls, numba would continue to use the old machine code.
     """
     digest = hashlib.sha256()
     for source in kernel_sources():
@@ -89,14 +89,14 @@ def _with_compiled_calls(function: FunctionType) -> FunctionType:
 
 
 def compiled[F: Callable[..., Any]](function: F) -> F:
-    """Decorate a function of floats and arrays; no fast-math, so that Python gives the same."""
+    """Decorate a function of floats and arrays; without fast-math, results equal plain Python's."""
     return _compiled(function, cache=False)
 
 
 def entry_point[F: Callable[..., Any]](function: F) -> F:
-    """Decorate a compiled function that Python itself calls: its machine code is kept on disk.
+    """Decorate a compiled function that Python calls: its machine code is cached on disk.
 
-    The machine code of an entry point holds that of all functions it calls.
+    The machine code of an entry point contains all functions that it calls.
     """
     return _compiled(function, cache=True)
 
@@ -110,8 +110,8 @@ def _compiled[F: Callable[..., Any]](function: F, *, cache: bool) -> F:
     given = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _CACHE or given
     try:
-        # numpy's error model: no branch per division; the kernels guard their divisors
-        # themselves. They allocate nothing, so reference counting is left out.
+        # numpy's error model saves a branch per division; the kernels check their divisors
+        # themselves. They allocate nothing, so they need no reference counting (_nrt).
         result: F = numba.njit(
             cache=cache, error_model="numpy", nogil=True, forceinline=True, _nrt=False
         )(_with_compiled_calls(function))
@@ -122,5 +122,5 @@ def _compiled[F: Callable[..., Any]](function: F, *, cache: bool) -> F:
 
 
 def for_kernel(array: npt.NDArray[Any]) -> Any:
-    """The array itself for a compiled kernel, nested lists of Python floats for a plain one."""
+    """The array for a compiled kernel, or nested lists of Python floats for a plain one."""
     return np.ascontiguousarray(array) if HAVE_NUMBA else array.tolist()

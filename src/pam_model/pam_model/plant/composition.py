@@ -1,8 +1,8 @@
-"""The calls from the plant into the laws of the effects, made from the registry.
+"""The calls from the plant to the laws of the effects, generated from the registry.
 
-For every slot there is one function below that the stages of the plant call. Its text is written
-from the effects that fill the slot and compiled like the plant itself; an effect at its neutral
-values is skipped. `SOURCE` holds the text, for reading and for tracebacks.
+For every slot there is one function below that the stages of the plant call. Its source code is
+generated from the effects that fill the slot, and it is compiled like the rest of the plant. An
+effect at its neutral values is skipped. `SOURCE` holds the code, for reading and for tracebacks.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _FILE = "<plant composed of effects>"
 
 
 class _Writer:
-    """Collects the text of the module and the names that it uses."""
+    """Collect the source code and the names that it uses."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -48,12 +48,12 @@ class _Writer:
             self.names[f"S_{name.upper()}"] = place
 
     def constant(self, effect: Effect, name: str) -> str:
-        """How the text reads a constant of an effect."""
+        """The expression that reads a constant of an effect."""
         base = "m + " if effect.scope == "muscle" else ""
         return f"c[{base}{effect.name.upper()}_{name.upper()}]"
 
     def call(self, effect: Effect, slot: Slot, law: str, *context: str) -> str:
-        """The call of a law: its context, then the effect's parameters."""
+        """The call of a law with its context and the effect's parameters."""
         name = f"{effect.name}_{type(slot).__name__.lower()}_{law}"
         function = laws_of(slot)[law][1]
         self.names[name] = compiled(function)
@@ -61,12 +61,12 @@ class _Writer:
         return f"{name}({', '.join((*context, *parameters))})"
 
     def when_on(self, effect: Effect, *lines: str) -> None:
-        """Lines that run while the effect is not neutral."""
+        """Add lines that run only if the effect is not neutral."""
         self.lines.append(f"    if {self.constant(effect, 'is_on')} > 0.0:")
         self.lines += [f"        {line}" for line in lines]
 
     def add(self, *lines: str) -> None:
-        """Lines as they are."""
+        """Add lines."""
         self.lines += lines
 
 
@@ -162,22 +162,22 @@ def _compose() -> tuple[str, dict[str, Callable[..., Any]]]:
 SOURCE, _functions = _compose()
 
 opening = _functions["opening"]
-"""opening(m, c, spool): of a flow valve, -1 (exhaust) to 1 (supply)."""
+"""opening(m, c, spool): opening of a flow valve, -1 (exhaust) to 1 (supply)."""
 leak = _functions["leak"]
 """leak(m, c, pressure): flow out of the muscle over rho0 [m^3/s]."""
 chamber = _functions["chamber"]
-"""chamber(m, c, pressure, temperature, ...): their rates, see slots.Chamber."""
+"""chamber(m, c, pressure, temperature, ...): dP/dt and dT/dt, see slots.Chamber."""
 thread = _functions["thread"]
 """thread(m, c, pressure, length): thread length b, db/dp and db/dL."""
 passive_pull = _functions["passive_pull"]
 """passive_pull(m, c, length): pull [N] and dF/dL [N/m]."""
 memory_pull = _functions["memory_pull"]
-"""memory_pull(m, c, y, o, pressure): pull [N] of the states with a memory, and dF/dp [m^2]."""
+"""memory_pull(m, c, y, o, pressure): pull [N] of all PullState effects, and dF/dp [m^2]."""
 memory_response = _functions["memory_response"]
-"""memory_response(m, c, y, o, pressure): their dF/dL [N/m] either way, and dF/dt [N/s]."""
+"""memory_response(m, c, y, o, pressure): dF/dL [N/m] lengthening and shortening, dF/dt [N/s]."""
 memory_rates = _functions["memory_rates"]
-"""memory_rates(m, c, y, dy, o, speed, step): writes their rates into dy."""
+"""memory_rates(m, c, y, dy, o, speed, step): writes the rates of these states into dy."""
 dry_friction = _functions["dry_friction"]
-"""dry_friction(c, speed): magnitude [N m]."""
+"""dry_friction(c, speed): magnitude of the friction torque [N m]."""
 joint_torque = _functions["joint_torque"]
-"""joint_torque(c, position, speed): of smooth effects at the joint [N m]."""
+"""joint_torque(c, position, speed): torque of all smooth effects at the joint [N m]."""

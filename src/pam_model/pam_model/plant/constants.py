@@ -1,7 +1,7 @@
-"""What the kernels use, derived from the parameter vector: effects merged into the ideal rig.
+"""The constants of the kernels, derived from the parameter vector.
 
-Numbers of the ideal rig pass every effect that adjusts them; parameters of laws that the kernels
-call are laid down beside them (layout.JOINT_EFFECTS, MUSCLE_EFFECTS).
+Every effect that adjusts a number of the ideal rig is applied to it here. The parameters of the
+laws that the kernels call are stored after these numbers (layout.JOINT_EFFECTS, MUSCLE_EFFECTS).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from pam_model.plant.parameters import INDEX, parameter_names
 
 Vector = npt.NDArray[np.float64]
 WIDEST = 25.0
-FASTEST_VOLUME = 2.5e5  # 1/s, of a tube or reservoir
-SHORTEST_SHARE = 0.05  # of the thread: no braid contracts so far, a diverging fit may
+FASTEST_VOLUME = 2.5e5  # 1/s, fastest pressure rate of a tube or reservoir
+SHORTEST_SHARE = 0.05  # of the thread length; no braid is as short, but a diverging fit may be
 RIGID_CONTACT = 1.0001e-4
-"""Presliding angle [rad] up to which a contact is taken as rigid: encoders hardly show it, and the
-steps that its stiffness would need are short."""
+"""Presliding angle [rad] up to which a contact is modelled as rigid: encoders hardly resolve it,
+and its stiffness would need very short integration steps."""
 SIDES = ((lay.MUSCLES[0], lay.AGONIST), (lay.MUSCLES[1], lay.ANTAGONIST))
 _FRICTIONS = filled(DryFriction)
 _CHAMBERS = filled(Chamber)
@@ -41,13 +41,13 @@ class _Adjusted:
     Attributes
     ----------
     name : str
-        The target, with its muscle before it.
+        The target, preceded by its muscle.
     ideal : float
-        Where the rig file does not state it.
+        Its value if the rig file does not state it.
     written : int
-        Its place in the vector where the rig file does, else -1.
+        Its index in the vector if the rig file states it, else -1.
     laws : tuple
-        Law of each effect, with the places of the effect's parameters in the vector.
+        Law of each effect, with the indices of the effect's parameters in the vector.
     """
 
     name: str
@@ -58,14 +58,14 @@ class _Adjusted:
 
 @dataclass(frozen=True, slots=True)
 class _LaidDown:
-    """One effect whose parameters stand among the constants, and where they are in the vector."""
+    """One effect whose parameters are kernel constants, and their indices in the vector."""
 
     constants: EffectConstants
     places: tuple[int, ...]
 
 
 def _places(effect: Effect, owner: str) -> tuple[int, ...]:
-    """Where an effect's parameters lie in the vector; `owner` is empty or a muscle with a dot."""
+    """Indices of an effect's parameters in the vector; `owner` is "" or a muscle with a dot."""
     return tuple(INDEX[f"{owner}{effect.name}.{key}"] for key in effect.parameters)
 
 
@@ -117,7 +117,7 @@ def adjusted_numbers(values: Vector) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        By name; a muscle's with "agonist." or "antagonist." before it.
+        By name; targets of a muscle are preceded by "agonist." or "antagonist.".
     """
     v = values.tolist()
     result: dict[str, float] = {}
@@ -130,7 +130,7 @@ def adjusted_numbers(values: Vector) -> dict[str, float]:
 
 
 def derive_constants(values: Vector) -> Vector:
-    """What the kernels use (layout.C_*, M_*, and the constants of effects).
+    """The constants of the kernels (layout.C_*, M_*, and those of effects).
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def derive_constants(values: Vector) -> Vector:
     for laid in _LAID_DOWN[""]:
         _lay_down(c, 0, laid, v)
     c[lay.C_FRICTION] = any(c[lay.JOINT_EFFECTS[e.name].is_on] > 0.0 for e, _ in _FRICTIONS)
-    # One joint has one contact: of several effects, the softest.
+    # A joint has one contact; of several effects, the softest applies.
     presliding = max((v[i] for i in _PRESLIDING), default=0.0)
     c[lay.C_PRESLIDING] = presliding if presliding > RIGID_CONTACT else 0.0
     for side, m in SIDES:
@@ -172,7 +172,7 @@ def derive_constants(values: Vector) -> Vector:
 
 
 def _lay_down(c: Vector, first: int, laid: _LaidDown, v: list[float]) -> None:
-    """Write one effect's parameters, and whether it is on."""
+    """Write the parameters of one effect, and whether it is switched on."""
     is_on = False
     entries = laid.constants.effect.parameters.values()
     for place, at, entry in zip(
@@ -184,7 +184,7 @@ def _lay_down(c: Vector, first: int, laid: _LaidDown, v: list[float]) -> None:
 
 
 def _given(c: Vector, first: int, constants: EffectConstants) -> list[float]:
-    """An effect's parameters among the constants."""
+    """Read the parameters of an effect from the constants."""
     return [float(c[first + place]) for place in constants.parameters.values()]
 
 
@@ -205,7 +205,7 @@ def _muscle_constants(
     shortest, longest = written("shortest_length"), written("longest_length")
     if not is_table:
         shortest = SHORTEST_SHARE * b
-        # Kept off the end of the domain, where a braid is as thick as its wall.
+        # A small distance from the end of the domain, where the braid is as thick as its wall.
         open_share = 1.0 - (2.1 * wall / d90) ** 2
         longest = b * math.sqrt(max(open_share, 0.01)) * (1.0 - 1e-6)
     scale = 1.0 / (4.0 * math.pi * turns * turns)
@@ -244,7 +244,7 @@ def _muscle_constants(
 
 
 def _travel(c: Vector, lower: float, upper: float) -> tuple[float, float]:
-    """Position limits, narrowed where a muscle's path would leave its model's domain."""
+    """Position limits, restricted so that no muscle leaves the domain of its model."""
     radius = c[lay.C_RADIUS]
     a, b = lay.AGONIST, lay.ANTAGONIST
     upper = min(
@@ -261,10 +261,11 @@ def _travel(c: Vector, lower: float, upper: float) -> tuple[float, float]:
 
 
 def _limit_stiff_volumes(c: Vector) -> None:
-    """Keep a tube or reservoir no faster than the shortest step can follow.
+    """Limit the dynamics of a tube or reservoir to what the shortest step can integrate.
 
-    A path WIDEST times as wide as its valve loses 1/WIDEST^2 of the pressure: cutting there
-    changes nothing that shows, and a small volume behind it is then rounded up.
+    A path with WIDEST times the conductance of its valve loses 1/WIDEST^2 of the pressure, so that
+    limiting the conductance to this value has no visible influence. A volume that is still too
+    small for the shortest step is then increased.
     """
     gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY] / FASTEST_VOLUME
     valves = 0.0

@@ -1,9 +1,9 @@
-"""How a muscle's force model enters the compiled plant: in closed form, or as a table made from it.
+"""The force model of a muscle in the compiled plant: a closed form, or a table of samples.
 
-The braided cylinder, with a wall of constant thickness or a factor on its contraction ratio, has
-its formula in the plant. Any other registered model is sampled: its volume and, for a few
-pressures, its pull along length, each as a cubic spline. Between pressures the table is a straight
-line, which is exact for a model that is affine in pressure.
+The plant holds the formula of the braided cylinder, with a wall of constant thickness or a factor
+on its contraction ratio. Any other registered model is sampled over length: its volume and, at
+several pressures, its pull, each as a cubic spline. Between these pressures the interpolation is
+linear, which is exact for a model that is affine in pressure.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Table = npt.NDArray[np.float64]
 NO_TABLE: Table = np.zeros((3, 4))
 LENGTHS = 129
 PRESSURES = 161
-DOMAIN_MARGIN = 1e-3  # of the span: models may be singular at the ends of their domain
+DOMAIN_MARGIN = 1e-3  # of the length range: models may be singular at its ends
 
 
 def closed_form(muscle: Muscle) -> tuple[float, float] | None:
-    """Wall thickness [m] and contraction factor of the plant's own formula; None: needs a table."""
+    """Wall thickness [m] and contraction factor of the closed form; None if there is none."""
     if muscle.model == "gaylord":
         return 0.0, 1.0
     if muscle.model == "chou_hannaford":
@@ -43,8 +43,8 @@ def make_table(muscle: Muscle, supply_pressure: float) -> tuple[Table, tuple[flo
     Returns
     -------
     table : (2 + n_pressures - 1, 2 n_lengths) array
-        Row 0 the gas volume without dead volume [m^3], row 1 + i the pull [N] at i pressure
-        steps; pairs of value and slope times length step.
+        Row 0 is the gas volume without dead volume [m^3], row 1 + i the pull [N] at i pressure
+        steps. Each row holds pairs of value and slope times length step.
     bounds : pair of float
         First and last length [m].
     pressure_step : float
@@ -71,9 +71,9 @@ def make_table(muscle: Muscle, supply_pressure: float) -> tuple[Table, tuple[flo
 
 
 def _last_answer(model: ForceModel, pressure: float, muscle: Muscle, end: float) -> float:
-    """The length nearest to `end` that the model still has an answer for [m].
+    """The length nearest to `end` at which the model can still be evaluated [m].
 
-    Some models end, by a wall or a fitting, before the bounds they state.
+    The domain of some models is smaller than their stated bounds, due to a wall or a fitting.
     """
 
     def answers(length: float) -> bool:

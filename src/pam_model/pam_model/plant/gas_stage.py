@@ -32,7 +32,7 @@ from pam_model.plant.layout import (
 def regulator_rate(
     m: int, c: Any, spool: float, outlet: float, supply: float, per_flow: float
 ) -> float:
-    """Rate of a regulator's outlet [Pa/s]: after its lag, as fast as the open valve lets it."""
+    """Rate of a regulator's outlet pressure [Pa/s]: first-order lag, limited by the open valve."""
     critical = c[m + M_CRITICAL]
     wanted = (spool + c[C_AMBIENT] - outlet) / c[m + M_LAG]
     if wanted >= 0.0:
@@ -56,18 +56,18 @@ def gas_rates(
     volume_per_pressure: float,
     shut: bool,
 ) -> tuple[float, float, float, float, float]:
-    """Rates of spool, muscle pressure at constant length, valve-side pressure; supply drawn; heat.
+    """Rates of the spool and of the gas, and the flow drawn from the supply.
 
     Returns
     -------
     spool_rate : float
-        [1/s], or [Pa/s] of a regulator's first lag.
+        [1/s]; for a regulator, of its first lag [Pa/s].
     pressure_rate : float
         dP/dt [Pa/s] at constant length.
     valve_pressure_rate : float
-        [Pa/s]; that of the tube where there is one, 0 without.
+        [Pa/s] of the tube; 0 without a tube.
     drawn : float
-        Mass flow from the supply over rho0.
+        Mass flow from the supply over rho0 [m^3/s].
     temperature_rate : float
         [K/s] at constant length; 0 without the thermal effect.
     """

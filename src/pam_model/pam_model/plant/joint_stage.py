@@ -1,7 +1,7 @@
-"""One joint between two muscles: every state's rate of change, from gas to motion.
+"""One joint between two muscles: the rates of all states, from gas to motion.
 
-Here are the contact of dry friction and the reservoir that the joint's valves share; how large the
-friction is, and every smooth torque, comes from the effects.
+This module contains the contact of dry friction and the reservoir that the joint's valves share.
+The effects give the magnitude of the friction and all smooth torques.
 """
 
 from __future__ import annotations
@@ -75,10 +75,10 @@ def muscle_rates(
     shut: bool,
     step: float,
 ) -> tuple[float, float]:
-    """Write one muscle's rates into `dy`; return its pull [N] and the flow it draws over rho0.
+    """Write one muscle's rates into `dy`; return its pull [N] and drawn flow over rho0 [m^3/s].
 
-    With `pressure_given` the pressure where the sensor is moves at `pressure_rate`: the muscle's,
-    or the valve side's of a tube.
+    With `pressure_given`, the pressure at the sensor changes at `pressure_rate`: the pressure of
+    the muscle or, with a tube, that on the valve's side of the tube.
     """
     pressure = y[o + S_PRESSURE]
     gauge = pressure - c[C_AMBIENT]
@@ -117,7 +117,7 @@ def muscle_rates(
     dy[o + S_VALVE_PRESSURE] = valve_rate
     dy[o + S_TEMPERATURE] = 0.0
     if c[m + M_THERMAL] > 0.0 and not (pressure_given and not has_tube):
-        # From P V = m R T at constant mass, for what the motion adds.
+        # The motion adds the change of P V = m R T at constant mass.
         dy[o + S_TEMPERATURE] = heat_rate + y[o + S_TEMPERATURE] * speed * (
             gas_slope * (1.0 / pressure + volume_per_pressure / volume) + volume_slope / volume
         )
@@ -148,8 +148,8 @@ def joint_rates(
 ) -> float:
     """Write every state's rate into `dy`; return the torque of the muscles [N m].
 
-    `drive` is position rate and pressure rates where these are `given`; `sliding` the sign friction
-    acts against (0: none); without `free` the joint is locked.
+    `drive` holds the rates of position and pressures that are `given`. `sliding` is the sign of the
+    motion that friction opposes (0: no friction). Without `free` the joint is locked.
     """
     position_given, pressure_given = given
     position = y[Y_POSITION]
@@ -196,7 +196,7 @@ def joint_rates(
     if c[C_PRESLIDING] > 0.0 and free:
         dy[Y_BRISTLE] = dahl_rate(y[Y_BRISTLE], speed, c[C_PRESLIDING], step)
         grip = dry_friction(c, speed)
-        # Canudas de Wit et al. (1995): the bristles of a joint at rest are damped critically.
+        # Canudas de Wit et al. (1995): critical damping of the bristles at rest.
         damping = 2.0 * math.sqrt(grip * c[C_PRESLIDING] * c[C_INERTIA])
         bristle = grip * y[Y_BRISTLE] + damping * dy[Y_BRISTLE]
     if free and not position_given:

@@ -1,10 +1,11 @@
-"""One antagonistic joint through time: classical RK4 at a fixed step, the command held within it.
+"""Time integration of one antagonistic joint: classical RK4 with a fixed step and held commands.
 
-The constants, states and outputs are flat arrays laid out in plant_layout. Dry friction and end
-stops are decided once per step: a joint at rest whose torque is below the friction stays locked
-for the step, one that slides sees friction against the speed it started with and stops where it
-would turn round. That is exact sticking, and stable for any friction at any step. Where a
-presliding angle is given, sticking is elastic instead (joint_stage) and nothing is locked by it.
+Constants, states and outputs are flat arrays; layout.py defines their indices. Dry friction and end
+stops are decided once per step. A joint at rest whose torque is below the friction stays locked for
+the step. For a sliding joint, friction opposes the speed at the start of the step, and the joint
+stops when its speed would change sign. Thus sticking is exact, and the scheme is stable for any
+friction at any step. If a presliding angle is given, sticking is elastic (joint_stage.py) and
+friction does not lock the joint.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ from pam_model.plant.layout import (
 )
 from pam_model.plant.muscle_stage import pull
 
-LOWEST_PRESSURE = 1.0  # Pa absolute; a floor against a diverging fit, no rig comes near it
+LOWEST_PRESSURE = 1.0  # Pa absolute; a limit for diverging fits, far below any real pressure
 LOCKED = 2
 
 
@@ -71,9 +72,9 @@ LOCKED = 2
 def held_command(
     commands: Any, channel: int, now: float, step: float, sample_time: float, delay: float
 ) -> float:
-    """The command over [now, now + step], late by `delay`: the mean of the samples it spans.
+    """Mean of the command, delayed by `delay`, over [now, now + step].
 
-    `now` counts from the first row of `commands`; before it, the first row holds.
+    `now` is counted from the first row of `commands`; before this time, the first row applies.
     """
     if delay <= 0.0:
         index = min(int((now + 0.5 * step) / sample_time), len(commands) - 1)
@@ -93,7 +94,7 @@ def held_command(
 
 @entry_point
 def record(c: Any, tables: Any, y: Any, row: Any) -> None:
-    """Write what the joint shows at this state into one row of outputs."""
+    """Write the outputs of the joint at this state into one row."""
     position = y[Y_POSITION]
     torque = 0.0
     for i in range(2):
@@ -171,7 +172,7 @@ def contact_of(
     shut: bool,
     h: float,
 ) -> int:
-    """What holds the joint for a step: LOCKED, the sign dry friction acts against, or 0."""
+    """Contact of the joint in a step: LOCKED, the sign of motion that friction opposes, or 0."""
     has_friction = c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0
     speed = y[Y_VELOCITY]
     at_lower = y[Y_POSITION] <= c[C_LOWER]
@@ -196,7 +197,7 @@ def contact_of(
 
 @compiled
 def settle_contact(c: Any, y: Any, contact: int) -> None:
-    """After a step: friction never turns a motion round, end stops are inelastic."""
+    """Correct the state after a step: friction never reverses a motion, end stops are inelastic."""
     if contact * y[Y_VELOCITY] < 0.0:
         y[Y_VELOCITY] = 0.0
     if y[Y_POSITION] >= c[C_UPPER]:
@@ -211,7 +212,7 @@ def settle_contact(c: Any, y: Any, contact: int) -> None:
 def take_sample(
     c: Any, y: Any, drive: Any, positions: Any, pressures: Any, k: int, sample_time: float
 ) -> None:
-    """Set what is prescribed to sample `k`, and `drive` to its rate until the next."""
+    """Set prescribed signals to sample `k`, and `drive` to their rates until the next sample."""
     if len(positions) > 0:
         following = min(k + 1, len(positions) - 1)
         y[Y_POSITION] = positions[k]
@@ -245,9 +246,10 @@ def run(
 ) -> None:
     """Simulate one joint: row k of `outputs` is the state when command row `first + k` begins.
 
-    `positions` and `pressures`, where not empty, prescribe motion [rad] and sensed gauge
-    pressures [Pa] at the same samples, straight lines between. `y` holds the state and is left
-    at the end of the last sample; `work` is six rows of scratch of the state's size.
+    If `positions` and `pressures` are not empty, they prescribe the motion [rad] and the gauge
+    pressures at the sensors [Pa] at the same samples, with linear interpolation. `y` holds the
+    state; after the call it is that at the end of the last sample. `work` is scratch memory: six
+    rows of the size of the state.
     """
     position_given = len(positions) > 0
     pressure_given = len(pressures) > 0

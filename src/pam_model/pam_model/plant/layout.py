@@ -1,7 +1,7 @@
-"""Where each number of the plant lies: parameters by name, derived constants, states, outputs.
+"""The layout of the plant's arrays: parameters by name, derived constants, states, outputs.
 
-The compiled kernels index flat arrays with these integers; everything else goes by name. What
-effects add (constants of their laws, states with a memory) follows the ideal rig's own, in the
+The compiled kernels index flat arrays with these integers; all other code uses names. The entries
+of effects (constants of their laws, states of PullState) follow those of the ideal rig, in the
 order of the registry.
 """
 
@@ -16,7 +16,7 @@ from pam_model.effects.slots import Adjusts, PullState
 
 MUSCLES = ("agonist", "antagonist")
 
-# --- parameters: what a rig file and its effects say, by name and unit ------------------------
+# --- parameters of the rig file, by name and unit ---------------------------------------------
 JOINT_NOMINAL = (
     ("gas.temperature", "K"),
     ("gas.ambient_pressure", "Pa"),
@@ -104,16 +104,16 @@ MUSCLE_NOMINAL = (
 
 @dataclass(frozen=True, slots=True)
 class EffectConstants:
-    """Where an effect's numbers lie among the constants of the joint or of each muscle.
+    """Indices of an effect's numbers in the constants of the joint or of each muscle.
 
     Attributes
     ----------
     effect : Effect
-        One whose law the kernels call.
+        An effect whose law the kernels call.
     is_on : int
-        Place of 1 where a magnitude is not neutral, else 0.
+        Index of the switch: 1 if a magnitude is not neutral, else 0.
     parameters : mapping of str to int
-        Place of each parameter.
+        Index of each parameter.
     """
 
     effect: Effect
@@ -122,7 +122,7 @@ class EffectConstants:
 
 
 def _effect_constants(of_muscle: bool, first: int) -> tuple[dict[str, EffectConstants], int]:
-    """Places for the effects with a compiled law, from `first` on; and the next free place."""
+    """Indices of all effects with a compiled law, beginning at `first`, and the next free index."""
     found: dict[str, EffectConstants] = {}
     for effect in EFFECTS.values():
         called = any(not isinstance(slot, Adjusts) for slot in effect.slots)
@@ -145,7 +145,7 @@ S_SPOOL, S_PRESSURE, S_VALVE_PRESSURE, S_TEMPERATURE = range(4)
 PULL_STATES: Mapping[str, int] = {
     slot.name: S_TEMPERATURE + 1 + i for i, (_, slot) in enumerate(filled(PullState))
 }
-"""The states that effects add to each muscle, by name, and their places."""
+"""The states that effects add to each muscle: name -> index."""
 N_MUSCLE_STATES = S_TEMPERATURE + 1 + len(PULL_STATES)
 Y_ANTAGONIST = Y_AGONIST + N_MUSCLE_STATES
 N_STATES = Y_AGONIST + 2 * N_MUSCLE_STATES

@@ -1,8 +1,8 @@
-"""The muscle: pull and gas volume from pressure and length, with what the braid leaves out.
+"""The muscle: pull and gas volume as functions of pressure and length, with the effects.
 
-Nominal: the cylinder with a wall of constant thickness, F = p A(L), A = -dV/dL, or a table made
-from any other force model. Effects stretch the threads, add passive pulls and pulls with a memory.
-Pressures here are gauge.
+The nominal muscle is the cylinder with a wall of constant thickness, F = p A(L), A = -dV/dL, or a
+table of any other force model. Effects stretch the threads, add passive pulls, and add pulls with
+a dynamic state (hysteresis, creep). Pressures here are gauge.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from pam_model.plant.layout import (
 
 @compiled
 def cubic_row(row: Any, place: float, step: float) -> tuple[float, float]:
-    """Value and slope at `place` (in cells) of a row of (value, slope times step) pairs."""
+    """Value and slope at `place` (in cells) in a row of pairs (value, slope times step)."""
     cell = min(int(place), len(row) // 2 - 2)
     x = place - cell
     y0, s0, y1, s1 = row[2 * cell], row[2 * cell + 1], row[2 * cell + 2], row[2 * cell + 3]
@@ -45,7 +45,7 @@ def cubic_row(row: Any, place: float, step: float) -> tuple[float, float]:
 def table_force(
     m: int, c: Any, table: Any, pressure: float, length: float
 ) -> tuple[float, float, float]:
-    """Pull, dF/dL, dF/dp of a table: cubic along length, linear along pressure."""
+    """Pull, dF/dL, dF/dp from a table: cubic in length, linear in pressure."""
     rows = len(table) - 1
     step = (c[m + M_LONGEST] - c[m + M_SHORTEST]) / (len(table[0]) // 2 - 1)
     place = (length - c[m + M_SHORTEST]) / step
@@ -138,20 +138,20 @@ def pull(
     pressure: float,
     path: float,
 ) -> tuple[float, float, float, float]:
-    """Pull on the cable and the muscle's own length.
+    """Pull on the cable and length of the muscle.
 
-    `y` holds the state, that of this muscle from `o` on.
+    `y` holds the state; the part of this muscle begins at index `o`.
 
     Returns
     -------
     force : float
         Pull [N], never below 0.
     length : float
-        The muscle's [m]: its path less the stretch of the cable.
+        Of the muscle [m]: its path minus the stretch of the cable.
     slope : float
-        dF/dL [N/m]; 0 where the muscle is slack.
+        dF/dL [N/m]; 0 if the muscle is slack.
     area : float
-        dF/dp [m^2]; 0 where the muscle is slack.
+        dF/dp [m^2]; 0 if the muscle is slack.
     """
     compliance = c[m + M_CABLE]
     held, held_area = memory_pull(m, c, y, o, pressure)
@@ -162,7 +162,7 @@ def pull(
     if force <= 0.0:
         return 0.0, length, 0.0, 0.0
     if compliance > 0.0:
-        # Newton on L = path - compliance F(L): F rises with L, so it converges from the path.
+        # Newton steps for L = path - compliance F(L) converge from the path, since F rises with L.
         for _ in range(4):
             error = length + compliance * force - path
             length -= error / (1.0 + compliance * max(slope, 0.0))
@@ -187,10 +187,10 @@ def muscle_speed(
     gas_slope: float,
     pressure: float,
 ) -> float:
-    """dL/dt of the muscle [m/s]; the path's own without a compliant cable.
+    """dL/dt of the muscle [m/s]; equal to that of the path without a compliant cable.
 
-    `gas_slope` is dp/dL of the shut chamber [Pa/m]. From L + compliance F = path, with the pull of
-    the states that have a memory.
+    It is the time derivative of L + compliance F = path; F includes the pull of hysteresis and
+    creep. `gas_slope` is dp/dL of the shut chamber [Pa/m].
     """
     compliance = c[m + M_CABLE]
     if compliance <= 0.0:

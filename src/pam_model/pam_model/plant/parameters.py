@@ -1,9 +1,9 @@
 """The plant's parameters: one flat vector with named entries.
 
-Names: `gas.temperature`, `joint.inertia`, `agonist.thread_length` for what a rig file writes;
-`coulomb_friction.torque` or `agonist.leakage.conductance` for effects (pam_model.effects holds
-their units, bounds, neutral values and laws). Every nominal number is in the vector as well, so
-that a fit can vary it. constants.py derives from it what the kernels use.
+Names are `gas.temperature`, `joint.inertia`, `agonist.thread_length` for numbers of the rig file,
+and `coulomb_friction.torque` or `agonist.leakage.conductance` for effects (pam_model.effects holds
+their units, bounds, neutral values and laws). The nominal numbers are in the vector as well, so
+that a fit can vary them. constants.py derives the constants of the kernels from the vector.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ INDEX: Mapping[str, int] = {name: i for i, name in enumerate(NAMES)}
 
 @dataclass(frozen=True, slots=True)
 class RigPlace:
-    """Where a rig file keeps a plant parameter.
+    """Where a rig file states a plant parameter.
 
     Attributes
     ----------
     section : str
         "rig", "gas", "joint", "muscle", "valve" or "effect".
     side : str
-        "agonist" or "antagonist" where it is a muscle's, else empty.
+        "agonist" or "antagonist" for a parameter of a muscle, else empty.
     effect : str
-        The effect whose parameter it is, else empty.
+        The effect to which it belongs, else empty.
     key : str
         The key in that section.
     """
@@ -84,11 +84,11 @@ def _rig_places() -> dict[str, RigPlace]:
 
 
 RIG_PLACES: Mapping[str, RigPlace] = _rig_places()
-"""Of every plant parameter, by its name."""
+"""The place of every plant parameter in a rig file, by its name."""
 
 
 def neutral_values() -> dict[str, float]:
-    """Every effect's parameter by its name in the vector, at its neutral value."""
+    """The neutral values of all effects' parameters, by their names in the vector."""
     result = {}
     for effect in EFFECTS.values():
         owners = [f"{muscle}." for muscle in lay.MUSCLES] if effect.scope == "muscle" else [""]
@@ -99,7 +99,7 @@ def neutral_values() -> dict[str, float]:
 
 
 def parameter_names(effect: str, parameter: str) -> tuple[str, ...]:
-    """Where one effect's parameter lies in the vector: once, or once per muscle."""
+    """Names of one effect's parameter in the vector: one, or one per muscle."""
     if EFFECTS[effect].scope == "muscle":
         return tuple(f"{muscle}.{effect}.{parameter}" for muscle in lay.MUSCLES)
     return (f"{effect}.{parameter}",)
@@ -114,7 +114,7 @@ class PlantParameters:
     values : (n_parameters,) array
         In the order of NAMES, units in UNITS.
     tables : pair of arrays
-        Force tables of muscles whose model has no closed form here; placeholders otherwise.
+        Force tables of muscles whose model has no closed form in the plant, else placeholders.
     """
 
     values: Vector
@@ -122,12 +122,12 @@ class PlantParameters:
 
     @classmethod
     def from_rig(cls, rig: Rig, joint: int = 0, *, with_effects: bool = True) -> PlantParameters:
-        """The joint number `joint` of a rig, with the effects the rig names or without.
+        """The parameters of joint number `joint` of a rig, with or without the rig's effects.
 
         Raises
         ------
         PamError
-            For a joint the rig has not.
+            If the rig has no such joint.
         """
         if not 0 <= joint < len(rig.joints):
             raise PamError(f"the rig has {len(rig.joints)} joints, none with number {joint}")
@@ -149,7 +149,7 @@ class PlantParameters:
         return float(self.values[index(name)])
 
     def replaced(self, changes: Mapping[str, float]) -> PlantParameters:
-        """A copy with some parameters, by name, at other values.
+        """A copy with changed values of some parameters, by name.
 
         An effect's parameter without a muscle ("leakage.conductance") is set on both muscles.
 
@@ -168,7 +168,7 @@ class PlantParameters:
 
 
 def expand_name(name: str) -> tuple[str, ...]:
-    """The entries of the vector a name means: itself, or both muscles' where it names no muscle.
+    """The entries of the vector that a name denotes; both muscles' if it names no muscle.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""What sensors show of the true quantities: gain, bias, lag, offset and delay.
+"""The sensors: readings from the true quantities, by gain, bias, lag, offset and delay.
 
-Order in the chain: a pressure passes gain, bias, then the first-order lag; a position gets its
-offset and is late by its delay. Between samples a signal is a straight line, for which the lag is
-solved exactly. At neutral values a reading is the true quantity.
+A pressure passes gain, bias and then the first-order lag; a position passes offset and delay.
+Between samples a signal is linear, and for this the lag is solved exactly. At neutral values a
+reading equals the true quantity.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ N_SENSORS = K_DELAY + 1
 
 
 def sensor_constants(values: Array) -> Array:
-    """What the sensors do to the true quantities: (N_SENSORS,) array of the K_* above.
+    """The constants of the sensors, indexed by the K_* above.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def sensor_constants(values: Array) -> Array:
     Returns
     -------
     (N_SENSORS,) array
-        Gain [-], bias [Pa] and lag [s] of either pressure sensor; offset [rad] and delay [s] of the
-        position.
+        Gain [-], bias [Pa] and lag [s] of both pressure sensors; offset [rad] and delay [s] of the
+        position sensor.
     """
     number = adjusted_numbers(values)
     sensors = np.empty(N_SENSORS)
@@ -74,7 +74,7 @@ class Measured:
 
 
 def lag_weights(time_constant: float, duration: float) -> tuple[float, float, float]:
-    """First-order lag over a straight line: y1 = keep y0 + before u0 + after u1."""
+    """Weights of a first-order lag with linear input: y1 = keep y0 + before u0 + after u1."""
     if time_constant <= 0.0:
         return 0.0, 0.0, 1.0
     x = duration / time_constant
@@ -91,11 +91,11 @@ def measure(values: Array, time: Array, position: Array, pressures: Array) -> Me
     values : (n_parameters,) or (n_lane, n_parameters) array
         Plant parameters.
     time : (n,) array
-        Even [s].
+        Equally spaced [s].
     position : (..., n) array
         [rad].
     pressures : (..., n, 2) array
-        Gauge pressure where the sensors are [Pa].
+        Gauge pressure at the sensors [Pa].
     """
     if values.ndim == 2:
         lanes = [measure(one, time, position[i], pressures[i]) for i, one in enumerate(values)]
@@ -116,7 +116,7 @@ def measure(values: Array, time: Array, position: Array, pressures: Array) -> Me
         signal = pressure_reading(pressures[:, i], sensors[k + K_GAIN], sensors[k + K_BIAS])
         if lag > 0.0 and len(signal) > 1:
             keep, before, after = lag_weights(lag, sample_time)
-            # Starts settled at the first sample.
+            # The filter starts in steady state at the first sample.
             start = [(1.0 - after) * signal[0]]
             signal = lfilter([after, before], [1.0, -keep], signal, zi=start)[0]
         shown[:, i] = signal
@@ -124,7 +124,7 @@ def measure(values: Array, time: Array, position: Array, pressures: Array) -> Me
 
 
 class SensorFilter:
-    """The same sensors one sample at a time.
+    """The same sensors as `measure`, one sample at a time.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class SensorFilter:
     def update(
         self, time: float, position: float, first: float, second: float
     ) -> tuple[float, float, float]:
-        """Reading of position [rad] and both gauge pressures [Pa] at `time` [s]."""
+        """Readings of position [rad] and both gauge pressures [Pa] at `time` [s]."""
         shown = []
         for i, pressure in enumerate((first, second)):
             signal = pressure_reading(pressure, self._gain[i], self._bias[i])

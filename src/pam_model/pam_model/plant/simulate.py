@@ -1,9 +1,9 @@
-"""The simulated joint: rig.md's ideal physics and every effect of pam_model.effects.
+"""The simulated joint: the ideal physics and every effect of pam_model.effects.
 
-Classical RK4 at a fixed step, the command held within a step (pam_model.plant.kernel); compiled
-where numba is installed, plain Python with the same results where not. `simulate` runs whole
-recordings, one or many parameter vectors at a time, and can be driven by measured signals so that
-each stage of a rig is looked at alone; `Plant` steps one joint in real time.
+The integration is classical RK4 with a fixed step and held commands (pam_model.plant.kernel). It is
+compiled if numba is installed; otherwise plain Python gives the same results. `simulate` runs whole
+recordings for one or many parameter vectors. Measured signals can prescribe motion or pressures, so
+that each stage of a rig can be examined alone. `Plant` simulates one joint step by step.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def initial_state(
     commands: Sequence[float] = (0.0, 0.0),
     creep_settled: bool = True,
 ) -> Array:
-    """A state to start from, in the order of layout.STATE_NAMES.
+    """An initial state, in the order of layout.STATE_NAMES.
 
     Parameters
     ----------
@@ -61,9 +61,10 @@ def initial_state(
     pressures : pair of float
         Gauge pressure in the muscles [Pa].
     commands : pair of float
-        What the valves have followed.
+        Commands to which the valves have settled.
     creep_settled : bool
-        Whether the bladders have long been at this position, or come from their rest length.
+        True if the bladders have been at this position for long, False if they were just moved
+        there from their rest length.
     """
     p = parameters
     ambient = p["gas.ambient_pressure"]
@@ -110,22 +111,22 @@ def simulate(
     sample_time : float
         [s].
     state : (n_states,) or (n_lane, n_states) array, optional
-        To start from; default `initial_state` at rest and vented.
+        Initial state; by default `initial_state` at rest and vented.
     step : float
-        Longest RK4 step [s]; a sample time is cut into equal steps no longer than this, and into
-        shorter ones where a small tube or reservoir asks for it.
+        Longest RK4 step [s]. A sample time is divided into equal steps no longer than this; the
+        steps are shorter if a small tube or reservoir needs it.
     values : (n_lane, n_parameters) array, optional
-        Simulate this batch of vectors in place of `parameters.values`.
+        Simulate this batch of vectors instead of `parameters.values`.
     positions : (n,) array, optional
-        Measured position [rad]: prescribes the motion, straight lines between samples. An offset
-        and a delay of the encoder are taken out first.
+        Measured position [rad] that prescribes the motion, with linear interpolation. Offset and
+        delay of the encoder are removed first.
     pressures : (n, 2) array, optional
-        Measured gauge pressures [Pa]: prescribe the gas where the sensors are. Gain and bias of
-        the sensors are taken out first.
+        Measured gauge pressures [Pa] that prescribe the gas at the sensors. Gain and bias of the
+        sensors are removed first.
     shut : bool
-        The valves stay shut whatever the commands (leaks go on).
+        The valves stay shut regardless of the commands; leaks remain.
     threads : int
-        How many lanes run at once (compiled kernels release the interpreter lock).
+        Number of lanes that run at the same time (compiled kernels release the interpreter lock).
 
     Raises
     ------
@@ -184,7 +185,7 @@ def simulate(
 def simulate_measured(
     parameters: PlantParameters, trajectory: Trajectory, values: Array | None = None
 ) -> Measured:
-    """What the rig's sensors show of a trajectory, with the sensing effects.
+    """The readings of the rig's sensors along a trajectory, with the sensing effects.
 
     Parameters
     ----------
@@ -193,7 +194,7 @@ def simulate_measured(
     trajectory : Trajectory
         From `simulate` with the same parameters (and `values`).
     values : (n_lane, n_parameters) array, optional
-        The batch the trajectory came from.
+        The batch of which the trajectory was simulated.
     """
     return measure(
         parameters.values if values is None else values,
@@ -204,7 +205,7 @@ def simulate_measured(
 
 
 class Plant:
-    """One joint, stepped: holds its state and the commands still under way to the valves.
+    """One joint, simulated step by step; it holds the state and the delayed commands.
 
     Parameters
     ----------
@@ -213,7 +214,7 @@ class Plant:
     step : float
         Longest RK4 step [s].
     state : array, optional
-        To start from; default at rest at position 0, vented.
+        Initial state; by default at rest at position 0, vented.
     """
 
     def __init__(
@@ -243,21 +244,21 @@ class Plant:
 
     @property
     def state(self) -> Array:
-        """A copy of the state, as layout.STATE_NAMES."""
+        """A copy of the state, in the order of layout.STATE_NAMES."""
         return np.array(self._y, dtype=float)
 
     @property
     def output(self) -> dict[str, float]:
-        """The true quantities now, by layout.OUTPUT_NAMES."""
+        """The present true quantities, by the names in layout.OUTPUT_NAMES."""
         return dict(zip(lay.OUTPUT_NAMES, (float(x) for x in self._row[0]), strict=True))
 
     @property
     def reservoir_pressure(self) -> float:
-        """What the valves draw from [Pa absolute]."""
+        """Pressure of the reservoir from which the valves draw [Pa absolute]."""
         return float(self._y[lay.Y_RESERVOIR])
 
     def change(self, changes: Mapping[str, float]) -> None:
-        """Give parameters of the gas other values while it runs; the state goes on.
+        """Change parameters of the gas during the simulation; the state is kept.
 
         Parameters
         ----------
@@ -270,7 +271,7 @@ class Plant:
             self._y[lay.Y_RESERVOIR] = self.parameters["supply_pressure"]
 
     def step(self, commands: Sequence[float], duration: float) -> tuple[float, float, float]:
-        """Hold the commands for `duration` [s]; return what the sensors then show.
+        """Hold the commands for `duration` [s]; return the readings of the sensors at its end.
 
         Parameters
         ----------
@@ -321,9 +322,9 @@ class Plant:
     def _delayed(
         self, first: float, second: float, duration: float
     ) -> tuple[list[tuple[float, float]], int]:
-        """The commands on a grid of `duration` back to the longest delay, and now's row."""
+        """Past commands, one per `duration`, back to the longest delay, and the present index."""
         if duration != self._period:
-            # On a new grid the commands under way are taken over at their new places.
+            # For a new duration, the past commands are resampled.
             old, period = self._history, self._period
             keep = int(self._longest_delay / duration) + 2
             self._history = [
@@ -353,7 +354,7 @@ def _checked(name: str, array: Array, shape: tuple[int | None, ...]) -> Array:
 def _true_drive(
     values: Array, positions: Array | None, pressures: Array | None, sample_time: float
 ) -> tuple[Array, Array]:
-    """Measured position and pressures with the sensors' offset, delay, gain and bias undone."""
+    """True position and pressures: offset, delay, gain and bias of the sensors are removed."""
     given_positions, given_pressures = np.zeros(0), np.zeros((0, 2))
     sensors = sensor_constants(values)
     if positions is not None:

@@ -1,4 +1,4 @@
-"""What a simulation gives: the true quantities over time."""
+"""The result of a simulation: the true quantities over time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """What a simulation gives, for one parameter vector (n, ...) or a batch (n_lane, n, ...).
+    """The result of a simulation for one parameter vector (n, ...) or a batch (n_lane, n, ...).
 
     Row k is the state at `time[k]`, when command row k begins.
 
@@ -23,9 +23,9 @@ class Trajectory:
     time : (n,) array
         [s].
     outputs : (..., n, n_outputs) array
-        As layout.OUTPUT_NAMES; the properties below name its columns.
+        In the order of layout.OUTPUT_NAMES; the properties below give single columns.
     final_state : (..., n_states) array
-        The state one sample after the last row: where a next `simulate` goes on.
+        The state one sample after the last row, from which a next `simulate` can continue.
     """
 
     time: Array
@@ -56,7 +56,7 @@ class Trajectory:
 
     @property
     def reservoir_pressure(self) -> Array:
-        """Pressure the valves draw from [Pa absolute]."""
+        """Pressure of the reservoir from which the valves draw [Pa absolute]."""
         return self.outputs[..., lay.O_RESERVOIR]
 
     @property
@@ -66,7 +66,7 @@ class Trajectory:
 
     @property
     def valve_pressures(self) -> Array:
-        """Gauge pressure where the sensors are (..., n, 2) [Pa]."""
+        """Gauge pressure at the sensors (..., n, 2) [Pa]."""
         return self._pair(lay.O_VALVE_PRESSURE)
 
     @property

@@ -1,8 +1,8 @@
 """The rig file: one description of a robot for every node and tool.
 
-A ROS 2 parameter file (`/**: ros__parameters:`); its keys are described in docs/rig_file.md.
-`load_rig` reads one, `save_rig` writes one, `rig_from_parameters` and `rig_of_node` take what a
-node got from `--params-file`.
+It is a ROS 2 parameter file (`/**: ros__parameters:`); docs/rig_file.md describes its keys.
+`load_rig` reads a file, `save_rig` writes one. `rig_from_parameters` and `rig_of_node` take the
+parameters that a node got from `--params-file`.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from pam_model.rig.parser import parse_rig, unflatten
 from pam_model.rig.types import Rig
 
 MAX_FILE_SIZE = 1 << 20
-"""A rig file larger than this is no rig file [bytes]."""
+"""Size limit of a rig file [bytes]."""
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain YAML: no aliases (they can blow up), no key twice (the first would be lost)."""
+    """Plain YAML without aliases, which can expand without limit, and without duplicate keys."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("aliases (*name) have no place in a rig file")
+            raise yaml.YAMLError("aliases (*name) are not allowed in a rig file")
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
@@ -36,7 +36,7 @@ class _Loader(yaml.SafeLoader):
                 continue
             if key.value in seen:
                 line = key.start_mark.line + 1
-                raise yaml.YAMLError(f"line {line}: {key.value} stands there twice")
+                raise yaml.YAMLError(f"line {line}: {key.value} appears twice")
             seen.add(key.value)
         return super().construct_mapping(node, deep)
 
@@ -48,7 +48,7 @@ def _read(path: Path) -> Any:
     except OSError as error:
         raise RigError(f"{path}: cannot be read: {error.strerror or error}") from None
     if len(text) > MAX_FILE_SIZE:
-        raise RigError(f"{path}: larger than {MAX_FILE_SIZE} bytes, no rig file")
+        raise RigError(f"{path}: larger than {MAX_FILE_SIZE} bytes, too large for a rig file")
     try:
         return yaml.load(text, _Loader)  # a SafeLoader
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
@@ -62,15 +62,15 @@ def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:
     Parameters
     ----------
     path : str or Path
-        A ROS 2 parameter file; the rig is under `/**`, other nodes' sections are left alone.
+        A ROS 2 parameter file; the rig is under `/**`, sections of other nodes are ignored.
     other_keys : collection of str, optional
-        Keys under `/**` that are a node's own and no part of the rig.
+        Keys under `/**` that belong to a node and not to the rig.
 
     Returns
     -------
     Rig
-        Checked: names, units, bounds, wiring, and that every muscle's model answers wherever its
-        joint can go.
+        Checked for names, units, bounds and wiring, and for muscle models that are valid over the
+        whole range of their joint.
 
     Raises
     ------
@@ -92,16 +92,16 @@ def rig_from_parameters(
     other_keys: Collection[str] = (),
     source: str = "parameters",
 ) -> Rig:
-    """Make a rig of parameters, with dotted keys, nested mappings or both.
+    """Create a rig from parameters with dotted keys, nested mappings or both.
 
     Parameters
     ----------
     parameters : mapping
         As under `ros__parameters`, or as a node's parameter overrides.
     other_keys : collection of str, optional
-        Keys at the top that are a node's own and no part of the rig.
+        Keys at the top that belong to a node and not to the rig.
     source : str, optional
-        What the messages call it.
+        Name of the source in messages.
 
     Raises
     ------
@@ -116,19 +116,19 @@ def rig_from_parameters(
 
 
 def rig_of_node(others: Mapping[str, Any], own_keys: Collection[str]) -> Rig:
-    """Make a rig of the parameters that a ROS node was started with.
+    """Create a rig from the parameters with which a ROS node was started.
 
     Parameters
     ----------
     others : mapping
-        The node's parameter overrides but for its own parameters.
+        The parameter overrides of the node, without the node's own parameters.
     own_keys : collection of str
         The node's own parameters, which the message about an unknown key may suggest.
 
     Raises
     ------
     PamError
-        If there is no rig among them: the node was started without a rig file.
+        If they contain no rig, because the node was started without a rig file.
     RigError
         With one line for every problem of the rig, unknown keys included.
     """

@@ -1,4 +1,4 @@
-"""The keys of a rig file: their units and bounds, and reading them with every problem kept."""
+"""The keys of a rig file with units and bounds, and a reader that collects all problems."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from difflib import get_close_matches
 from typing import Any
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-# YAML 1.1 takes 2e-05, without a point, for text; ROS takes it for a number
+# YAML 1.1 reads 2e-05, without a point, as text; ROS reads it as a number
 _EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A number in a rig file: its unit, bounds, and its default unless it is required."""
+    """A number in a rig file: its unit, bounds, and its default if it is optional."""
 
     unit: str
     low: float
@@ -69,7 +69,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "supply_share": Key("-", 0.0, 1.0, 0.5),
     },
 }
-"""Every number of a rig file by section ("" is the top)."""
+"""Every number of a rig file, by section ("" is the top level)."""
 
 _PRESSURES = (("bar", 1e5), ("kPa", 1e3), ("MPa", 1e6), ("psi", 6894.757))
 _SCALES: Mapping[str, tuple[tuple[str, float], ...]] = {
@@ -84,7 +84,7 @@ _SCALES: Mapping[str, tuple[tuple[str, float], ...]] = {
 
 
 def _looks_like(value: float, key: Key) -> str:
-    """The units in which an impossible value would be a sensible one."""
+    """The hint which unit a value out of bounds seems to have; "" if there is none."""
     if key.unit == "K" and key.low <= value + 273.15 <= key.high:
         return "; looks like deg C"
     units = [
@@ -94,19 +94,19 @@ def _looks_like(value: float, key: Key) -> str:
 
 
 class Problems:
-    """Everything wrong with one file."""
+    """All problems of one file."""
 
     def __init__(self, source: str) -> None:
         self.source = source
         self.lines: list[str] = []
 
     def add(self, key: str, text: str) -> None:
-        """Note a problem with a key of the file; `text` follows the key."""
+        """Add a problem with a key of the file; `text` follows the key."""
         self.lines.append(f"{self.source}: {key}{text}" if key else f"{self.source}: {text}")
 
 
 class Section:
-    """One mapping of the file, read key by key; what nobody asked for is unknown."""
+    """One mapping of the file, read key by key; keys that were not read are unknown keys."""
 
     def __init__(self, tree: Any, path: str, problems: Problems) -> None:
         self.path = path
@@ -122,21 +122,21 @@ class Section:
         return f"{self.path}.{name}" if self.path else name
 
     def add(self, name: str, text: str) -> None:
-        """Note a problem with the key `name`; `text` follows the key."""
+        """Add a problem with the key `name`; `text` follows the key."""
         self.problems.add(self.key(name), text)
 
     def get(self, name: str) -> Any:
-        """The value of a key, None if it is not there."""
+        """The value of a key, or None if the key is missing."""
         self.asked.append(name)
         return self.tree.get(name)
 
     def section(self, name: str) -> Section:
-        """The mapping under a key, an empty one if it is not there."""
+        """The mapping under a key, empty if the key is missing."""
         tree = self.get(name)
         return Section({} if tree is None else tree, self.key(name), self.problems)
 
     def check(self, name: str, value: Any, key: Key) -> float | None:
-        """A value as a number within its bounds; None, with a problem noted, if it is not."""
+        """A value as a number within its bounds; else None, and a problem is added."""
         if isinstance(value, str) and _EXPONENT.fullmatch(value):
             value = float(value)
         unit = "" if key.unit == "-" else f" {key.unit}"
@@ -160,7 +160,7 @@ class Section:
         return number
 
     def number(self, name: str, key: Key, *, optional: bool = False) -> float | None:
-        """The number under a key, its default, or None with a problem noted."""
+        """The number under a key or its default; else None, and a problem is added."""
         value = self.get(name)
         if value is None:
             if key.default is None and not optional:
@@ -170,7 +170,7 @@ class Section:
         return self.check(name, value, key)
 
     def place(self, name: str, default: int | None = None) -> int | str | None:
-        """A board or channel: a whole number from 0 on, or a name; None with a problem noted."""
+        """A board or channel: an integer from 0 on, or a name; else None, with a problem added."""
         value = self.get(name)
         if value is None:
             return default
@@ -182,11 +182,11 @@ class Section:
         return value
 
     def named_sections(self) -> dict[str, dict[str, Any]]:
-        """Every key as a section of somebody else's keys; a problem noted for what is none."""
+        """Every key as a section whose keys are read elsewhere; a problem for every other value."""
         found: dict[str, dict[str, Any]] = {}
         for name, tree in self.tree.items():
             if not isinstance(name, str) or not _NAME.fullmatch(name):
-                self.add(str(name), ": is no name (letters, digits and _, a letter first)")
+                self.add(str(name), ": is not a name (letters, digits and _, a letter first)")
             elif not isinstance(tree, Mapping) or not isinstance(tree.get("kind"), str):
                 self.add(name, f" = {tree!r}: must be a section with the key kind, a text")
             else:
@@ -194,7 +194,7 @@ class Section:
         return found
 
     def names(self, name: str) -> list[str] | None:
-        """A list of names, or None with a problem noted."""
+        """A list of names; else None, and a problem is added."""
         value = self.get(name)
         if isinstance(value, str) or not isinstance(value, Sequence):
             what = ": missing" if value is None else f" = {value!r}"
@@ -202,12 +202,12 @@ class Section:
             return None
         for entry in value:
             if not isinstance(entry, str) or not _NAME.fullmatch(entry):
-                self.add(name, f": {entry!r} is no name (letters, digits and _, a letter first)")
+                self.add(name, f": {entry!r} is not a name (letters, digits and _, a letter first)")
                 return None
         return [str(entry) for entry in value]
 
     def finish(self, allowed: Collection[str] = ()) -> None:
-        """Note every key that nobody asked for and that is not `allowed`."""
+        """Add a problem for every key that was not read and is not `allowed`."""
         known = [*self.asked, *allowed]
         for name in self.tree:
             if name not in known:

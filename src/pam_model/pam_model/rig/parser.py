@@ -1,4 +1,4 @@
-"""From a mapping to a rig: every key checked, every problem found, all told at once."""
+"""From a mapping to a rig: all keys are checked, and all problems are reported together."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _muscle(section: Section, name: str, max_pressure: float) -> Muscle | None:
     valve = _valve(section.section("valve"), numbers["max_pressure"])
     board, channel = section.place("board"), section.place("channel")
     if ("board" in section.tree) != ("channel" in section.tree):
-        section.add("board", ": board and channel belong together; one of them is missing")
+        section.add("board", ": board and channel are needed together; one of them is missing")
     constants_of = section.section("model_parameters")
     constants: dict[str, float] = {}
     if model in models:
@@ -105,7 +105,7 @@ def _muscle(section: Section, name: str, max_pressure: float) -> Muscle | None:
 
 
 def _joint(section: Section, name: str) -> tuple[Joint | None, list[str]]:
-    """A joint, and the names of its muscles even where the joint cannot be used."""
+    """A joint (None if it has problems) and the names of its muscles."""
     before = len(section.problems.lines)
     muscles = section.names("muscles") or []
     if muscles and (len(muscles) != 2 or muscles[0] == muscles[1]):
@@ -150,7 +150,7 @@ def _joint(section: Section, name: str) -> tuple[Joint | None, list[str]]:
 
 
 def _check_reach(rig: Rig, problems: Problems) -> None:
-    """Every muscle's model must answer wherever its joint can go."""
+    """Check that every muscle's model is valid over the whole range of its joint."""
     models: dict[str, ForceModel] = {}
     for muscle in rig.muscles:
         try:
@@ -187,12 +187,12 @@ def _check_reach(rig: Rig, problems: Problems) -> None:
             if not (volume > 0.0 and math.isfinite(force)):
                 problems.add(
                     f"{muscle.name}.neutral_length",
-                    f"{where} gas volume {volume:g} m^3, force {force:g} N make no sense",
+                    f"{where} gas volume {volume:g} m^3, force {force:g} N are not plausible",
                 )
 
 
 def _check_wiring(rig: Rig, problems: Problems) -> None:
-    """No two muscles, and no two encoders, on one input."""
+    """Check that no two muscles, and no two encoders, share a channel."""
     used: dict[tuple[str, int | str, int | str], str] = {}
     inputs = [
         ("board", muscle.board, muscle.channel, muscle.name)
@@ -207,7 +207,7 @@ def _check_wiring(rig: Rig, problems: Problems) -> None:
         assert board is not None and channel is not None
         other = used.setdefault((kind, board, channel), name)
         if other != name:
-            problems.add(f"{name}.{kind}", f" = {board}, channel {channel}: {other} is there too")
+            problems.add(f"{name}.{kind}", f" = {board}, channel {channel}: {other} uses it too")
 
 
 def unflatten(parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -219,7 +219,7 @@ def unflatten(parameters: Mapping[str, Any]) -> dict[str, Any]:
         for step in path:
             deeper = branch.setdefault(step, {})
             if not isinstance(deeper, dict):
-                raise RigError(f"{key}: {step} is a value and a section at once")
+                raise RigError(f"{key}: {step} is both a value and a section")
             branch = deeper
         inner = unflatten(value) if isinstance(value, Mapping) else value
         if isinstance(inner, dict) and isinstance(branch.get(last), dict):
@@ -244,13 +244,13 @@ def _plausibility(section: Section) -> Plausibility:
 
 
 def _joints(top: Section, bench: list[str]) -> tuple[list[Joint], dict[str, str]]:
-    """The usable joints, and every muscle that somebody names, with who names it."""
+    """The joints without problems, and every named muscle with the key that names it."""
     names = top.names("joints") or []
     joints: list[Joint] = []
     wanted: dict[str, str] = dict.fromkeys(bench, "bench_muscles")
     for name in dict.fromkeys(names):
         if name in _TOP:
-            top.add("joints", f": {name} is a key of its own, no name for a joint")
+            top.add("joints", f": {name} is a key of the rig file and cannot name a joint")
             continue
         if top.get(name) is None:
             top.add(name, ": missing; joints names it, so it needs a section")
@@ -263,7 +263,7 @@ def _joints(top: Section, bench: list[str]) -> tuple[list[Joint], dict[str, str]
             if owner != name:
                 top.add(f"{name}.muscles", f": {muscle_name} already belongs to {owner}")
     for name in sorted({name for name in names if names.count(name) > 1}):
-        top.add("joints", f": {name} stands there twice")
+        top.add("joints", f": {name} appears twice")
     if top.tree.get("joints") is not None and not names and not bench:
         top.add("joints", ": names no joint, and there are no bench_muscles")
     return joints, wanted
@@ -275,7 +275,7 @@ def _muscles(
     muscles: list[Muscle] = []
     for name, owner in wanted.items():
         if name in joint_names or name in _TOP:
-            top.add(name, f": {owner} names it as a muscle, but it is something else too")
+            top.add(name, f": {owner} names it as a muscle, but the name has another use already")
         elif top.get(name) is None:
             top.add(name, f": missing; {owner} names it as a muscle, so it needs a section")
         else:
@@ -286,21 +286,21 @@ def _muscles(
 
 
 def parse_rig(tree: Mapping[str, Any], source: str, other_keys: Collection[str] = ()) -> Rig:
-    """Make a rig of a nested mapping.
+    """Create a rig from a nested mapping.
 
     Parameters
     ----------
     tree : mapping
-        What stands under `ros__parameters`.
+        The content of `ros__parameters`.
     source : str
-        What the messages call it, a path as a rule.
+        Name of the source in messages, usually a path.
     other_keys : collection of str
-        Keys at the top that are someone else's, such as a node's own parameters.
+        Keys at the top that do not belong to the rig, such as a node's own parameters.
 
     Raises
     ------
     RigError
-        With a line for every problem: source, key, value, unit, what was expected.
+        With one line for every problem: source, key, value, unit, what was expected.
     """
     problems = Problems(source)
     top = Section(tree, "", problems)
@@ -324,7 +324,7 @@ def parse_rig(tree: Mapping[str, Any], source: str, other_keys: Collection[str] 
         rig = Rig(
             gas=gas,
             joints=tuple(joints),
-            # bench muscles were entered first, to see a joint claim one; they come last
+            # Bench muscles were added first, to detect joints that claim one; they are listed last.
             muscles=tuple(sorted(muscles, key=lambda muscle: muscle.name in bench)),
             effects=effects,
             plausibility=plausibility,

@@ -1,6 +1,6 @@
-"""A rig as data: what a rig file says, checked, immutable, in SI units.
+"""A rig as data: the checked, immutable content of a rig file in SI units.
 
-Pressures are gauge unless a field is named or described as absolute. `rig.py` reads and writes it.
+Pressures are gauge unless a field is named or described as absolute. `file.py` reads and writes it.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ ValveKind = Literal["flow", "pressure_regulator"]
 
 @dataclass(frozen=True, slots=True)
 class Gas:
-    """The gas in muscles and lines, and the air around.
+    """The gas in muscles and lines, and the ambient air.
 
     Attributes
     ----------
     temperature : float
-        Of gas and ambient [K].
+        Of gas and ambient air [K].
     ambient_pressure : float
         [Pa absolute].
     polytropic_exponent : float
@@ -49,7 +49,7 @@ class Valve:
     time_constant : float
         Of the spool, first order [s].
     full_scale : float or None
-        Pressure regulator: what a command of 100 % means [Pa gauge].
+        Pressure regulator: set point at a command of 100 % [Pa gauge].
     """
 
     kind: ValveKind
@@ -61,7 +61,7 @@ class Valve:
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
-    """Where a joint's angle is measured: a board, and the input on it, see `Muscle.board`."""
+    """The board that measures a joint's angle, and the channel on it; see `Muscle.board`."""
 
     board: int | str
     channel: int | str = 0
@@ -74,7 +74,7 @@ class Muscle:
     Attributes
     ----------
     name : str
-        As in every array on every topic.
+        The name used in all messages.
     model : str
         Name of a registered force model.
     thread_length : float
@@ -86,21 +86,21 @@ class Muscle:
     neutral_length : float
         Length at joint position 0 [m].
     valve : Valve
-        What fills and empties it.
+        The valve that fills and vents it.
     max_pressure : float
-        The driver vents above it [Pa gauge].
+        Limit above which the driver vents [Pa gauge].
     wall_thickness : float
         t_k [m].
     dead_volume : float
-        Gas volume beside the braid's own [m^3].
+        Gas volume outside the braid [m^3].
     board, channel : int, str or None
-        Which board and channel drive and measure it: a board's number, or the name of its section
-        in `Rig.boards`. What numbers and channels there are is known to the kind of board, not
-        here. A rig for offline use needs none.
+        Board and channel that drive and measure it. A board is given by its number or by the name
+        of its section in `Rig.boards`. The kind of board determines which numbers and channels
+        exist. A rig for offline use needs neither.
     model_parameters : mapping
         Constants of the force model.
     effects : mapping
-        What the nominal physics leaves out, see `pam_model.effects`.
+        Effects that the nominal physics does not have, see `pam_model.effects`.
     """
 
     name: str
@@ -120,7 +120,7 @@ class Muscle:
 
     @property
     def geometry(self) -> MuscleGeometry:
-        """What every force model needs of it."""
+        """The geometry that every force model needs."""
         return MuscleGeometry(self.thread_length, self.turns, self.rest_length, self.wall_thickness)
 
     def create_force_model(self) -> ForceModel:
@@ -129,7 +129,7 @@ class Muscle:
         Raises
         ------
         RigError, DomainError
-            As `pam_model.muscles.force_model.create_force_model` does.
+            As for `pam_model.muscles.force_model.create_force_model`.
         """
         return create_force_model(self.model, self.geometry, self.model_parameters)
 
@@ -141,7 +141,7 @@ class Joint:
     Attributes
     ----------
     name : str
-        As in every array on every topic.
+        The name used in all messages.
     muscles : tuple of str
         (agonist, antagonist); the agonist's force gives positive torque.
     pulley_radius : float
@@ -159,7 +159,7 @@ class Joint:
     encoder : Encoder or None
         A rig for offline use needs none.
     effects : mapping
-        What the nominal physics leaves out, see `pam_model.effects`.
+        Effects that the nominal physics does not have, see `pam_model.effects`.
     """
 
     name: str
@@ -186,27 +186,27 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Plausibility:
-    """From where on a measurement cannot be true, and the driver vents.
+    """Limits beyond which a measurement is implausible, so that the driver vents.
 
     Attributes
     ----------
     pressure_residual : float
-        Pressure off what valve and gas should give [Pa].
+        Difference between the measured pressure and the one expected from valve and gas [Pa].
     torque_share : float
-        Torque of the pressures off what the motion needs, over that of the agonist alone at its
-        highest pressure [-].
+        Difference between the torque of the measured pressures and the torque that the motion
+        needs, over the torque of the agonist alone at its highest pressure [-].
     warning_share : float
-        Part of any of these limits from which on it is a warning [-].
+        Part of any of these limits above which the driver warns [-].
     pressure_noise, position_noise : float
         Standard deviation between neighbouring samples [Pa], [rad].
     position_jump : float
-        Change of an angle between neighbouring samples [rad].
+        Change of a position between neighbouring samples [rad].
     position_margin : float
-        How far a joint may be beyond its limits [rad].
+        Permitted distance of a joint beyond its position limits [rad].
     pressure_rate : float
-        Fastest change of a pressure, over 10 ms [Pa/s].
+        Largest rate of a pressure, taken over 10 ms [Pa/s].
     supply_share : float
-        Least supply pressure over the nominal one, both gauge [-].
+        Lowest supply pressure over the nominal one, both gauge [-].
     """
 
     pressure_residual: float = 100e3
@@ -231,18 +231,18 @@ class Rig:
     supply_pressure : float
         [Pa absolute].
     joints : tuple of Joint
-        In the order of every array on every topic.
+        In the order used in all messages.
     muscles : tuple of Muscle
-        Agonist, antagonist of each joint in turn; then those of no joint.
+        Agonist and antagonist of each joint, then the bench muscles, which have no joint.
     parameter_tolerance : float
-        How far a true value may lie from the written one, relative [-].
+        Relative tolerance of the values in the rig file [-].
     effects : mapping
-        Those that the whole rig shares.
+        Effects of the whole rig.
     plausibility : Plausibility
         Limits of the driver's checks.
     boards : mapping of str to mapping
-        The sections of boards that have a name: `kind`, `bus`, and what the kind of board reads.
-        Only the driver looks into them.
+        The sections of named boards: `kind`, `bus`, and further keys of this kind of board. Only
+        the driver uses them.
     """
 
     gas: Gas
@@ -269,7 +269,7 @@ class Rig:
 
     @property
     def valve_kinds(self) -> dict[str, ValveKind]:
-        """Muscle -> kind of its valve, in order: what decides the field of a valve's command."""
+        """Muscle -> kind of its valve, in order; the kind decides the unit of the command."""
         return {muscle.name: muscle.valve.kind for muscle in self.muscles}
 
     @property
@@ -286,18 +286,18 @@ class Rig:
         return next((m for m in self.muscles if m.name == name), None) or _no("muscle", name)
 
     def joint_of(self, muscle_name: str) -> Joint | None:
-        """The joint that a muscle moves, None for a muscle on a bench."""
+        """The joint that a muscle moves; None for a bench muscle."""
         return next((joint for joint in self.joints if muscle_name in joint.muscles), None)
 
     def force_model(self, muscle_name: str) -> ForceModel:
-        """A muscle's nominal force model, made once.
+        """A muscle's nominal force model; it is created once.
 
         Raises
         ------
         KeyError
             For an unknown muscle.
         RigError, DomainError
-            As `Muscle.create_force_model` does; a rig that was read from a file has been checked.
+            As for `Muscle.create_force_model`; never for a rig that was read from a file.
         """
         model = self._models.get(muscle_name)
         if model is None:
@@ -350,7 +350,7 @@ def _effects(effects: EffectValues) -> dict[str, dict[str, float]]:
 
 
 def _fields(part: Any) -> dict[str, Any]:
-    """A part's fields as a rig file writes them: no name, nothing empty."""
+    """The fields of a part for a rig file, without its name and without empty fields."""
     tree: dict[str, Any] = {}
     for key in part.__dataclass_fields__:
         value = getattr(part, key)
