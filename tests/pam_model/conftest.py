@@ -16,7 +16,7 @@ def parameters(rig) -> PlantParameters:
 
 @pytest.fixture(scope="session")
 def wiggle():
-    """Smooth valve commands (n, 2) that swing the joint, and their sample time."""
+    """Smooth valve commands (n, 2) that move the joint to and fro, and their sample time."""
     time = np.arange(600) * 2e-3
     swing = 0.25 * np.sin(2 * np.pi * 1.1 * time) + 0.1 * np.sin(2 * np.pi * 2.7 * time)
     return np.stack([swing, -swing + 0.02], axis=1), 2e-3
@@ -24,7 +24,7 @@ def wiggle():
 
 @pytest.fixture(scope="session")
 def run(wiggle):
-    """Simulate the swing from 2 bar in both muscles."""
+    """Simulate this motion from 2 bar in both muscles."""
 
     def go(parameters, *, commands=None, pressures=(2e5, 2e5), position=0.0, velocity=0.0, **kw):
         state = initial_state(parameters, pressures=pressures, position=position, velocity=velocity)

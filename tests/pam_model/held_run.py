@@ -1,4 +1,4 @@
-"""A run of the plant from held pressures, for tests of single effects."""
+"""A simulation of the plant from constant pressures, for tests of single effects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DT = 2e-3
 
 
 def simulate_held(parameters, changes, pressures=(2e5, 2e5), commands=HELD, **start):
-    """Run from held pressures [Pa] with effects switched on: valves commanded, or all shut."""
+    """Simulate from constant pressures [Pa] with effects; valves commanded or all shut."""
     changed = parameters.replaced(changes)
     shut = start.pop("shut", False)
     prescribed = {k: start.pop(k) for k in ("positions",) if k in start}

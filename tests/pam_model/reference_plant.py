@@ -1,4 +1,4 @@
-"""The ideal rig written a second time, straight from its equations, for scipy's solvers."""
+"""A second implementation of the ideal rig, directly from its equations, for scipy's solvers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def mass_flow(c: float, b: float, p1: float, p2: float) -> float:
 
 
 def braid(muscle, length: float) -> tuple[float, float, float]:
-    """Volume, dV/dL and F/p of the cylinder."""
+    """Volume, dV/dL and F/p of the cylindrical braid."""
     b, n = muscle.thread_length, muscle.turns
     k = 4.0 * math.pi * n * n
     volume = length * (b * b - length * length) / k + muscle.dead_volume
@@ -35,7 +35,7 @@ def braid(muscle, length: float) -> tuple[float, float, float]:
 
 
 def solve(rig: Rig, commands: np.ndarray, sample_time: float, pressures, position=0.0):
-    """Position and absolute pressures at the samples; state q, qd, (x, P) per muscle."""
+    """Position and absolute pressures at the samples; the state is q, qd, (x, P) per muscle."""
     joint = rig.joints[0]
     muscles = [rig.muscle(name) for name in joint.muscles]
     gas = rig.gas

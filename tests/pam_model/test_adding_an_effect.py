@@ -1,4 +1,4 @@
-"""A new effect is one file: rig file, plant, diagnosis and docs take it up without another edit.
+"""A new effect is one file: rig file, plant, diagnosis and docs use it without another edit.
 
 CONTRIBUTING.md shows the text below as its worked example. The file lies in a folder that the
 environment variable PAM_EFFECTS names; one in pam_model/effects/ is found in the same way.
@@ -133,7 +133,7 @@ print(json.dumps({
 
 
 def report(folder: Path, effect: str, parameter: str, place: str, value: float) -> dict[str, Any]:
-    """What a fresh interpreter knows of an effect from `folder`, with one value in the rig file.
+    """Load an effect from `folder` in a new interpreter, with one value in the rig file.
 
     Without numba: what takes half a minute to compile takes a second to interpret.
     """

@@ -1,4 +1,4 @@
-"""The joint: torque and stiffness against differences, the inverse's round trip and its limits."""
+"""The joint: torque and stiffness against finite differences, the inverse and its limits."""
 
 import json
 import math
@@ -106,10 +106,10 @@ def test_limits_are_the_best_of_all_pressures(
     miss = abs(found.torque - torque)
     for agonist in grid:
         for antagonist in grid:
-            # torque goes first
+            # torque has priority
             other = abs(joint.torque(agonist, antagonist, position) - torque)
             assert miss <= other + 1e-6
-    # along the line that holds the torque no other pressures come nearer to the stiffness
+    # no other pressures with the same torque come nearer to the requested stiffness
     for shift in (-2e4, -2e3, 2e3, 2e4):
         agonist = found.agonist + shift
         slope = joint.agonist.model.force(1.0, joint.lengths(position)[0])
@@ -213,7 +213,7 @@ def test_effective_model_is_consistent(effects: Any, pressure: float, length: fl
     model = AntagonisticJoint.from_rig(rig, "elbow").agonist.model
     step = 1e-6
     if abs(model.force(pressure, length)) < 0.1:
-        return  # where the cable goes slack the slope jumps
+        return  # the slope jumps where the cable becomes slack
     rise = model.force(pressure, length + step) - model.force(pressure, length - step)
     assert model.stiffness(pressure, length) == pytest.approx(rise / (2 * step), rel=1e-3, abs=1.0)
 

@@ -1,4 +1,4 @@
-"""A bladder's pull keeps its sign and never turns against the stretch, however soft it gets."""
+"""The pull of a softening bladder never changes its sign and never decreases with stretch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one command line of all tools: exit codes, --json, --check, progress, mistakes."""
+"""The common command line of all tools: exit codes, --json, --check, progress, mistakes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Result:
 
 
 def ends(run, *arguments: str, **options) -> int:
-    """Exit code of a tool of one command `act` that takes `--times`."""
+    """Exit code of a tool with one command, `act`, that has the option `--times`."""
 
     def declare(parser: Parser) -> None:
         parser.add_argument("--times", type=types.count(1, 9), default=1)

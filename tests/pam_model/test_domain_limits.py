@@ -1,4 +1,4 @@
-"""Domains of the models: closed ends bear rounding, and what lies outside is refused."""
+"""Domains of the models: closed bounds tolerate rounding, values outside are refused."""
 
 import math
 
@@ -19,7 +19,7 @@ from pam_model.muscles.models.variable_thread_angle import LEAST_ANGLE
 from pam_model.muscles.muscle_bank import MuscleBank
 
 CLOSED = [name for name in registered_models() if name not in ("schulte", "martens_boblan")]
-"""Models with a closed upper end; the walls of the others have no finite force there."""
+"""Models with a closed upper bound; the other models have a wall and no finite force there."""
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -32,7 +32,7 @@ def test_a_rounding_error_above_the_longest_length_is_the_longest_length(name: s
             try:
                 expected = model.force(pressure, longest, 0.01)
             except ZeroDivisionError:
-                continue  # friction by contact area is infinite where the braid has no diameter
+                continue  # friction by contact area is infinite at diameter 0
             slightly = pytest.approx(expected, rel=1e-6, abs=1e-6)
             assert model.force(pressure, length, 0.01) == slightly
             many = model.force(pressure, np.array([length, 0.9 * longest]), 0.01)
@@ -45,7 +45,7 @@ def test_a_rounding_error_above_the_longest_length_is_the_longest_length(name: s
 def test_the_rest_length_of_a_rounded_path_is_inside_the_model_that_ends_there() -> None:
     geometry = MuscleGeometry(0.3, 1.5, 0.281)
     model = create_force_model("hunt_sigmoid", geometry)
-    path = math.nextafter(geometry.rest_length, 1.0)  # what a sum along the path may give
+    path = math.nextafter(geometry.rest_length, 1.0)  # the rounding of a sum along the path
     assert path > geometry.rest_length
     assert model.force(2e5, path) == model.force(2e5, geometry.rest_length)
 
@@ -82,8 +82,8 @@ def test_threads_along_the_axis_are_outside_the_variable_angle() -> None:
 
 
 def test_a_fit_of_the_variable_angle_starts_from_the_geometry() -> None:
-    # From its default 0, which stands for the geometry's angle, a step off the bound made
-    # threads along the axis, and the ranking showed 1e17 N.
+    # The default 0 stands for the geometry's angle. A step away from this bound once gave threads
+    # parallel to the axis, and the ranking showed 1e17 N.
     geometry = MuscleGeometry(0.25, 2.0, 0.235)
     pressure = np.repeat([1e5, 2e5, 3e5, 4e5], 10)
     length = np.tile(np.linspace(0.19, 0.23, 10), 4)

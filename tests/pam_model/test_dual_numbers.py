@@ -1,4 +1,4 @@
-"""Slopes from dual numbers: those of every model, and what would lose them is refused."""
+"""Dual numbers: they give the slopes of every model, and losing the slopes is an error."""
 
 import math
 
@@ -53,12 +53,12 @@ def test_slopes_of_every_model_are_those_of_differences(name: str, residual: str
     for i, free in enumerate(problem.free):
         step = np.zeros(at.size)
         step[i] = 1e-4
-        # fourth order, so that the difference is wrong in the ninth digit or later
+        # fourth order, so that the error of the difference is below the ninth digit
         once = problem.residuals(at + step) - problem.residuals(at - step)
         twice = problem.residuals(at + 2.0 * step) - problem.residuals(at - 2.0 * step)
         expected = (8.0 * once - twice) / (12.0 * step[i])
         size = np.max(np.abs(slopes))
-        # a length is solved to 1e-9 of its bound, so its difference is good to 1e-5
+        # a length is solved to 1e-9 of its bound, so that its difference is accurate to 1e-5
         tolerance = 1e-7 if residual == "force" else 2e-5
         assert np.allclose(slopes[:, i], expected, rtol=0.0, atol=tolerance * size), free.name
 
@@ -70,7 +70,7 @@ def test_numbers_that_act_as_one_have_slopes_equal_to_rounding(name: str) -> Non
     sizes = np.sqrt(np.sum(slopes * slopes, axis=0))
     told = sizes > 1e-9 * np.max(sizes)
     singular = np.linalg.svd(slopes[:, told] / sizes[told], compute_uv=False)
-    # nothing between rounding and what a number does in its own right
+    # every singular value is either rounding error or clearly significant
     assert not np.any((singular > 1e-13) & (singular < 1e-9)), singular
 
 
@@ -80,7 +80,7 @@ def test_root_has_the_slopes_of_the_implicit_function() -> None:
 
     inner = root_with_slopes(2.0, lambda x: equation(x, Dual.seed(8.0, 0, 1)))
     assert inner.slope[0] == pytest.approx(1.0 / 12.0, rel=1e-15)
-    # the root of an equation that itself holds a root: y^2 = cube root of p
+    # the root of an equation that contains a root itself: y^2 = cube root of p
     outer = root_with_slopes(
         math.sqrt(2.0),
         lambda y: root_with_slopes(2.0, lambda x: equation(x, Dual.seed(8.0, 0, 1))) - y * y,

@@ -1,4 +1,4 @@
-"""An effect is complete in its file, and what it declares fits together."""
+"""An effect is complete in its file, and its parts are consistent."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ EFFECT = Effect(
 
 
 def plant(folder: Path, name: str, without: str = "") -> Path:
-    """Write the file of an effect, where asked without one of its parts."""
+    """Write the file of an effect, optionally without one of its parts."""
     lines = SECOND_LEAK.format(name=name).splitlines()
     kept, skipping = [], False
     for line in lines:

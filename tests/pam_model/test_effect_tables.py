@@ -1,4 +1,4 @@
-"""The tables of effects in the docs are those of the registry."""
+"""The tables of effects in the docs agree with the registry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Force models without a formula in the plant come in as tables that reproduce them."""
+"""Force models without a formula in the plant enter it as tables that reproduce them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PRESSURES = np.stack([np.linspace(2e4, 5e5, 101), np.linspace(4e5, 1e5, 101)], a
 
 
 def usable(name):
-    """Models that need constants with no default are a user's affair."""
+    """Whether all constants of the model have a default."""
     return all(
         entry.default is not None for entry in registered_models()[name].model.parameters.values()
     )
@@ -40,7 +40,7 @@ def test_plant_pulls_and_holds_what_the_model_says(make_rig, name):
         np.testing.assert_allclose(
             result.forces[:, i], force, rtol=2e-4, atol=2e-4 * np.max(force) + 1e-9
         )
-    # Shut chambers: P (V + dead) stays, with the model's own volume.
+    # Shut chambers: P (V + dead) is constant, with the volume of the model.
     state = initial_state(parameters, position=POSITIONS[0], pressures=(2e5, 2e5))
     shut = simulate(parameters, np.zeros((101, 2)), 2e-3, state, positions=POSITIONS, shut=True)
     volume = model.volume(shut.lengths[:, 0]) + rig.muscles[0].dead_volume

@@ -1,4 +1,4 @@
-"""Flow and chamber: continuity, symmetry, inverses, floats against arrays."""
+"""Flow and chamber: continuity, symmetry, inverses, floats and arrays agree."""
 
 import math
 
@@ -16,7 +16,7 @@ C = 4e-9
 
 
 def test_choked_flow_by_hand() -> None:
-    # C rho0 p1, nothing else: 4e-9 m^3/(s Pa) * 1.185 kg/m^3 * 7e5 Pa
+    # choked flow is C rho0 p1: 4e-9 m^3/(s Pa) * 1.185 kg/m^3 * 7e5 Pa
     assert gas.mass_flow(C, 0.3, 7e5, 1e5) == pytest.approx(3.318e-3, rel=1e-12)
     assert gas.mass_flow(C, 0.3, 7e5, 1e5, 4 * 293.15) == pytest.approx(1.659e-3, rel=1e-12)
 

@@ -1,4 +1,4 @@
-"""Estimates: matched by name, stamped by measurement, NaN for what is missing or too old."""
+"""Estimates: matched by name, stamped with the measurement, NaN if one is missing or too old."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Numbers from a derivation of its own (50 digits) against the models, formula by formula.
+"""The models against numbers of an independent derivation (50 digits), formula by formula.
 
 A case takes a vector's inputs and returns its outputs under the oracle's names. The file can be
 replaced by another with the environment variable PAM_ORACLE.
@@ -32,7 +32,7 @@ CASES: dict[str, Case] = {**oracle_length_force.CASES, **oracle_bending_and_supp
 
 
 def case(model: str) -> Callable[[Case], Case]:
-    """Enter a case for one model of the oracle."""
+    """Register a case for one model of the oracle."""
 
     def enter(function: Case) -> Case:
         assert model not in CASES, f"two cases for {model}"
@@ -99,7 +99,7 @@ def _(given: Numbers) -> Numbers:
 
 @case("tondu_lopez")
 def _(given: Numbers) -> Numbers:
-    # any rest length will do: neither it nor the turns enter the force
+    # the rest length is arbitrary: neither it nor the turns enter the force
     rest = 0.2
     thread = rest / math.cos(given["theta0"])
     turns = thread * math.sin(given["theta0"]) / (2.0 * math.pi * given["r0"])

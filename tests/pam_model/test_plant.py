@@ -1,4 +1,4 @@
-"""The nominal plant: against another solver, its symmetry, energy, convergence, domain."""
+"""The nominal plant: another solver, symmetry, energy, convergence and domain."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_agrees_with_another_solver(make_rig, run, wiggle, changes):
 
 
 def test_fourth_order_convergence(parameters, run):
-    # Shut valves: the flow law has kinks, the rest is smooth.
+    # Valves are shut because the flow law has kinks; all other laws are smooth.
     def last(step):
         return run(parameters, position=0.5, shut=True, step=step).position[-1]
 
@@ -60,7 +60,7 @@ def test_energy_of_shut_chambers_is_conserved(make_rig, run, exponent):
     lengths = result.lengths
     volume = lengths * (b**2 - lengths**2) / (4 * np.pi * n**2) + muscle.dead_volume
     absolute = result.pressures + ambient
-    # P V^k stays, and so does the sum of motion, height, gas and air pushed aside.
+    # P V^k is constant, and so is the sum of kinetic, potential, gas and displacement energy.
     invariant = absolute * volume**exponent
     np.testing.assert_allclose(invariant, np.broadcast_to(invariant[0], invariant.shape), rtol=1e-9)
     if exponent == 1.0:
@@ -115,7 +115,7 @@ def test_regulator_follows_and_is_limited_by_its_flow(make_rig, run):
     time = np.arange(600) * 2e-3
     x = time / 0.02
     expected = 3e5 * (1.0 - (1.0 + x) * np.exp(-x))  # two equal lags
-    # Started settled at command 0; a wide valve leaves the lag alone.
+    # It starts settled at command 0; the valve is so wide that only the lag remains.
     np.testing.assert_allclose(result.pressures[:, 0], expected, atol=300.0)
     narrow = make_rig(valve=valve | {"sonic_conductance": 2e-9})
     slow = run(PlantParameters.from_rig(narrow), commands=commands, pressures=(0.0, 0.0))
@@ -161,7 +161,7 @@ def test_stepping_with_delays_equals_running(parameters, run, wiggle):
     plant = Plant(late, state=initial_state(late, pressures=(2e5, 2e5)))
     shown = [plant.step(u, wiggle[1]) for u in wiggle[0][:-1]]
     np.testing.assert_allclose([r[0] for r in shown][10:], whole.position[11:], atol=1e-12)
-    # The filters begin one sample apart; that is forgotten after some time constants.
+    # The filters start one sample apart; this decays within some time constants.
     np.testing.assert_allclose([r[1:] for r in shown][200:], whole.pressures[201:], rtol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""Each effect moves the plant the way its physics says; at its neutral value it is not there."""
+"""Each effect changes the plant as its physics predicts; at its neutral value it does nothing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .held_run import DT, HELD, simulate_held
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_neutral_is_nominal_to_the_bit(parameters, run, name):
-    """Shape parameters may be anything while the magnitudes are neutral."""
+    """Shape parameters have no influence while the magnitudes are neutral."""
     effect = EFFECTS[name]
     changes = {}
     for key, entry in effect.parameters.items():
@@ -25,13 +25,13 @@ def test_neutral_is_nominal_to_the_bit(parameters, run, name):
     )
 
 
-# Switched on at 0, with the limit of a wide path or a good wall as their true neutral.
+# The value 0 switches these off; their physical limit is a wide path or a very good wall.
 SWITCHED = {"supply_droop", "tube_restriction", "thermal"}
 
 
 @pytest.mark.parametrize("name", [name for name in EFFECTS if name not in SWITCHED])
 def test_every_effect_does_something_continuously(parameters, run, name):
-    """Away from neutral the readings change, and a tiny magnitude changes them little."""
+    """Beyond neutral the readings change, and a tiny magnitude changes them little."""
     effect = EFFECTS[name]
 
     def readings(share):
@@ -56,7 +56,7 @@ def test_every_effect_does_something_continuously(parameters, run, name):
     assert 0.0 < distance(small) < 0.05 * distance(large)
 
 
-SIZES = {  # realistic magnitudes, where the table's bounds are far wider
+SIZES = {  # realistic magnitudes; the bounds of the parameters are far wider
     "leakage": 1e-10,
     "dead_volume": 2e-4,
     "bladder_elasticity": 3e3,
@@ -134,7 +134,7 @@ def test_reservoir_sags_and_recovers_and_keeps_the_mass(parameters):
     result = simulate_held(parameters, droop, commands=commands, positions=fixed)
     assert result.reservoir_pressure.min() < 6e5
     assert result.reservoir_pressure[-1] > 0.999 * 701325.0
-    # With the refill all but shut, what the muscles gain the reservoir has lost.
+    # With the refill almost shut, the muscles gain what the reservoir loses.
     droop["supply_droop.conductance"] = 1e-18
     result = simulate_held(parameters, droop, commands=commands, positions=fixed)
     volume = volume_at(parameters, 0.225)
@@ -197,7 +197,7 @@ def test_thermal_limits_are_adiabatic_and_isothermal(make_rig, conductance, expo
     )
     plain = simulate_held(limit, {}, commands=commands, shut=True, positions=fixed)
     np.testing.assert_allclose(warm.pressures + 101325.0, plain.pressures + 101325.0, rtol=3e-4)
-    # Ideal gas at all times.
+    # The ideal gas law holds at all times.
     lengths = warm.lengths
     b, n = parameters["agonist.thread_length"], parameters["agonist.turns"]
     volume = lengths * (b**2 - lengths**2) / (4 * np.pi * n**2) + 2e-5
@@ -216,7 +216,7 @@ def test_filling_warms_and_venting_cools(parameters):
 
 
 def loop_work(result, muscle=0):
-    """Work the environment does on a muscle, per sample."""
+    """Work that the environment does on a muscle, per sample."""
     length, force = result.lengths[:, muscle], result.forces[:, muscle]
     return np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(length))
 
@@ -227,7 +227,7 @@ def cycles(samples_per_cycle, count=4):
 
 
 def regulated(make_rig):
-    """Constant pressure whatever the motion: a fast regulator with a wide valve."""
+    """Constant pressure during any motion: a fast regulator with a wide valve."""
     valve = {"kind": "pressure_regulator", "time_constant": 0.005, "full_scale": 6e5}
     return PlantParameters.from_rig(make_rig(valve=valve | {"sonic_conductance": 1e-8}))
 
@@ -248,7 +248,7 @@ def test_hysteresis_loses_the_same_at_any_speed(make_rig):
         assert abs(free[-1] - free[-1 - samples]) < 0.02 * losses[-1]
     assert losses[0] > 0.0
     assert losses[0] == pytest.approx(losses[1], rel=0.02)
-    # Saturated friction over the stroke there and back: h p b^2/(4 pi n^2) 4 r a.
+    # Saturated friction over the stroke in both directions: h p b^2/(4 pi n^2) 4 r a.
     kappa = parameters["agonist.thread_length"] ** 2 / (
         4 * np.pi * parameters["agonist.turns"] ** 2
     )
@@ -268,7 +268,7 @@ def test_hysteresis_grows_with_pressure(make_rig):
             positions=fixed,
             pressures=(pressure, pressure),
         )
-        # States start at command 0: let the regulator settle, then take the last cycle.
+        # The states start at command 0: the regulator settles first, then the last cycle is used.
         work = loop_work(result)
         loss.append(work[-1] - work[-401])
     assert loss[1] == pytest.approx(3.0 * loss[0], rel=0.05)
@@ -290,7 +290,7 @@ def test_creep_relaxes_after_a_step_and_dissipates(parameters):
         )  # fmt: skip
 
     extra = driven(creep, steps).forces - driven({}, steps).forces
-    # The antagonist is pulled out by 0.3 r, and the bladder gives way with its time constant.
+    # The antagonist is stretched by 0.3 r, and the bladder relaxes with its time constant.
     assert extra[5, 1] == pytest.approx(stiffness * 0.03 * 0.3, rel=0.01)
     assert extra[5 + 200, 1] / extra[5, 1] == pytest.approx(np.exp(-1.0), rel=1e-3)
     np.testing.assert_allclose(extra[:4], 0.0, atol=1e-9)
@@ -333,7 +333,7 @@ def test_braid_that_stretches_pulls_less_and_holds_more(parameters):
     expected = p * (3 * length**2 - grown**2) / (4 * np.pi * n**2)
     assert soft.forces[0, 0] == pytest.approx(expected, rel=1e-12)
     assert soft.forces[0, 0] < nominal.forces[0, 0]
-    # The same air raises the pressure less, for the volume has grown.
+    # The same air raises the pressure less, because the volume is larger.
     commands = np.tile([0.5, 0.0], (200, 1))
     full = simulate_held(parameters, {}, positions=fixed[:200], commands=commands)
     less = simulate_held(parameters, stretch, positions=fixed[:200], commands=commands)
@@ -398,7 +398,7 @@ def test_sensors_show_offset_delay_gain_bias_and_lag(parameters, run):
     np.testing.assert_allclose(shown.pressures[:, 1], plain.pressures[:, 1] + 3e3)
     lagging = parameters.replaced({"pressure_lag.time_constant": 0.05})
     filtered = simulate_measured(lagging, run(lagging)).pressures[:, 0]
-    # A ramp through a first-order lag trails by its time constant.
+    # A ramp through a first-order lag is late by its time constant.
     rate = np.gradient(filtered, DT)
     np.testing.assert_allclose((filtered + 0.05 * rate)[5:-5], plain.pressures[5:-5, 0], atol=300.0)
 

@@ -1,4 +1,4 @@
-"""Friction of the joint sticks, slides and gives way as its laws say."""
+"""Friction of the joint: sticking, sliding and presliding follow their laws."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_stick_is_independent_of_the_step(parameters, run):
 
 
 def test_presliding_is_a_spring_until_it_slips(parameters):
-    """At rest Dahl's law gives torque = T (1 - exp(-q/q_p)) after a push one way."""
+    """After a push in one direction, Dahl's law gives torque = T (1 - exp(-q/q_p)) at rest."""
     changes = {
         "coulomb_friction.torque": 2.0,
         "coulomb_friction.presliding_angle": 2e-3,
@@ -44,7 +44,7 @@ def test_presliding_is_a_spring_until_it_slips(parameters):
 
 
 def test_presliding_vanishes_with_its_angle(parameters, run):
-    """A very stiff contact moves as exact sticking does."""
+    """A very stiff contact gives the same motion as exact sticking."""
     rough = parameters.replaced({"coulomb_friction.torque": 0.6})
     exact = run(rough).position
     far, near = (

@@ -1,4 +1,4 @@
-"""Rig files read, written and asked; what nodes hand over; the shipped files."""
+"""Rig files: reading, writing, queries, parameters of nodes, and the shipped files."""
 
 from collections.abc import Mapping
 from dataclasses import replace

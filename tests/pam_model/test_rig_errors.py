@@ -1,4 +1,4 @@
-"""Bad rig files: each problem is told in one line with key, value and expectation; all at once."""
+"""Bad rig files: all problems are reported, each in one line with key, value, expectation."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +16,7 @@ DROP = object()
 
 
 def tree_with(changes: dict[str, Any]) -> dict[str, Any]:
-    """The elbow's parameters with dotted keys set, or dropped."""
+    """The elbow's parameters, with dotted keys set or removed."""
     tree = load_rig(ELBOW).to_parameters()
     for key, value in changes.items():
         *path, last = key.split(".")
@@ -186,7 +186,7 @@ def test_all_problems_come_at_once() -> None:
 def test_two_encoders_on_one_input() -> None:
     tree = load_rig(ELBOW.with_name("two_joints.yaml")).to_parameters()
     tree["elbow"]["encoder"] = {"board": 0, "channel": 0}
-    with pytest.raises(RigError, match=r"elbow.encoder.board = 0, channel 0: shoulder is there"):
+    with pytest.raises(RigError, match=r"elbow.encoder.board = 0, channel 0: shoulder uses it"):
         rig_from_parameters(tree)
 
 

@@ -1,4 +1,4 @@
-"""Laws that plant, controller and diagnosis share: rate and exact step agree, inverses invert."""
+"""Shared laws of plant, controller and diagnosis: rates and exact steps agree, inverses too."""
 
 from __future__ import annotations
 
