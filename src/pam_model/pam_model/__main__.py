@@ -70,7 +70,7 @@ def _show(chosen: Arguments) -> Outcome:
         figure = draw_force_model(model, geometry.rest_length, pressures)
     picture = save_figure(figure, make_parents(chosen.output or Path(f"{chosen.name}.png")))
     print(f"{row.title}: equations {row.equations or '-'}, {row.status}")
-    print(f"  domain: {row.domain}\n  use it: {row.use}\n  not for: {row.avoid}")
+    print(f"  domain: {row.domain}\n  suited for: {row.use}\n  not suited for: {row.avoid}")
     print(picture)
     facts = {n: getattr(row, n) for n in row.__dataclass_fields__}
     return Outcome({**facts, "picture": picture})

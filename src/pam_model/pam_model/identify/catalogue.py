@@ -1,8 +1,8 @@
-"""Every model of the package in one table: what it is, where, its domain, when to use it.
+"""Every model of the package in one table: description, code, domain, and when to use it.
 
 Length-force models register themselves (`force_model.register`) with equation numbers and status;
-a row here names them and adds what a reader needs to choose. Rows of other kinds say everything
-themselves. A registered model that no row names gets a row of its own.
+a row here names them and adds the information that a reader needs to choose between them. Rows of
+other kinds contain all their data. A registered model that no row names gets a row of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["FAMILIES", "CatalogueRow", "catalogue", "find_row"]
 
 
 def catalogue() -> list[CatalogueRow]:
-    """All rows in the order of the families, equations and status filled in from the register."""
+    """All rows in the order of the families, with equations and status from the register."""
     models = registered_models()
     named = {name for row in ROWS for name in row.models}
     rows = [_completed(row, models) for row in ROWS]
@@ -52,12 +52,12 @@ def _completed(row: CatalogueRow, models: Mapping[str, RegisteredModel]) -> Cata
 
 
 def find_row(key: str) -> CatalogueRow:
-    """The row with this key, or that names this model.
+    """The row that has this key or names this model.
 
     Raises
     ------
     PamError
-        For a name that is neither.
+        For a name that is neither a key nor a model.
     """
     rows = catalogue()
     for row in rows:

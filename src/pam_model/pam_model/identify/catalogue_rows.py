@@ -1,4 +1,4 @@
-"""The rows of the catalogue, in the order they are shown."""
+"""The rows of the catalogue, in the order in which they are shown."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         objects=("pam_model.atlas.bending.extensor_bending:ExtensorBending",),
         domain="54.7356 deg < theta <= theta_max",
         use="fingers and trunks that bend away from a reinforced side",
-        avoid="kinked or flattened tubes: the section stays round here",
+        avoid="kinked or flattened tubes: the model assumes a round cross-section",
     ),
     CatalogueRow(
         "contraction_bending",
@@ -27,7 +27,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         objects=("pam_model.atlas.bending.contraction_bending:ContractionBending",),
         domain="rest angle below 54.7356 deg, free side's angle below 90 deg",
         use="a contractor with a rod along one side",
-        avoid="soft rods: the rod side keeps its length here",
+        avoid="soft rods: the model assumes that the rod side keeps its length",
     ),
     CatalogueRow(
         "symmetric_pair",
@@ -37,7 +37,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         "derived",
         objects=("pam_model.atlas.bending.symmetric_pair:SymmetricBendingPair",),
         domain="both free sides' angles in (0, 90 deg)",
-        use="extensile or contractile muscles back to back; thread tension",
+        use="two extensile or two contractile muscles back to back; finding the thread tension",
         avoid="a spine that stretches",
     ),
     CatalogueRow(
@@ -48,8 +48,8 @@ ROWS: tuple[CatalogueRow, ...] = (
         "derived",
         objects=("pam_model.atlas.bending.three_muscle_segment:ThreeMuscleSegment",),
         domain="lengths above 0, curvature times radius below 1",
-        use="continuum arms: lengths to arc and back",
-        avoid="long segments under gravity: the curvature is then not constant",
+        use="continuum arms: converting muscle lengths into an arc and back",
+        avoid="long segments under gravity: their curvature is not constant",
     ),
     CatalogueRow(
         "extensor_contractor_bending",
@@ -59,8 +59,8 @@ ROWS: tuple[CatalogueRow, ...] = (
         "derived",
         objects=("pam_model.atlas.bending.extensor_contractor_bending:ExtensorContractorBending",),
         domain="both muscles in their own domains, pressures at least 0",
-        use="choosing torque and stiffness by two pressures",
-        avoid="a middle line that changes length: simplified",
+        use="setting torque and stiffness independently by two pressures",
+        avoid="limbs whose middle line changes its length: the model neglects this",
     ),
     CatalogueRow(
         "inflated_beam",
@@ -70,8 +70,8 @@ ROWS: tuple[CatalogueRow, ...] = (
         "stand-in",
         objects=("pam_model.atlas.bending.inflated_beam:InflatedBeam",),
         domain="moment in [0, pi P r^3)",
-        use="how much a pressurised tube carries before it wrinkles and folds",
-        avoid="braided walls as they are: the sheet is isotropic here",
+        use="finding the moment at which a pressurised tube wrinkles, and at which it folds",
+        avoid="braided walls: the model assumes an isotropic sheet",
     ),
     CatalogueRow(
         "three_element",
@@ -84,7 +84,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         ),
         domain="150-550 kPa for Serres' coefficients",
         use="motion of a load on one muscle, in closed form",
-        avoid="other muscles without their own coefficients",
+        avoid="other muscles, unless their coefficients have been fitted",
     ),
     CatalogueRow(
         "colbrunn",
@@ -94,7 +94,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         "derived",
         objects=("pam_model.atlas.phenomenological.colbrunn:ColbrunnMuscle",),
         domain="one pressure, small stretch",
-        use="loops of force against stretch",
+        use="hysteresis loops of force against stretch",
         avoid="large strokes: the spring is linear",
     ),
     CatalogueRow(
@@ -102,9 +102,9 @@ ROWS: tuple[CatalogueRow, ...] = (
         "empirical",
         "Wickramatunge and Leephakpreeda: stiffness by pressure and stretch",
         models=("wickramatunge",),
-        domain="within the points it was fitted on",
+        domain="the range of the points it was fitted to",
         use="a measured muscle whose stiffness matters",
-        avoid="without a fit: the default constants are illustrative, the form is unverified",
+        avoid="use without a fit: the default constants are only examples, the form is unverified",
     ),
     CatalogueRow(
         "identification",
@@ -113,20 +113,20 @@ ROWS: tuple[CatalogueRow, ...] = (
         "-",
         "derived",
         objects=("pam_model.identify.fit:fit", "pam_model.identify.compare:compare"),
-        domain="more points than free numbers, at least two blocks for a held-out error",
+        domain="more points than free numbers; a held-out error needs at least two blocks",
         use="any length-force model on measured pressure, length and force",
-        avoid="data at one load for geometry: much of it is then not identifiable, and said so",
+        avoid="geometry from data at one load: most of it is not identifiable (the fit reports it)",
     ),
     CatalogueRow(
         "supply_bandwidth",
         "supply",
-        "Davis: valve, tube, dead space, filler and the bandwidth they cost",
+        "Davis: bandwidth with valve, tube, dead space and filler",
         "-",
         "derived",
         objects=("pam_model.atlas.supply.bandwidth:SupplyLine",),
         domain="ambient < low <= high <= supply",
         use="choosing valve, tube and filler",
-        avoid="small signals: it is the time of a full cycle",
+        avoid="small signals: the model gives the duration of a full cycle",
     ),
     CatalogueRow(
         "iso6358",
@@ -137,7 +137,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         objects=("pam_model.gas:mass_flow", "pam_model.gas:orifice_flow"),
         domain="absolute pressures and temperature above 0",
         use="every valve",
-        avoid="leaks and long thin tubes: laminar there",
+        avoid="leaks and long thin tubes: their flow is laminar",
     ),
     CatalogueRow(
         "chambers",
@@ -150,8 +150,8 @@ ROWS: tuple[CatalogueRow, ...] = (
             "pam_model.atlas.supply.thermal_chamber:ThermalChamber",
         ),
         domain="volume, pressure and temperature above 0",
-        use="polytropic for control; first law where filling heats the gas",
-        avoid="a volume that is not the force's own: the joint would create energy",
+        use="control (polytropic chamber); fast filling that heats the gas (first-law chamber)",
+        avoid="a volume and a force from different models: the joint would create energy",
     ),
     CatalogueRow(
         "fill_time",
@@ -165,7 +165,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         ),
         domain="rigid volume, isothermal, infinite supply",
         use="sizing valves",
-        avoid="a muscle that moves much while filling",
+        avoid="muscles whose volume changes much while they fill",
     ),
     CatalogueRow(
         "tube",
@@ -175,8 +175,8 @@ ROWS: tuple[CatalogueRow, ...] = (
         "derived; attenuation and ISO numbers unverified",
         objects=("pam_model.atlas.supply.tube:Tube",),
         domain="laminar law below a Reynolds number of 2300",
-        use="deciding where the valve goes",
-        avoid="turbulent flow by the laminar law",
+        use="deciding where to place the valve",
+        avoid="turbulent flow: the laminar law does not hold",
     ),
     CatalogueRow(
         "maxwell_slip",
@@ -186,7 +186,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         "published",
         objects=("pam_model.atlas.losses.maxwell_slip:MaxwellSlip",),
         domain="rate-independent",
-        use="thread friction with minor loops",
+        use="thread friction with minor hysteresis loops",
         avoid="friction that grows with speed",
     ),
     CatalogueRow(
@@ -197,8 +197,8 @@ ROWS: tuple[CatalogueRow, ...] = (
         "published",
         objects=("pam_model.atlas.losses.prandtl_ishlinskii:PrandtlIshlinskii",),
         domain="rate-independent, symmetric",
-        use="compensation: its inverse has the same form",
-        avoid="asymmetric loops as they come: a muscle's are",
+        use="compensation: the inverse has the same form",
+        avoid="asymmetric loops, such as those of a muscle, without an added nonlinearity",
     ),
     CatalogueRow(
         "bouc_wen",
@@ -209,7 +209,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         objects=("pam_model.atlas.losses.bouc_wen:BoucWen",),
         domain="beta >= |gamma|",
         use="a smooth loop with three constants",
-        avoid="closed minor loops: it drifts",
+        avoid="minor loops that have to close: the model drifts",
     ),
     CatalogueRow(
         "standard_linear_solid",
@@ -220,6 +220,6 @@ ROWS: tuple[CatalogueRow, ...] = (
         objects=("pam_model.atlas.losses.standard_linear_solid:StandardLinearSolid",),
         domain="one time constant",
         use="creep over seconds to minutes",
-        avoid="recovery after days",
+        avoid="recovery that takes days",
     ),
 )

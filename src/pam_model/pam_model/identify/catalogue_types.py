@@ -1,4 +1,4 @@
-"""What a row of the catalogue says."""
+"""The data type of one row of the catalogue."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ class CatalogueRow:
     Attributes
     ----------
     key : str
-        Name for `show`, for the picture and for links.
+        Name for `python -m pam_model show`, for the picture and for links.
     family : str
         One of `FAMILIES`.
     title : str
-        What a person calls it.
+        Heading for a reader.
     equations : str
-        Numbers in the review; for length-force models the register has them.
+        Equation numbers in the review; empty for length-force models, which register them.
     status : str
-        derived, published, empirical or stand-in; likewise.
+        derived, published, empirical or stand-in; empty for length-force models, as above.
     models : tuple of str
         Names of length-force models, as a rig file's `<muscle>.model` gives them.
     objects : tuple of str
-        "module:name" of whatever else implements the row.
+        "module:name" of other classes and functions that implement the row.
     domain : str
-        Where it holds.
+        Where the model is valid.
     use, avoid : str
-        When to use it and when not.
+        What the model is suited for, and what it is not suited for.
     """
 
     key: str

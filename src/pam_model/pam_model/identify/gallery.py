@@ -25,18 +25,18 @@ _CONSTANTS: dict[str, dict[str, float]] = {
     "tondu_lopez": {"k": 1.2},
     "al_fahaam": {"extensor_pressure": 1e5},
 }
-"""Constants that show what a model adds, where its defaults are the ideal braid."""
+"""Constants for drawing a model whose defaults make it equal to the ideal braid."""
 _DOTS_PER_INCH = 72
 _COLOURS = 64
 
 
 def default_model(name: str) -> tuple[ForceModel, MuscleGeometry]:
-    """A force model with constants to draw it with, on the contractor or, if refused, the extensor.
+    """A force model to draw: on the contractor or, if the model refuses it, on the extensor.
 
     Raises
     ------
     PamError
-        If the model takes neither.
+        If the model refuses both.
     """
     refused = ""
     for geometry in (EXTENSOR, CONTRACTOR) if name in _EXTENDING else (CONTRACTOR, EXTENSOR):
@@ -69,7 +69,7 @@ def draw_row(row: CatalogueRow) -> Figure:
 
 
 def write_gallery(folder: str | Path) -> list[Path]:
-    """Pictures to `folder`/gallery, the table to `folder`/models.md between its markers.
+    """Write pictures to `folder`/gallery, and the rows between the markers of `folder`/models.md.
 
     Raises
     ------
@@ -109,14 +109,15 @@ def _table(rows: list[CatalogueRow]) -> str:
                 f"\n### {row.title}\n\n"
                 f"Equations {row.equations or '-'}, {row.status}; {what}.\n\n"
                 f"| | |\n|---|---|\n"
-                f"| domain | {row.domain} |\n| use it | {row.use} |\n| not for | {row.avoid} |\n\n"
+                f"| domain | {row.domain} |\n| suited for | {row.use} |\n"
+                f"| not suited for | {row.avoid} |\n\n"
                 f"![{row.title}](gallery/{row.key}.png)\n"
             )
     return "".join(parts) + "\n"
 
 
 def _shrink(path: Path) -> None:
-    """Fewer colours: a fifth of the size, and nothing one sees."""
+    """Reduce the colours of a picture: a fifth of the file size, without a visible difference."""
     from PIL import Image  # noqa: PLC0415  (comes with matplotlib)
 
     with Image.open(path) as image:

@@ -1,4 +1,4 @@
-"""Rows of the catalogue for muscles that pull or push along a line, in the order shown."""
+"""Rows of the catalogue for muscles that pull or push along a line, in display order."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Gaylord's ideal cylinder",
         models=("gaylord",),
         domain=_ANGLE,
-        use="first estimate, control, whatever needs force and volume from one energy",
-        avoid="forces to better than 15-30 %: ends, wall and friction are left out",
+        use="first estimates, control, and any task that needs force and volume from one energy",
+        avoid="force errors below 15-30 %: the model neglects ends, wall and friction",
     ),
     CatalogueRow(
         "schulte",
@@ -23,8 +23,8 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Schulte: bladder elasticity and thread friction",
         models=("schulte",),
         domain="thread angle in (0, 90 deg), contact pressure at least 0",
-        use="a stiff bladder whose rest size is known; hysteresis by direction",
-        avoid="a bladder that braid and rubber share unevenly: its constants are lumped",
+        use="a stiff bladder of known rest size; hysteresis by the direction of motion",
+        avoid="computing with Young's modulus: the constants of the bladder are lumped",
     ),
     CatalogueRow(
         "chou_hannaford",
@@ -32,8 +32,8 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Chou and Hannaford: thick wall",
         models=("chou_hannaford", "chou_hannaford_incompressible"),
         domain="D > 2 t_k",
-        use="a wall that is thick beside the bore: constant thickness or constant rubber volume",
-        avoid="both forms at once: they exclude each other",
+        use="thick walls of constant thickness, or of constant rubber volume",
+        avoid="both assumptions about the wall at once: they contradict each other",
     ),
     CatalogueRow(
         "tondu_lopez",
@@ -46,8 +46,8 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
             "tondu_lopez_friction",
         ),
         domain="rest angle below 54.7356 deg",
-        use="a measured muscle: k absorbs tapered ends",
-        avoid="predicting a new muscle: k, k(P), mu and friction belong to the one measured",
+        use="a measured muscle: the factor k accounts for tapered ends",
+        avoid="predicting a new muscle: k, k(P), mu and friction are valid for one muscle only",
     ),
     CatalogueRow(
         "caldwell_cells",
@@ -55,8 +55,8 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Caldwell: braid counted in cells",
         models=("caldwell_cells",),
         domain="cell angle in (0, 90 deg)",
-        use="a braid known by its cells (rhombi) instead of thread length and turns",
-        avoid="anything the ideal cylinder does not cover: it is the same model",
+        use="a braid described by its cells (rhombi) instead of thread length and turns",
+        avoid="cases that the ideal cylinder does not cover: both are the same model",
     ),
     CatalogueRow(
         "braid_limits",
@@ -65,7 +65,7 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         models=("davis_caldwell",),
         objects=("pam_model.identify.design:design",),
         domain="D_s N <= pi D90, N all strands of both families",
-        use="designing a braid: shortest angle, longest length, contraction range",
+        use="designing a braid: smallest angle, longest length, contraction range",
         avoid="strands that flatten under load: D_s is then smaller than measured",
     ),
     CatalogueRow(
@@ -74,8 +74,8 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Doumit and Fahim: conical ends",
         models=("doumit_fahim",),
         domain="|D - d| <= 2 L_z, L_m <= b",
-        use="short muscles, where the ends take a good part of the length",
-        avoid="long thin muscles: the cylinder does as well",
+        use="short muscles, whose ends make up a large part of the length",
+        avoid="long thin muscles: the ideal cylinder is as accurate",
     ),
     CatalogueRow(
         "shen_shi",
@@ -91,9 +91,9 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         _LENGTH,
         "Hunt: pressure as a sigmoid of length and force",
         models=("hunt_sigmoid",),
-        domain="inside the tangent's branch, a4 F + eps_max > 0",
+        domain="within one branch of the tangent, eps_max - a4 F > 0",
         use="10 mm Festo muscles up to about 620 kPa, or after fitting",
-        avoid="other sizes without a fit; gas volume has to come from elsewhere",
+        avoid="other sizes without a fit; gas volume: the model uses that of the ideal braid",
     ),
     CatalogueRow(
         "ashwin_ghosal",
@@ -101,8 +101,8 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Ashwin and Ghosal: miniature muscle",
         models=("ashwin_ghosal",),
         domain=_ANGLE,
-        use="muscles of a few mm, where the bladder takes a large share",
-        avoid="the ends' shape: they count as a length that does not contract (inactive_length)",
+        use="muscles of a few mm, whose bladder takes up a large share of the force",
+        avoid="the shape of the ends: they count only as an inactive length (inactive_length)",
     ),
     CatalogueRow(
         "al_ibadi",
@@ -110,27 +110,27 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Al-Ibadi: extension factor q(p)",
         models=("al_ibadi",),
         domain="pressure at least 0, rest angle in (0, 90 deg); q takes p in bar",
-        use="extensors of the kind it was fitted on",
-        avoid="rest angles below 54.7356 deg: computed, but q was fitted on extensors; how q "
-        "enters the force is a reading, not verified",
+        use="extensors of the kind that it was fitted to",
+        avoid="rest angles below 54.7356 deg: the model answers, but q was fitted to extensors; how "
+        "q enters the force is an interpretation and not verified",
     ),
     CatalogueRow(
         "li_static",
         _LENGTH,
         "Li: ends, rubber and friction",
         models=("li_static",),
-        domain="as conical ends; bladder within its rest size",
-        use="static force with all three corrections and few constants",
-        avoid="quoting it as Li's: it is composed here",
+        domain="as for Doumit and Fahim; the rubber leaves room for gas",
+        use="static force with corrections for ends, rubber and friction, and few constants",
+        avoid="citing it as Li's model: this project composed it",
     ),
     CatalogueRow(
         "friction_loss",
         _LENGTH,
         "Static model with thread-friction loss",
         models=("friction_loss_static",),
-        domain="as conical ends",
-        use="the width of a static hysteresis loop from braid numbers",
-        avoid="motion that stops: friction has a direction only while moving",
+        domain="as for Doumit and Fahim; the rubber leaves room for gas",
+        use="computing the width of a static hysteresis loop from the data of the braid",
+        avoid="phases at rest: the friction has a direction only while the muscle moves",
     ),
     CatalogueRow(
         "martens_boblan",
@@ -146,9 +146,9 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         _LENGTH,
         "Sarosi: exponential in contraction",
         models=("sarosi",),
-        domain="within the points it was fitted on",
-        use="a measured muscle in control: few constants, affine in pressure",
-        avoid="extrapolation; it says nothing about volume",
+        domain="the range of the points it was fitted to",
+        use="control of a measured muscle: few constants, affine in pressure",
+        avoid="extrapolation; gas volume: the model uses that of the ideal braid",
     ),
     CatalogueRow(
         "mooney_rivlin",
@@ -156,17 +156,17 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Mooney-Rivlin bladder",
         models=("braid_bladder",),
         domain=_ANGLE + ", rubber that follows the braid",
-        use="force lost to the bladder from its material constants",
-        avoid="bladders shorter or thinner than the braid, which first have to fill it",
+        use="computing the force that the bladder takes up from its material constants",
+        avoid="bladders shorter or narrower than the braid, which first have to expand to touch it",
     ),
     CatalogueRow(
         "extensible_braid",
         _LENGTH,
         "Extensible threads",
         models=("extensible_braid",),
-        domain="threads' load below what would stretch b without end",
+        domain="pressures below the one that would stretch the threads without bound",
         use="high pressure, few or soft threads",
-        avoid="aramid at a few bar: the difference drowns in others",
+        avoid="aramid at a few bar: other effects are much larger",
     ),
     CatalogueRow(
         "sleeve",
@@ -192,7 +192,7 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         "Al-Fahaam: contractor inside an extensor",
         models=("al_fahaam",),
         domain="annulus open: D_e - 2 t > D_c",
-        use="pulling, pushing and stiffness at one force, by two pressures",
-        avoid="a contractor that hangs slack: lengths are equal here",
+        use="pulling, pushing, and setting the stiffness at a given force, by two pressures",
+        avoid="slack contractors: the model assumes that both have the same length",
     ),
 )
