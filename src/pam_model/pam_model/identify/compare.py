@@ -1,9 +1,10 @@
 """Rank force models on the same measured points by their held-out error.
 
-Each model is fitted anew (`fit`) and each block held out once. Whether two models differ is told
-by a paired bootstrap: clusters of points that share their errors are drawn with replacement, the
-same draw for both models, and where the 95 % interval of the difference in mean squared held-out
-error holds 0, the data do not separate them. Intervals are for one pair at a time.
+Each model is fitted again (`fit`), and each block is held out once. A paired bootstrap decides
+whether two models differ: clusters of points that share their errors are drawn with replacement,
+with the same draw for both models. If the 95 % interval of the difference in mean squared held-out
+error contains 0, the data cannot separate the two models. The intervals hold for one pair at a
+time; they are not corrected for multiple comparisons.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ DRAWS = 2000
 
 @dataclass(frozen=True, slots=True)
 class RankedModel:
-    """One model's place.
+    """One model in the ranking.
 
     Attributes
     ----------
@@ -34,9 +35,9 @@ class RankedModel:
     free_numbers : int
         How many numbers were fitted.
     low, high : float
-        95 % interval of the held-out error by the bootstrap [unit].
+        95 % bootstrap interval of the held-out error [unit].
     ties : tuple of str
-        Models that the data do not separate from this one.
+        Models that the data cannot separate from this one.
     """
 
     fit: FitResult
@@ -55,13 +56,13 @@ class Comparison:
     data : Measurements
         The points.
     branch : str
-        Its name, or "".
+        Name of the branch, or "".
     unit : str
-        Of the errors.
+        Unit of the errors.
     ranking : tuple of RankedModel
         Smallest held-out error first.
     refused : dict of str to str
-        Models that could not be fitted, and why.
+        Models that could not be fitted, with the reason.
     """
 
     data: Measurements
@@ -136,9 +137,9 @@ def compare(
     data : Measurements
         Points in at least two blocks.
     models : iterable of str, optional
-        Names; all registered force models if left out.
+        Names; all registered force models by default.
     geometry : MuscleGeometry, optional
-        The muscle; without one it has to be fitted.
+        The muscle. Without it, `fit_geometry` must be set.
     fit_geometry : bool
         Also fit rest length, braid angle and diameter.
     residual : str
@@ -146,7 +147,7 @@ def compare(
     starts : int
         As in `fit`.
     seed : int
-        Of starts and bootstrap.
+        Seed of the random starts and of the bootstrap.
 
     Raises
     ------
@@ -210,7 +211,7 @@ def _rank(fits: list[FitResult], data: Measurements, seed: int) -> tuple[RankedM
             if i == j:
                 continue
             less, more = np.quantile(squares[:, i] - squares[:, j], [0.025, 0.975])
-            # Two forms of one model agree to rounding and are tied, whichever side of 0 that is.
+            # Two forms of one model agree to rounding; they tie whatever the sign of the difference.
             rounding = 1e-6 * (squares[:, i] + squares[:, j]).mean()
             if less <= rounding and more >= -rounding:
                 ties.append(other.model)

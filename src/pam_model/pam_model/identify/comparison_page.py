@@ -45,7 +45,7 @@ def write_comparison(comparisons: Iterable[Mapping[str, Any]], page: str | Path)
 
 
 def rows_of(comparison: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """By model, what its row of the table says after the name."""
+    """For each model, the cells of its table row after the name."""
     scale = 1e3 if comparison["unit"] == "m" else 1.0
     best = comparison["ranking"][0]
     tied = {best["model"], *best["indistinguishable_from"]}

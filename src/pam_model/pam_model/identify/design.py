@@ -1,9 +1,9 @@
-"""From a wanted force, stroke and pressure to a braided muscle, and what limits it.
+"""Design a braided muscle for a wanted force, stroke and pressure, and report what limits it.
 
 Equations (1), (2), (6) and the braid limits (15)-(19) of "A Review of Design and Modeling of
 Pneumatic Artificial Muscle": the ideal braid must still pull with the wanted force at the end of
-the stroke. The braid angle at rest is as small as the strands allow, with a margin: the smaller,
-the more force and stroke from the same diameter.
+the stroke. The braid angle at rest is as small as the strands allow, with a margin, because a
+smaller angle gives more force and stroke at the same diameter.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pam_model.muscles.braid import NEUTRAL_ANGLE
 
 DEFAULT_CONTRACTION = 0.2
 SMALLEST_ANGLE = math.radians(15.0)
-"""A braid below this is rarely made: it slips off its ends and hardly grips its bladder [rad]."""
+"""Braids below this angle are rare: they slip off their ends and barely hold the bladder [rad]."""
 JAM_MARGIN = 1.1
 """The angle at rest is at least this many times the angle at which the strands jam."""
 _LARGEST_DIAMETER = 1.0
@@ -38,11 +38,11 @@ class MuscleDesign:
     rest_length, end_length, longest_length : float
         Active length at rest, at the end of the stroke, and (19) where the braid jams [m].
     rest_diameter, end_diameter, diameter_90 : float
-        At rest, at the end of the stroke, and b/(n pi) [m].
+        Diameter at rest, at the end of the stroke, and b/(n pi) [m].
     thread_length, turns : float
         b [m] and n [-].
     contraction, free_contraction : float
-        Of this stroke, and without load [-].
+        Contraction ratio of this stroke, and without load [-].
     rest_force, end_force : float
         Pull at rest and at the end of the stroke [N].
     end_stiffness : float
@@ -50,9 +50,9 @@ class MuscleDesign:
     thread_tension : float
         Largest tension of one strand over the stroke [N].
     gas_volume : float
-        At the end of the stroke [m^3].
+        Gas volume at the end of the stroke [m^3].
     limited_by : str
-        What keeps it from being smaller.
+        Constraints that prevent a smaller muscle.
     """
 
     rest_angle: float
@@ -139,31 +139,31 @@ def design(
     largest_diameter: float | None = None,
     strand_strength: float | None = None,
 ) -> MuscleDesign:
-    """The thinnest ideal braid that does it.
+    """The thinnest ideal braid that meets the requirements.
 
     Parameters
     ----------
     force : float
-        Pull wanted over the whole stroke, so at its end [N].
+        Pull wanted at the end of the stroke, where it is smallest [N].
     stroke : float
         Shortening wanted [m].
     pressure : float
-        Gauge pressure at hand [Pa].
+        Available gauge pressure [Pa].
     contraction : float, optional
-        Stroke over rest length [-]; 0.2, or the least that `largest_length` asks for.
+        Stroke over rest length [-]. Default: 0.2, or more if `largest_length` requires it.
     strand_width : float
-        D_s, of a strand or bundle [m].
+        D_s, width of a strand or bundle [m].
     strands : int
         N, all strands of both families.
     largest_length, largest_diameter : float, optional
-        Room for the muscle, at rest and at the end of the stroke [m].
+        Space available: length at rest, diameter at the end of the stroke [m].
     strand_strength : float, optional
-        Tension a strand may carry [N].
+        Largest allowed tension of a strand [N].
 
     Raises
     ------
     DomainError
-        For a value not above 0, or where it cannot be built; the message says what limits it.
+        For a value not above 0, or if no such muscle can be built; the message names the limit.
     """
     for quantity, value in (
         ("force [N]", force),
@@ -204,7 +204,7 @@ def design(
         )
     if end_pull(_LARGEST_DIAMETER) < force:
         raise DomainError(
-            f"force = {force:g} N at {pressure:g} Pa needs a braid of more than 1 m across"
+            f"force = {force:g} N at {pressure:g} Pa needs a braid of more than 1 m diameter"
         )
     if end_pull(tightest) >= force:
         diameter_90 = tightest
@@ -218,8 +218,8 @@ def design(
     if start > SMALLEST_ANGLE:
         limits.append(
             f"strands: {strands} of {1e3 * strand_width:g} mm jam at "
-            f"{math.degrees(start / JAM_MARGIN):.1f} deg; fewer or thinner ones allow a thinner "
-            "muscle"
+            f"{math.degrees(start / JAM_MARGIN):.1f} deg; fewer or thinner strands allow a "
+            "thinner muscle"
         )
     else:
         limits.append(f"smallest braid angle {math.degrees(SMALLEST_ANGLE):.0f} deg")
@@ -282,10 +282,10 @@ def _check_room(
     if largest_diameter is not None and made.end_diameter > largest_diameter:
         raise DomainError(
             f"largest_diameter = {largest_diameter:g} m: {made.end_diameter:.4g} m are needed at "
-            "the end of the stroke; more pressure, a longer muscle or several in parallel help"
+            "the end of the stroke; use more pressure, a longer muscle or several in parallel"
         )
     if strand_strength is not None and made.thread_tension > strand_strength:
         raise DomainError(
             f"strand_strength = {strand_strength:g} N: each of {strands} strands carries "
-            f"{made.thread_tension:.4g} N; take more or stronger strands"
+            f"{made.thread_tension:.4g} N; use more or stronger strands"
         )

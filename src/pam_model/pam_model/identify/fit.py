@@ -1,10 +1,11 @@
 """Identify a force model's constants and geometry from measured points.
 
 Nonlinear least squares (`scipy.optimize.least_squares`, bounded, several starts) on the force,
-or on the length a muscle takes at given pressure and force. Geometry is fitted as rest length,
-braid angle at rest and diameter at rest, which are always a possible braid. Intervals are robust
-against errors that the points of a cluster share (sandwich estimate, Student's t). The held-out
-error leaves out one block at a time and fits the others anew.
+or on the length of the muscle at given pressure and force. The geometry is parametrised by rest
+length, braid angle at rest and diameter at rest, so that it always describes a possible braid.
+The intervals are robust against errors that the points of a cluster share (sandwich estimate,
+Student's t). The held-out error is a cross-validation: each block is predicted by a fit to the
+other blocks.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ from pam_model.identify.measurements import Array, Measurements
 from pam_model.muscles.force_model import MuscleGeometry
 
 _EXACT = 1e-12
-"""Tolerance of the last steps, so that results do not depend on the way to the optimum."""
+"""Tolerance of the last steps: small, so that the result does not depend on the search path."""
 
 
 @dataclass(frozen=True, slots=True)
 class FittedParameter:
-    """One number of a fit; low and high are its 95 % interval, equal to it where it was given."""
+    """One number of a fit; low and high are its 95 % interval, equal to a value that was given."""
 
     value: float
     low: float
@@ -48,7 +49,7 @@ class FittedParameter:
 
 @dataclass(frozen=True, slots=True)
 class FitResult:
-    """A model with its numbers and how well they hold.
+    """A fitted model: its numbers, their intervals and the errors of the fit.
 
     Attributes
     ----------
@@ -57,17 +58,17 @@ class FitResult:
     geometry : MuscleGeometry
         As fitted or given.
     constants : dict of str to float
-        As fitted or given; fit for a rig file's `model_parameters`.
+        As fitted or given; usable as a rig file's `model_parameters`.
     parameters : dict of str to FittedParameter
-        All of them with intervals.
+        All numbers with their intervals.
     training_error, held_out_error : float
         Root mean square [unit].
     unit : str
         N or m.
     held_out : array
-        Held-out residual of every point, model less measured [unit].
+        Held-out residual of every point, model minus measurement [unit].
     points, blocks : int
-        How many there were.
+        Number of points and of blocks.
     """
 
     model: str
@@ -82,7 +83,7 @@ class FitResult:
     blocks: int
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; an interval without a bound is null."""
+        """Plain values for JSON; an infinite bound of an interval becomes null."""
         return {
             "model": self.model,
             "geometry": {
@@ -152,26 +153,26 @@ def fit(
     data : Measurements
         One branch of the points, or all of them.
     geometry : MuscleGeometry, optional
-        The muscle; without one it is guessed and has to be fitted.
+        The muscle. Without it, the fit starts from a guess and `fit_geometry` must be set.
     constants : mapping of str to float, optional
         Constants held at a value instead of fitted.
     fit_geometry : bool
-        Also fit rest length, braid angle, diameter and wall, as far as the model uses them.
+        Also fit those of rest length, braid angle, diameter and wall that the model uses.
     free : iterable of str, optional
         Fit exactly these (constants, or names of `GEOMETRY_UNITS`).
     residual : str
         "force" [N], or "length" [m] at given pressure and force.
     starts : int
-        How many starts: the given one, and the best of some random ones around it.
+        Number of starts: the given one, and the best of some random ones around it.
     seed : int
-        Of the random starts.
+        Seed of the random starts.
 
     Raises
     ------
     PamError
         For unknown names, or fewer points than free numbers.
     DomainError
-        If the model covers none of the starts, or a geometry it does not accept.
+        If no start lies in the model's domain, or for a geometry that the model does not accept.
     """
     problem = FitProblem(
         name,
@@ -189,11 +190,11 @@ def fit(
         raise PamError(f"{data.name}: {len(data)} points are too few for {size} free numbers")
     everything = np.ones(len(data), dtype=bool)
     best = solve(problem, everything, search_starts(problem, starts, seed))
-    # To the exact optimum: what follows must not depend on where the search ended.
+    # Refine to the exact optimum, so that the results below do not depend on the search path.
     best = solve(problem, everything, [best], tolerance=_EXACT)
     lost = numbers_lost_in_noise(problem, best)
     if free is None and np.any(lost):
-        # What no data can place stays where it is.
+        # Numbers that the data do not determine keep their start value.
         problem.active &= ~lost
         best = solve(problem, everything, [best], tolerance=_EXACT)
     residuals = problem.residuals(best)
@@ -228,7 +229,7 @@ def fit(
 def _intervals(
     problem: FitProblem, best: Array, residuals: Array, held: Mapping[str, str], lost: Any
 ) -> dict[str, FittedParameter]:
-    """95 % intervals by the sandwich estimate over clusters; infinite where the data are silent."""
+    """95 % intervals by the sandwich estimate over clusters; infinite if not identifiable."""
     values = problem.values(best)
     units = {**GEOMETRY_UNITS, **{key: p.unit for key, p in problem.declared.items()}}
     result = {k: FittedParameter(values[k], values[k], values[k], units[k], False) for k in units}
@@ -261,9 +262,9 @@ def _intervals(
         reach = math.inf if silent[i] or lost[i] else float(spread[i]) * free.scale
         near = 1e-6 * max(abs(value), free.scale)
         at_bound = min(value - free.low, free.high - value) <= near
-        note = "at its bound" if at_bound else ("the data do not tell it" if silent[i] else "")
+        note = "at its bound" if at_bound else ("the data do not determine it" if silent[i] else "")
         if lost[i]:
-            note = "its effect is lost in the noise"
+            note = "its effect is below the noise"
         if at_bound:
             reach = math.inf
         result[free.name] = FittedParameter(
@@ -273,17 +274,17 @@ def _intervals(
 
 
 def _inverse_information(jacobian: Array, silent: Any) -> Array:
-    """(J'J)^-1 of the numbers that are not silent, 0 for the others."""
+    """(J'J)^-1 of the numbers that are not marked as silent, 0 for the others."""
     size = jacobian.shape[1]
     result = np.zeros((size, size))
-    told = ~silent
-    if np.any(told):
-        columns = jacobian[:, told]
+    determined = ~silent
+    if np.any(determined):
+        columns = jacobian[:, determined]
         length = np.sqrt(np.sum(columns * columns, axis=0))
-        # Columns of unit length, and no product J'J: that would square the condition number.
+        # Scale the columns and avoid the product J'J, which would square the condition number.
         _, singular, right = np.linalg.svd(columns / length, full_matrices=False)
         half = right.T / singular / length[:, None]
-        result[np.ix_(told, told)] = half @ half.T
+        result[np.ix_(determined, determined)] = half @ half.T
     return result
 
 

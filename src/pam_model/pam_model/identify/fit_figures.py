@@ -24,7 +24,7 @@ _POINTS = 200
 
 
 def draw_fit(result: FitResult, data: Measurements) -> Figure:
-    """Measured and modelled, and the held-out residual of every point."""
+    """Measured points with the model, and the held-out residual of every point."""
     figure, (left, right) = new_figure(2)
     _draw_points(left, data, [result])
     scale, unit = _scale(result.unit)
@@ -33,8 +33,8 @@ def draw_fit(result: FitResult, data: Measurements) -> Figure:
         right.plot(data.pressure[mask] / 1e5, scale * result.held_out[mask], ".", ms=4, label=block)
     right.axhline(0.0, color="0.4", linewidth=0.7)
     right.set_xlabel("gauge pressure [bar]")
-    right.set_ylabel(f"held-out model less measured [{unit}]")
-    right.legend(fontsize="x-small", title="block left out", title_fontsize="x-small")
+    right.set_ylabel(f"held-out model minus measured [{unit}]")
+    right.legend(fontsize="x-small", title="held-out block", title_fontsize="x-small")
     figure.suptitle(f"{result.model} on {data.name}", fontsize="medium")
     return figure
 
@@ -59,7 +59,7 @@ def draw_comparison(comparisons: list[Comparison]) -> Figure:
 
 
 def _different(comparison: Comparison) -> list[FitResult]:
-    """The best models, but only one of those that give the same errors."""
+    """The best models; of several models with equal errors, only the first."""
     chosen: list[FitResult] = []
     for row in comparison.ranking:
         error = row.fit.held_out_error
@@ -81,7 +81,7 @@ def _draw_errors(axis: Axes, comparison: Comparison) -> None:
     ]
     places = np.arange(len(ranking))
     axis.barh(places, errors, color=colours, height=0.7)
-    # A bootstrap interval need not hold the estimate itself.
+    # A bootstrap interval need not contain the estimate itself.
     whiskers = np.maximum([errors - reach[0], reach[1] - errors], 0.0)
     axis.errorbar(errors, places, xerr=whiskers, fmt="none", color="0.2", linewidth=1.0)
     axis.set_yticks(places, [row.fit.model for row in ranking], fontsize="x-small")
@@ -91,7 +91,7 @@ def _draw_errors(axis: Axes, comparison: Comparison) -> None:
 
 
 def _draw_points(axis: Axes, data: Measurements, results: list[FitResult]) -> None:
-    """Position against pressure where the length was fitted, else force against force."""
+    """Draw position against pressure for a fitted length, else modelled against measured force."""
     if results[0].unit == "m":
         for block in dict.fromkeys(str(b) for b in data.block):
             mask = data.block == block

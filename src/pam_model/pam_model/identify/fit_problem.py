@@ -1,4 +1,4 @@
-"""A force model on measured points as a function of its free numbers: what `fit` minimises."""
+"""The residuals that `fit` minimises: a force model on measured points, by its free numbers."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class FitProblem:
         if residual not in RESIDUAL_UNITS:
             raise PamError(f"residual = {residual!r}, expected {' or '.join(RESIDUAL_UNITS)}")
         if geometry is None and not fit_geometry:
-            raise PamError("without a geometry of the muscle the geometry has to be fitted")
+            raise PamError("no geometry of the muscle is given, so the geometry has to be fitted")
         self.name = name
         self.data = data
         self.residual: Residual = residual
@@ -90,7 +90,9 @@ class FitProblem:
             if key not in known:
                 raise PamError(f"model {name}: cannot fit {key!r}; it has {', '.join(known)}")
         if data.is_shortening and "rest_length" not in chosen and geometry is None:
-            raise PamError(f"{data.name} has shortening only: rest_length has to be fitted")
+            raise PamError(
+                f"{data.name} has shortening but no length: rest_length has to be fitted"
+            )
         for key, parameter in self.declared.items():
             if key in chosen:
                 self.fixed.setdefault(key, start_of(parameter, base))
@@ -115,7 +117,7 @@ class FitProblem:
         return free_constant(key, self.declared[key], start)
 
     def values(self, z: Array) -> dict[str, float]:
-        """All numbers by name; z = 1 is the start, one unit is one scale."""
+        """All numbers by name; z = 1 is the start, and one unit of z is the number's scale."""
         found = dict(self.fixed)
         for free, value in zip(self.free, z, strict=True):
             number = free.start + (float(value) - 1.0) * free.scale
@@ -130,7 +132,7 @@ class FitProblem:
         return create_force_model(self.name, geometry, constants), geometry, constants
 
     def residuals(self, z: Array) -> Array:
-        """Model less measured, of every point.
+        """Model minus measurement, for every point.
 
         Raises
         ------
@@ -146,7 +148,7 @@ class FitProblem:
 
     def _equilibrium(self, z: Array) -> tuple[Equilibrium, MuscleGeometry]:
         model, geometry, _ = self.model(z)
-        # No warm start: where several lengths balance, the answer must depend on z alone.
+        # No warm start: if several lengths are in equilibrium, the result must depend on z alone.
         stop = self._stop(geometry)
         found = solve_equilibrium(model, self._pressure, self._force, self._velocity, stop)
         return found, geometry
@@ -159,10 +161,11 @@ class FitProblem:
         return np.asarray(predicted[self._back] - self.data.position, dtype=float)
 
     def jacobian(self, z: Array) -> Array:
-        """Exact slope of every residual by every free number; 0 where it is not finite.
+        """Exact derivative of every residual by every free number; 0 where it is not finite.
 
-        From dual numbers; a length's slopes by the implicit function theorem at the length that
-        was found: dL/dz = -(dF/dz)/(dF/dL), or those of the bound where it hangs at one.
+        Computed with dual numbers. The derivative of a length follows from the implicit function
+        theorem at the length that was found, dL/dz = -(dF/dz)/(dF/dL); if the muscle rests at a
+        bound, it is the derivative of the bound.
 
         Raises
         ------
@@ -187,7 +190,7 @@ class FitProblem:
             return model.force(self._pressure, at, self._velocity) - self._force
 
         by_number = self._slopes_of(root_with_slopes(length, excess), count)
-        # Without the margin of `length_range`, by which slopes of equal numbers would differ.
+        # The margin of `length_range` would make the slopes of equivalent numbers differ.
         shortest, longest = model.length_bounds
         longest = min(longest, self._stop(geometry))
         for bound, at_bound in ((longest, found.at_longest), (shortest, found.at_shortest)):
@@ -208,7 +211,7 @@ class FitProblem:
         return registered_models()[self.name].factory(geometry, constants), geometry
 
     def _slopes_of(self, number: Any, points: int) -> Array:
-        """Slopes by the free numbers, one row per point; 0 for what carries none."""
+        """Derivatives by the free numbers, one row per point; 0 for a plain number."""
         shape = (len(self.free), points)
         if not isinstance(number, Dual):
             return np.zeros(shape).T
@@ -216,7 +219,7 @@ class FitProblem:
         return np.broadcast_to(slope if slope.ndim > 1 else slope[:, None], shape).T
 
     def rough_residuals(self, z: Array) -> Array:
-        """What `residuals` is about, at a hundredth of its time: one Newton step from the measured.
+        """Approximate `residuals` in 1/100 of the time: one Newton step from the measured length.
 
         One value for each set of points that share a prediction, weighted by their number.
         """
@@ -235,7 +238,7 @@ class FitProblem:
         # Without a restoring stiffness the muscle would run to a bound.
         floor = np.maximum(slope, 1e-3 * np.abs(self._force) / span + 1e-12)
         reached = np.clip(length - excess / floor, shortest, longest)
-        # What pulls too little even at its longest hangs there.
+        # A muscle that pulls too little even at its longest length stays there.
         hanging = np.asarray(
             model.force(self._pressure, np.full_like(length, longest), self._velocity)
         )
@@ -244,7 +247,7 @@ class FitProblem:
         return np.asarray(np.sqrt(self._count) * away / np.sqrt(1.0 + (away / span) ** 2 / 9.0))
 
     def inside(self, z: Array) -> Array:
-        """The nearest z that lies within the bounds by a little."""
+        """The nearest z that lies within the bounds, with a small margin."""
         low, high = self.bounds()
         margin = 1e-9 * np.minimum(high - low, 1e6)
         return np.asarray(np.clip(z, low + margin, high - margin))
@@ -255,6 +258,6 @@ class FitProblem:
         return low, np.array([1.0 + (f.high - f.start) / f.scale for f in self.free])
 
     def own_sizes(self, z: Array) -> Array:
-        """Size of every number at z, at least that of its start, in the unit of z."""
+        """Magnitude of every number at z, at least that of its start, in units of z."""
         zero = np.array([f.zero for f in self.free])
         return np.asarray(np.maximum(np.abs(z - zero), 1.0))

@@ -1,4 +1,4 @@
-"""How a fit looks for the best numbers: many random points, the best of them refined."""
+"""Global search of a fit: many random points, of which the best are refined."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def screened_points(problem: FitProblem, number: int, seed: int) -> list[Array]:
         return [np.ones(size)]
     random = np.random.default_rng(seed)
     low, _ = problem.bounds()
-    # Where a number may be negative or 0, 0 is at z = 1 - start/scale.
+    # For a number that may be negative or 0, the value 0 is at z = 1 - start/scale.
     zero = np.array([free.zero for free in problem.free])
     tried: list[tuple[float, Array]] = []
     for i in range(_SCREENED):
-        # Half of them far away: a default may be of the wrong order for this muscle.
+        # Half of the points lie far away: a default may be wrong by orders of magnitude here.
         spread = 0.7 if i % 2 else 2.0
         sign = np.where((low < zero) & (random.random(size) < 0.3), -1.0, 1.0)
         z = zero + (1.0 - zero) * sign * np.exp(random.normal(0.0, spread, size))
@@ -52,14 +52,15 @@ def search_starts(problem: FitProblem, number: int, seed: int) -> list[Array]:
 
 
 def hold_dependent_numbers(problem: FitProblem, seed: int) -> dict[str, str]:
-    """Hold free numbers that change no prediction, or only as others can; name and reason.
+    """Hold free numbers that are not identifiable; returns the reason for each name.
 
-    A model need not use all of the geometry; friction at one speed is one number, whatever its
-    law. The decision is that of `identifiability`, at the start and at the best of some random
-    points around it. The point at which most numbers are told apart counts, and of several such
-    points the one that comes nearest to the measurements.
+    Such a number changes no prediction, or only in a way that other numbers can imitate. A model
+    need not use the whole geometry, for example, and friction at a single speed determines only
+    one number. `identifiability` decides, at the start and at the best of some random points
+    around it. Of these, the point with the most identifiable numbers counts, and of several such
+    points the one with the smallest residuals.
     """
-    # Among numbers that do the same, one of either sign is kept: it is not stopped at 0.
+    # Of equivalent numbers, keep one that may have either sign: it is not bounded at 0.
     preference = np.array([1.0 if f.low < 0.0 < f.high else 0.01 for f in problem.free])
     best: tuple[int, float, Told] | None = None
     silent = set(range(len(problem.free)))
@@ -79,15 +80,15 @@ def hold_dependent_numbers(problem: FitProblem, seed: int) -> dict[str, str]:
     reasons = {}
     for i, free in enumerate(problem.free):
         if i in silent:
-            reasons[free.name] = "held: no effect here"
+            reasons[free.name] = "held: it changes no prediction"
         elif i not in best[2].told:
-            reasons[free.name] = "held: the data tell it only with others"
+            reasons[free.name] = "held: not separable from other numbers"
     problem.active = np.array([free.name not in reasons for free in problem.free], dtype=bool)
     return reasons
 
 
 def numbers_lost_in_noise(problem: FitProblem, best: Array) -> Any:
-    """For each free number, whether the noise hides what it does near the best z."""
+    """For each free number, whether its effect near the best z is below the noise."""
     active = np.flatnonzero(problem.active)
     lost = np.zeros(len(problem.free), dtype=bool)
     if active.size:
@@ -123,14 +124,14 @@ def solve(
     most: int = 100,
     tolerance: float = 1e-6,
 ) -> Array:
-    """The best z on the points of a mask, in at most so many steps from each start.
+    """The best z on the points of a mask, with at most `most` steps from each start.
 
-    Steps end where they change the sum of squares by less than the tolerance, relative.
+    The steps end when the relative change of the sum of squares falls below the tolerance.
 
     Raises
     ------
     DomainError
-        If the model covers no start.
+        If no start lies in the model's domain.
     """
     if not np.any(problem.active):
         return np.ones(len(problem.free))
@@ -158,7 +159,7 @@ def solve(
         if best is None or cost < best[0]:
             best = cost, at
     if best is None:
-        raise refused or DomainError(f"model {problem.name} fits no point")
+        raise refused or DomainError(f"model {problem.name} cannot be evaluated at any start")
     return best[1]
 
 
@@ -170,7 +171,7 @@ def _minimum(
     tolerance: float,
     most: int,
 ) -> Array:
-    """Least squares over the active numbers; a point the model does not cover costs a lot."""
+    """Least squares over the active numbers; a point outside the domain gets a high cost."""
     data = problem.data
     measured = data.force if problem.residual == "force" else data.position
     penalty = 10.0 * (float(np.ptp(measured)) + float(np.max(np.abs(measured))))

@@ -1,4 +1,4 @@
-"""The numbers that a fit may change: constants of a model, and the geometry as four numbers."""
+"""The numbers that a fit may change: a model's constants, and four numbers of the geometry."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GEOMETRY_UNITS: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class FreeNumber:
-    """A number to fit: its start and scale make it 1 and of size 1 for the optimiser."""
+    """A number to fit; the optimiser sees z = 1 + (value - start)/scale."""
 
     name: str
     start: float
@@ -35,12 +35,12 @@ class FreeNumber:
 
     @property
     def zero(self) -> float:
-        """Where the optimiser has this number at 0."""
+        """The optimiser's z at which this number is 0."""
         return 1.0 - self.start / self.scale
 
 
 def free_geometry_number(name: str, start: float, data: Measurements) -> FreeNumber:
-    """One of `GEOMETRY_UNITS` with the range in which a fit looks for it."""
+    """One of `GEOMETRY_UNITS` with the range in which a fit searches for it."""
     longest = float(np.max(data.position)) if not data.is_shortening else 0.0
     low, high, unit = {
         "rest_length": (0.2 * start, 5.0 * start, "m"),
@@ -61,7 +61,7 @@ def free_constant(name: str, parameter: ModelParameter, start: float) -> FreeNum
 
 
 def start_of(parameter: ModelParameter, geometry: MuscleGeometry) -> float:
-    """Where a fit starts a constant that nobody gave."""
+    """The start value of a constant for which no value was given."""
     if parameter.when_zero is not None and not parameter.default:
         return float(parameter.when_zero(geometry))
     if parameter.default is not None:
@@ -72,7 +72,7 @@ def start_of(parameter: ModelParameter, geometry: MuscleGeometry) -> float:
 
 
 def guess_geometry(data: Measurements) -> MuscleGeometry:
-    """A contractor of plausible size to start from: 20 deg at rest, its stroke a quarter."""
+    """A contracting muscle of plausible size as a start: 20 deg at rest, a stroke of a quarter."""
     if data.is_shortening:
         rest = max(float(np.max(data.position)), 1e-3) / 0.25
     else:
@@ -88,7 +88,7 @@ def guess_geometry(data: Measurements) -> MuscleGeometry:
 
 
 def geometry_of(values: Mapping[str, Any]) -> MuscleGeometry:
-    """The geometry that the four numbers of `GEOMETRY_UNITS` describe; also of dual numbers."""
+    """The geometry that the four numbers of `GEOMETRY_UNITS` describe; they may be dual numbers."""
     angle = values["braid_angle"]
     thread = values["rest_length"] / cosine(angle)
     turns = thread * sine(angle) / (math.pi * values["diameter"])
@@ -101,7 +101,7 @@ def geometry_numbers(geometry: MuscleGeometry) -> dict[str, float]:
     Raises
     ------
     DomainError
-        For a geometry that is no braid.
+        For a geometry that no braid can have.
     """
     b, rest = geometry.thread_length, geometry.rest_length
     if not (0.0 < rest < b and geometry.turns > 0.0):

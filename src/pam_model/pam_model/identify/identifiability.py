@@ -1,21 +1,23 @@
-"""Which numbers of a model a set of measurements can tell apart.
+"""Identifiability: which numbers of a model a set of measurements determines.
 
-From the exact slopes of all predictions by all free numbers (`FitProblem.jacobian`) and the
-measurement noise. Each column is the change of the predictions, in units of the noise, for a
-change of one number by its own size. Numbers are taken one after the other, each time the one
-whose change is largest beyond what those taken before can imitate, as in a QR decomposition with
-column pivoting (G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition, section 5.4).
-A number is left out for one of two reasons, which are orders of magnitude apart:
+The decision uses the exact derivatives of all predictions by all free numbers
+(`FitProblem.jacobian`) and the measurement noise. Each column is the change of the predictions for
+a change of one number by its own magnitude. Numbers are selected one after the other: each time,
+the number whose column has the largest component orthogonal to the columns selected before, as in
+a QR decomposition with column pivoting (G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th
+edition, section 5.4). A number is not selected for one of two reasons, which are orders of
+magnitude apart:
 
-- Dependence. What is left of its column is at most `DEPENDENT` of the whole. Slopes are exact to
-  rounding, 1e-16 and after the solution of an equation inside a model some 1e-13; a number that
-  acts only through others leaves that, one that acts in its own right leaves parts in a hundred.
-  The limit lies midway between rounding and 1 on a logarithmic scale.
-- Noise. What is left is below 1: the standard error of the number would be larger than the
-  number itself, so that the data cannot tell it from 0 or from twice its value.
+- Dependence. The orthogonal component is at most `DEPENDENT` of the column. Derivatives are exact
+  to rounding: 1e-16, or about 1e-13 if the model solves an equation. A dependent number leaves a
+  component of that size; an independent number leaves a few hundredths. The limit lies midway
+  between rounding and 1 on a logarithmic scale.
+- Noise. The orthogonal component is below the noise: the standard error of the number would be
+  larger than the number itself, so that the data cannot distinguish it from 0 or from twice its
+  value.
 
-Sums are made without BLAS and equal candidates are taken in their declared order, so that the
-answer does not depend on the processor.
+Sums are computed without BLAS, and equal candidates are taken in their declared order, so that the
+result does not depend on the processor.
 """
 
 from __future__ import annotations
@@ -28,28 +30,28 @@ import numpy.typing as npt
 from pam_model.identify.measurements import Array, Measurements
 
 DEPENDENT = 1e-8
-"""Share of a column that is left after others where it depends on them."""
+"""A column counts as dependent if at most this share of it is orthogonal to the other columns."""
 _SILENT = 1e-12
-"""A column this small beside the largest is rounding: normalised, it would point anywhere and
-seem to imitate others."""
+"""A column this small relative to the largest is rounding error: normalised, it would have an
+arbitrary direction and could seem to imitate others."""
 _EQUAL = 1e-6
-"""Two candidates this close, relative, count as equal."""
+"""Two candidates count as equal if their relative difference is at most this."""
 _POINTS_PER_TERM = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """What the data tell.
+    """Which numbers the data determine.
 
     Attributes
     ----------
     told : tuple of int
-        Columns of numbers that the data tell, in the order in which they were taken.
+        Columns of the identifiable numbers, in the order in which they were selected.
     silent : tuple of int
         Columns that are zero to rounding.
     lost : tuple of int
-        Columns that are not, but whose whole effect is below the noise. What remains is not told
-        because told numbers can imitate it.
+        Columns that are not zero, but whose whole effect is below the noise. All columns in none
+        of the three tuples can be imitated by the identifiable numbers.
     """
 
     told: tuple[int, ...]
@@ -58,16 +60,16 @@ class Told:
 
 
 def told_numbers(slopes: Array, noise: float, preference: Array) -> Told:
-    """Choose the numbers that the data tell.
+    """Select the numbers that are identifiable from the data.
 
     Parameters
     ----------
     slopes : array, shape (points, numbers)
-        Change of each prediction for a change of each number by its own size.
+        Change of each prediction for a change of each number by its own magnitude.
     noise : float
         Standard deviation of one measurement, in the same unit.
     preference : array, shape (numbers,)
-        Weights: among numbers that do much the same, the larger weight is taken.
+        Weights: of numbers with similar effects, the one with the larger weight is selected.
     """
     left = slopes.copy()
     whole = _norms(slopes)
@@ -89,13 +91,13 @@ def told_numbers(slopes: Array, noise: float, preference: Array) -> Told:
         chosen = next(i for i in candidates if weights[i] >= best * (1.0 - _EQUAL))
         told.append(chosen)
         direction = left[:, chosen] / size[chosen]
-        for _ in range(2):  # once more takes away what rounding left
+        for _ in range(2):  # the second pass removes the rounding error of the first
             shares = np.sum(direction[:, None] * left, axis=0)
             left = left - direction[:, None] * shares
 
 
 def imitated(slopes: Array) -> npt.NDArray[np.bool_]:
-    """For each number, whether all others together can do what it does, to `DEPENDENT`."""
+    """For each number, whether the others together can imitate its effect, to `DEPENDENT`."""
     whole = _norms(slopes)
     unit = slopes / np.where(whole > 0.0, whole, 1.0)
     result = whole <= _SILENT * float(np.max(whole, initial=0.0))
@@ -108,18 +110,18 @@ def imitated(slopes: Array) -> npt.NDArray[np.bool_]:
 
 
 def measurement_noise(measured: Array, given: list[Array]) -> float:
-    """Standard deviation of one measurement about what the given quantities determine.
+    """Standard deviation of one measurement at fixed values of the given quantities.
 
-    From repeats: points at which all given quantities are equal, where at least half of the
-    points repeat another. Otherwise from what a polynomial of up to third degree in the given
-    quantities leaves, which includes what the polynomial cannot follow.
+    If at least half of the points repeat another point (all given quantities are equal), the
+    repeats determine it. Otherwise it is estimated from the residuals of a polynomial of up to
+    third degree in the given quantities, which include the polynomial's own misfit.
 
     Parameters
     ----------
     measured : array, shape (points,)
         The quantity that a model predicts.
     given : list of array, shape (points,)
-        What it predicts it from.
+        The quantities from which the model predicts it.
     """
     _, back = np.unique(np.stack(given), axis=1, return_inverse=True)
     back = np.ravel(back)
@@ -135,14 +137,14 @@ def measurement_noise(measured: Array, given: list[Array]) -> float:
 
 
 def noise_of(data: Measurements, residual: str) -> float:
-    """The measurement noise of what a fit minimises, in N ("force") or m ("length")."""
+    """The measurement noise of the fitted quantity, in N ("force") or m ("length")."""
     if residual == "force":
         return measurement_noise(data.force, [data.pressure, data.position, data.velocity])
     return measurement_noise(data.position, [data.pressure, data.force, data.velocity])
 
 
 def _polynomial(given: list[Array], most: int) -> Array:
-    """Products of powers of what varies, of the highest degree up to 3 that `most` terms allow."""
+    """Products of powers of the varying quantities, of degree up to 3, with at most `most` terms."""
     varying = [(x - np.mean(x)) / np.max(np.abs(x - np.mean(x))) for x in given if np.ptp(x) > 0.0]
     ones = np.ones_like(given[0])
     terms: list[Array] = [ones]

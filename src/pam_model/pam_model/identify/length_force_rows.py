@@ -111,8 +111,8 @@ LENGTH_FORCE_ROWS: tuple[CatalogueRow, ...] = (
         models=("al_ibadi",),
         domain="pressure at least 0, rest angle in (0, 90 deg); q takes p in bar",
         use="extensors of the kind that it was fitted to",
-        avoid="rest angles below 54.7356 deg: the model answers, but q was fitted to extensors; how "
-        "q enters the force is an interpretation and not verified",
+        avoid="rest angles below 54.7356 deg: the model answers, but q was fitted to extensors; "
+        "how q enters the force is an interpretation and not verified",
     ),
     CatalogueRow(
         "li_static",

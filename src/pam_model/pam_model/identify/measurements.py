@@ -1,13 +1,13 @@
-"""Measured points of one muscle, and the tables they are read from.
+"""Measured points of one muscle, and the tables from which they are read.
 
-A CSV with a header row and SI units: `pressure` [Pa gauge], `force` [N, pull positive] and either
-`length` [m] or, where only a displacement was measured, `shortening` [m] from an unknown rest
-length. Optional: `velocity` [m/s, lengthening positive], `block` (a number or name for each run
-or cycle: held-out errors leave out one block at a time) and `branch` (a name: rising, falling;
-branches are fitted apart). Rows that start with # are skipped.
+The usual table is a CSV with a header row and SI units: `pressure` [Pa gauge], `force` [N, pull
+positive] and either `length` [m] or, if only a displacement was measured, `shortening` [m] from an
+unknown rest length. Optional columns are `velocity` [m/s, lengthening positive], `block` (a number
+or name for each run or cycle; one block at a time is held out) and `branch` (a name such as rising
+or falling; branches are fitted separately). Rows that start with # are skipped.
 
-Also read: the pressure staircase of a platform on several muscles, a table that begins with
-WEIGHT; see `load_staircase`.
+The other table, which begins with WEIGHT, is the pressure staircase of a platform on several
+muscles; see `load_staircase`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pam_model.errors import PamError
 
 STANDARD_GRAVITY = 9.80665
 NOMINAL_SPEED = 1e-3
-"""Speed given to a quasi-static branch, so that dry friction knows its direction [m/s]."""
+"""Speed assigned to a quasi-static branch, so that dry friction has a direction [m/s]."""
 _STAIRCASE_HEADER = ("WEIGHT", "STEPS", "mb per step", "CYCLES")
 _FIRST_DISPLACEMENT = 4
 _LEAST_PRESSURE = 1e3
@@ -40,7 +40,7 @@ class Measurements:
     Attributes
     ----------
     name : str
-        Where they are from, for messages and figures.
+        Source of the points, for messages and figures.
     pressure : array
         Gauge [Pa].
     position : array
@@ -58,7 +58,7 @@ class Measurements:
     is_shortening : bool
         Whether `position` is a shortening.
     assumptions : tuple of str
-        What was assumed in reading them.
+        Assumptions made when the table was read.
     """
 
     name: str
@@ -96,12 +96,12 @@ class Measurements:
         return {name: self.select(self.branch == name) for name in names}
 
     def with_pressure_blocks(self, number: int) -> Measurements:
-        """The same points with pressure bands as blocks: held out, they test extrapolation.
+        """The same points with pressure bands as blocks: held-out errors then test extrapolation.
 
         Raises
         ------
         PamError
-            For fewer different pressures than bands, or fewer than 2 bands.
+            For more bands than different pressures, or fewer than 2 bands.
         """
         levels = np.unique(self.pressure)
         if not 2 <= number <= levels.size:
@@ -136,15 +136,16 @@ def load_measurements(
     path : str or Path
         The file.
     load_share : int
-        For a staircase: how many muscles carry the weight.
+        For a staircase: number of muscles that carry the weight.
     gravity : float
-        For a staircase [m/s^2].
+        For a staircase: gravitational acceleration [m/s^2].
 
     Raises
     ------
     PamError
-        For a file that cannot be read or used, naming file, line, column and what was expected;
-        also where all pressures are below 1 kPa or a length is above 10 m: other units.
+        For a file that cannot be read or used; the message names file, line, column and what was
+        expected. Also if all pressures are below 1 kPa or a length is above 10 m, since such a
+        table has other units.
     """
     path = Path(path)
     try:
@@ -190,7 +191,7 @@ def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
     if not count:
         raise PamError(f"{path}: has a header row but no points")
     pressure, place = numbers("pressure"), numbers(position[0])
-    # Other units would give a fit, and a wrong one.
+    # A table in other units would give a wrong fit without an error.
     if 0.0 < (largest := float(np.max(np.abs(pressure)))) < _LEAST_PRESSURE:
         raise PamError(
             f"{path}: largest pressure is {largest:g}; expected Pa gauge (1 bar is 1e5 Pa)"
@@ -213,10 +214,13 @@ def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
 def load_staircase(
     path: Path, rows: list[list[str]], *, load_share: int, gravity: float
 ) -> Measurements:
-    """A platform's weight, then cycle, direction (0 up, 1 down), step, mbar, mm of each muscle.
+    """Read the staircase of a platform on several muscles.
 
-    Every muscle is a point. The weight is taken as mass [kg] shared evenly and carried along the
-    muscles; the displacement as shortening from a rest length the table does not give.
+    The table has the weight; then cycle, direction (0 up, 1 down), step, mbar and mm per muscle.
+
+    Every muscle gives one point. The weight is read as a mass [kg] that the muscles share evenly
+    and carry along their axes; the displacement is read as shortening from a rest length that the
+    table does not contain.
 
     Parameters
     ----------
@@ -225,9 +229,9 @@ def load_staircase(
     rows : list of list of str
         The table's cells.
     load_share : int
-        How many muscles carry the weight.
+        Number of muscles that carry the weight.
     gravity : float
-        [m/s^2].
+        Gravitational acceleration [m/s^2].
 
     Raises
     ------
@@ -278,12 +282,12 @@ def load_staircase(
         np.where(up, "pressure rising", "pressure falling"),
         True,
         (
-            f"WEIGHT {weight:g} is kg, shared evenly by {load_share} muscles and carried along "
-            f"them: {force:.1f} N each (a fitted diameter grows with the root of this)",
-            "displacement is shortening from the rest length, in mm, and cannot fall below 0 "
+            f"WEIGHT {weight:g} is in kg; {load_share} muscles share it evenly along their axes: "
+            f"{force:.1f} N each (a fitted diameter grows with the square root of this force)",
+            "displacement is the shortening from the rest length, in mm, and cannot fall below 0 "
             "(the platform rests on its stop)",
-            f"each stop was reached at {1e3 * NOMINAL_SPEED:g} mm/s in the direction of its branch",
-            "muscle geometry is not in the table: rest length, braid angle and diameter are fitted",
+            f"each step was reached at {1e3 * NOMINAL_SPEED:g} mm/s in the direction of its branch",
+            "the table has no muscle geometry: rest length, braid angle and diameter are fitted",
         ),
     )
 

@@ -1,6 +1,6 @@
-"""Pictures of everything that is no length-force model: bending, phenomenology, losses, supply.
+"""Pictures of all models other than length-force models: bending, losses, supply and others.
 
-Each function draws one row of the catalogue, under the row's key, with a muscle of usual size.
+Each function draws one row of the catalogue, under the row's key, for a muscle of typical size.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def contraction_bending() -> Figure:
 
 @_picture("symmetric_pair")
 def symmetric_pair() -> Figure:
-    """Two muscles on one spine; dots by force balance lie on lines by virtual work."""
+    """Two muscles on one spine; dots show the force balance, lines the virtual work."""
     figure, panels = new_figure(2)
     angles = np.linspace(-1.0, 1.0, 41)
     for axis, angle, name in zip(panels, (75.0, 25.0), ("extensile", "contractile"), strict=True):
@@ -106,7 +106,7 @@ def symmetric_pair() -> Figure:
 
 @_picture("three_muscle_segment")
 def three_muscle_segment() -> Figure:
-    """The middle line for some sets of lengths, in the plane it bends in."""
+    """The middle line for some sets of lengths, in the bending plane."""
     figure, (axis,) = new_figure()
     segment = ThreeMuscleSegment(0.02)
     for first in (0.20, 0.19, 0.18, 0.165, 0.15):
@@ -124,7 +124,7 @@ def three_muscle_segment() -> Figure:
 
 @_picture("extensor_contractor_bending")
 def extensor_contractor_bending() -> Figure:
-    """Torque and stiffness that can be had at a fixed angle."""
+    """Torque and stiffness that are possible at a fixed angle."""
     figure, (axis,) = new_figure()
     limb = ExtensorContractorBending(
         create_force_model("gaylord", CONTRACTOR),
@@ -194,13 +194,13 @@ def colbrunn() -> Figure:
 
 @_picture("identification")
 def identification() -> Figure:
-    """A model fitted to points made from it with noise, each pressure held out once."""
+    """A model fitted to synthetic points with noise from itself, each pressure held out once."""
     model = create_force_model("tondu_lopez", CONTRACTOR, {"k": 1.25})
     pressure = np.repeat(PRESSURES, 12)
     length = CONTRACTOR.rest_length * np.tile(np.linspace(0.78, 1.0, 12), len(PRESSURES))
     noise = np.random.default_rng(1).normal(0.0, 8.0, length.size)
     points = Measurements(
-        "made points, k = 1.25, noise 8 N",
+        "synthetic points, k = 1.25, noise 8 N",
         pressure,
         length,
         model.force(pressure, length) + noise,
@@ -224,7 +224,7 @@ def _loop(axis: Axes, update: Callable[[float], float], scale: float, path: list
 
 @_picture("maxwell_slip")
 def maxwell_slip() -> Figure:
-    """Force against displacement, with loops that shrink."""
+    """Force against displacement, with shrinking loops."""
     figure, (axis,) = new_figure()
     element = MaxwellSlip([2000.0, 1500.0, 1000.0, 500.0], [5.0, 10.0, 15.0, 20.0])
     _loop(axis, element.update, 1e3, [0.03 * x for x in _shrinking_path()])
@@ -234,7 +234,7 @@ def maxwell_slip() -> Figure:
 
 @_picture("prandtl_ishlinskii")
 def prandtl_ishlinskii() -> Figure:
-    """Output against input, with loops that shrink."""
+    """Output against input, with shrinking loops."""
     figure, (axis,) = new_figure()
     element = PrandtlIshlinskii([0.0, 0.5, 1.0, 1.5], [0.5, 0.3, 0.2, 0.1])
     _loop(axis, element.update, 1.0, [3.0 * x for x in _shrinking_path()])
@@ -268,7 +268,7 @@ def standard_linear_solid() -> Figure:
 
 @_picture("iso6358")
 def iso6358() -> Figure:
-    """Mass flow against the pressure ratio, with the ideal nozzle beside it."""
+    """Mass flow against the pressure ratio, compared with the ideal nozzle."""
     figure, (axis,) = new_figure()
     ratios = np.linspace(0.0, 1.0, 200)
     for critical in (0.2, 0.3, 0.5):
@@ -283,7 +283,7 @@ def iso6358() -> Figure:
 
 @_picture("chambers")
 def chambers() -> Figure:
-    """A rigid chamber filled and shut: exponents against the first law with heat exchange."""
+    """A rigid chamber that is filled and shut: polytropic exponents and the first law compared."""
     figure, (left, right) = new_figure(2)
     volume, conductance, step = 1e-4, 2e-9, 1e-3
     times = np.arange(0.0, 1.2, step)
@@ -367,13 +367,13 @@ def tube() -> Figure:
         right.plot(lengths, [t.attenuation(3e5) for t in tubes], label=label)
     left.set_yscale("log")
     _label(left, "tube length [m]", "ISO 6358 C [L/(s bar)]")
-    _label(right, "tube length [m]", "amplitude left at 3 bar absolute [-]")
+    _label(right, "tube length [m]", "amplitude ratio at 3 bar absolute [-]")
     return figure
 
 
 @_picture("supply_bandwidth")
 def supply_bandwidth() -> Figure:
-    """Bandwidth against the part of the gas space that a filler takes, with and without a tube."""
+    """Bandwidth against the share of the gas space that a filler takes, with and without a tube."""
     figure, (axis,) = new_figure()
     filled = np.linspace(0.0, 0.8, 60)
     for line, length in (("-", 0.0), ("--", 2.0)):
@@ -392,6 +392,6 @@ def supply_bandwidth() -> Figure:
             ]
             name = f"tube 2 m, {1e3 * diameter:g} mm" if length else "valve at the muscle"
             axis.plot(100.0 * filled, rates, line, label=name)
-    axis.set_title("0.1 L muscle, 20 cm³ dead, 0.5 to 3 bar and back", fontsize="small")
+    axis.set_title("0.1 L muscle, 20 cm³ dead volume, 0.5 to 3 bar and back", fontsize="small")
     _label(axis, "muscle volume filled with solid [%]", "cycles per second [Hz]")
     return figure

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 CONTRACTOR = MuscleGeometry(0.25, 2.0, 0.25 * math.cos(math.radians(20.0)), 1e-3)
 """A contracting muscle to draw: b = 0.25 m, n = 2, 20 deg at rest, 1 mm wall."""
 EXTENSOR = MuscleGeometry(0.5, 4.0, 0.5 * math.cos(math.radians(70.0)), 1e-3)
-"""An extending one: b = 0.5 m, n = 4, 70 deg at rest, 1 mm wall."""
+"""An extending muscle to draw: b = 0.5 m, n = 4, 70 deg at rest, 1 mm wall."""
 PRESSURES = (1e5, 2e5, 3e5, 4e5, 5e5)
 _POINTS = 121
 
 
 def new_figure(panels: int = 1, height: float = 3.0) -> tuple[Figure, list[Axes]]:
-    """A figure without a window: its panels stand side by side."""
-    # Not pyplot: no global state, no display needed.
+    """A figure without a window, with its panels side by side."""
+    # Figure instead of pyplot: it needs neither global state nor a display.
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     figure = Figure(figsize=(3.1 * panels if panels > 1 else 4.4, height), layout="constrained")
@@ -52,11 +52,11 @@ def draw_force_model(
     model : ForceModel
         The muscle.
     rest_length : float
-        Where the contraction is zero [m].
+        Length at which the contraction is zero [m].
     pressures : sequence of float
-        Gauge [Pa].
+        Gauge pressures [Pa].
     title : str
-        Above the figure; the model's name if left out.
+        Title of the figure; by default the model's name.
     reference : ForceModel, optional
         Another model, drawn dotted at the same pressures.
 
@@ -92,7 +92,7 @@ def draw_force_model(
 def _drawn_lengths(
     model: ForceModel, rest_length: float, pressures: Sequence[float]
 ) -> tuple[Array, list[Array]]:
-    """Lengths from the rest length to a little beyond where the last force vanishes."""
+    """Lengths from the rest length to just beyond zero force at the last pressure; forces there."""
     shortest, longest = model.length_bounds
     low = max(shortest * (1.0 + 1e-6) + 1e-9, 0.5 * rest_length)
     high = min(longest * (1.0 - 1e-6), 2.2 * rest_length)
@@ -117,7 +117,7 @@ def _drawn_lengths(
 
 
 def _pointwise(function: Callable[..., Any], lengths: Array, *pressure: float) -> Array:
-    """Values at lengths, NaN where the model refuses."""
+    """Values at lengths, NaN outside the model's domain."""
     values = np.full(lengths.shape, math.nan)
     for i, length in enumerate(lengths.tolist()):
         try:
@@ -128,17 +128,17 @@ def _pointwise(function: Callable[..., Any], lengths: Array, *pressure: float) -
 
 
 def save_figure(figure: Figure, path: str | Path, dots_per_inch: int = 130) -> Path:
-    """Write a figure; the name's ending says how (png, svg, pdf).
+    """Write a figure in the format of the file's extension (png, svg, pdf).
 
     Raises
     ------
     PamError
-        For an ending that cannot be written, or a path that cannot.
+        For an extension without a format, or a path that cannot be written.
     """
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # No date inside, so that the same figure is the same file.
+        # Write no date, so that the same figure always gives the same file.
         metadata = {"Date": None} if path.suffix == ".svg" else None
         figure.savefig(path, dpi=dots_per_inch, metadata=metadata)
     except (ValueError, OSError) as error:
