@@ -1,9 +1,10 @@
-"""Diagnosis of 40 s at 500 Hz: time and memory, beside one simulation of the same recording.
+"""Time and memory of a diagnosis of 40 s at 500 Hz, compared with one simulation of the recording.
 
     python benchmarks/diagnosis_bench.py [--cases N] [--seed S] [--json] [--check]
 
-The rigs hide two effects each, which take the longest to name. Times vary with the machine and its
-load; the ratio holds elsewhere. The goals are 60 s on two cores and 2 GiB.
+Each rig contains two hidden effects, since such diagnoses take longest. The times depend on the
+machine and its load; the ratio to the simulation is comparable between machines. The goals are
+60 s on two cores and 2 GiB.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ raise SystemExit(code)
 
 
 def diagnose(case: Path, out: Path) -> tuple[float, float]:
-    """Wall time from start to exit [s] and largest memory [GiB] of a process that diagnoses."""
+    """Wall time [s] and peak memory [GiB] of a process that runs the diagnosis."""
     started = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-c", MEASURED, "diagnose", str(case / "recording.csv.gz"),
@@ -53,7 +54,7 @@ def diagnose(case: Path, out: Path) -> tuple[float, float]:
 
 
 def simulation_time(case: Path) -> float:
-    """One compiled simulation of the case's commands [s], the least of five."""
+    """Time of one compiled simulation of the case's commands [s], the smallest of five runs."""
     rig = load_rig(case / "rig.yaml")
     table = pd.read_csv(case / "recording.csv.gz")
     commands = np.column_stack([table[f"valve_commands.{name}"] for name in rig.joints[0].muscles])
@@ -64,8 +65,12 @@ def simulation_time(case: Path) -> float:
 
 
 def _declare(parser: Parser) -> None:
-    parser.add_argument("--cases", type=count(), default=2, help="rigs (default: %(default)s)")
-    parser.add_argument("--seed", type=count(0), default=0, help="(default: %(default)s)")
+    parser.add_argument(
+        "--cases", type=count(), default=2, help="number of rigs (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seed", type=count(0), default=0, help="of the random rigs (default: %(default)s)"
+    )
 
 
 def _run(chosen: Arguments) -> Outcome:

@@ -1,10 +1,10 @@
-"""Force and stiffness of 16 muscles: time per tick, beside the bare arithmetic of the same run.
+"""Time per tick for force and stiffness of 16 muscles, compared with the bare arithmetic.
 
     python benchmarks/force_bench.py [--json] [--check]
 
-Times vary with the machine and its load; the least of many short runs is the one least
-disturbed, and its ratio to bare arithmetic holds elsewhere. The goals are 3 us in plain Python
-and 0.5 us compiled.
+The times depend on the machine and its load. The smallest of many short runs is disturbed least,
+and its ratio to the bare arithmetic of the same run is comparable between machines. The goals are
+3 us in plain Python and 0.5 us compiled.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ GOALS_US = {"bank, plain Python": 3.0, "bank, compiled": 0.5}
 def per_call_us(
     call: Callable[[], object], number: int = 1_000, repeats: int = 200
 ) -> tuple[float, float]:
-    """Least and median time of many short runs, per call [us]."""
+    """Smallest and median time per call over many short runs [us]."""
     call()
     runs = sorted(timeit.repeat(call, number=number, repeat=repeats))
     return 1e6 * runs[0] / number, 1e6 * runs[repeats // 2] / number
 
 
 def _declare(parser: Parser) -> None:
-    """There is nothing to choose."""
+    """The bench has no options of its own."""
 
 
 def _run(given: Arguments) -> Outcome:
@@ -67,7 +67,7 @@ def _run(given: Arguments) -> Outcome:
     try:
         tick = bank.compile()
     except ImportError:
-        print("numba is not installed: nothing compiled")
+        print("numba is not installed: the compiled bank is not measured")
     else:
         tick.inputs[:] = pressures, lengths
         times["bank, compiled"] = per_call_us(tick.run)

@@ -1,7 +1,7 @@
 """Diagnose the measured pair of shut muscles in tests/data/closed_pair.
 
-`python benchmarks/measured_pair.py --out out/measured_pair` writes the origin's columns under the
-contract's names and units and runs `python -m pam_gap diagnose --shut` on them.
+`python benchmarks/measured_pair.py --out out/measured_pair` converts the original columns to the
+names and units of the suite's topics and runs `python -m pam_gap diagnose --shut` on them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ DATA = Path(__file__).parents[1] / "tests" / "data" / "closed_pair"
 
 
 def contract_table(recording: Path, rig: Path) -> pd.DataFrame:
-    """The origin's force, displacement [m] and pressures [kPa] as channels of the joint."""
+    """The original force, displacement [m] and pressures [kPa] as channels of the joint."""
     joint = load_rig(rig).joints[0]
     table = pd.read_csv(recording)
     return pd.DataFrame(
@@ -36,7 +36,10 @@ def contract_table(recording: Path, rig: Path) -> pd.DataFrame:
 
 def _declare(parser: Parser) -> None:
     parser.add_argument(
-        "--out", type=output_folder, default="out/measured_pair", help="(default: %(default)s)"
+        "--out",
+        type=output_folder,
+        default="out/measured_pair",
+        help="folder (default: %(default)s)",
     )
 
 

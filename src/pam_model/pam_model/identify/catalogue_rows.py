@@ -124,7 +124,7 @@ ROWS: tuple[CatalogueRow, ...] = (
         "-",
         "derived",
         objects=("pam_model.atlas.supply.bandwidth:SupplyLine",),
-        domain="ambient < low <= high <= supply",
+        domain="ambient < low < high <= supply",
         use="choosing valve, tube and filler",
         avoid="small signals: the model gives the duration of a full cycle",
     ),

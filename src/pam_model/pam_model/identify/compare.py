@@ -211,7 +211,7 @@ def _rank(fits: list[FitResult], data: Measurements, seed: int) -> tuple[RankedM
             if i == j:
                 continue
             less, more = np.quantile(squares[:, i] - squares[:, j], [0.025, 0.975])
-            # Two forms of one model agree to rounding; they tie whatever the sign of the difference.
+            # Two forms of one model agree to rounding; they tie for either sign of the difference.
             rounding = 1e-6 * (squares[:, i] + squares[:, j]).mean()
             if less <= rounding and more >= -rounding:
                 ties.append(other.model)

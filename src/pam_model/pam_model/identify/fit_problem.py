@@ -90,9 +90,7 @@ class FitProblem:
             if key not in known:
                 raise PamError(f"model {name}: cannot fit {key!r}; it has {', '.join(known)}")
         if data.is_shortening and "rest_length" not in chosen and geometry is None:
-            raise PamError(
-                f"{data.name} has shortening but no length: rest_length has to be fitted"
-            )
+            raise PamError(f"{data.name} has shortening, no length: rest_length has to be fitted")
         for key, parameter in self.declared.items():
             if key in chosen:
                 self.fixed.setdefault(key, start_of(parameter, base))

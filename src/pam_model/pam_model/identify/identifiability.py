@@ -144,7 +144,7 @@ def noise_of(data: Measurements, residual: str) -> float:
 
 
 def _polynomial(given: list[Array], most: int) -> Array:
-    """Products of powers of the varying quantities, of degree up to 3, with at most `most` terms."""
+    """Products of powers of the varying quantities, up to degree 3, with at most `most` terms."""
     varying = [(x - np.mean(x)) / np.max(np.abs(x - np.mean(x))) for x in given if np.ptp(x) > 0.0]
     ones = np.ones_like(given[0])
     terms: list[Array] = [ones]

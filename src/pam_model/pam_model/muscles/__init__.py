@@ -1,4 +1,4 @@
-"""Length-force models of muscles: one file each in `models`, and what they share.
+"""Length-force models of muscles, with one file per model in `models`, and their shared parts.
 
 Importing this package fills the register of force models (`force_model.registered_models`).
 """

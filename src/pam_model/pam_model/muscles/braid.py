@@ -1,4 +1,4 @@
-"""What the models of a braided cylinder share: thread geometry, and force from volume.
+"""Shared parts of the models of a braided cylinder: thread geometry, and force from volume.
 
 Source: equations (2), (5), (6), (23) of "A Review of Design and Modeling of Pneumatic Artificial
 Muscle"; forces from virtual work, F = -P dV/dL; trapped gas from P_abs (V + dead)^exponent.
@@ -43,7 +43,7 @@ def require_positive(**quantities: float) -> None:
     Raises
     ------
     DomainError
-        Naming the first that is not.
+        Naming the first that is not finite and above zero.
     """
     for quantity, value in quantities.items():
         if not is_finite_positive(value):
@@ -55,19 +55,19 @@ def require_length(
 ) -> Any:
     """The same lengths [m], checked to lie in (low, high].
 
-    A length above `high` by no more than rounding (`domain.ROUNDING`, relative) counts as `high`:
-    the sum of a path along the joint may end there.
+    A length that exceeds `high` by no more than rounding (`domain.ROUNDING`, relative) counts as
+    `high`, since the length of a path along the joint is a sum with rounding errors.
 
     Parameters
     ----------
     length : float or array
-        What was given [m].
+        Lengths to check [m].
     low, high : float
         The bounds [m].
     reason : str
-        What the upper bound is, for the message.
+        Meaning of the upper bound, for the message.
     open_high : bool
-        Whether `high` itself is outside.
+        Whether `high` itself is outside the range.
 
     Raises
     ------
@@ -108,8 +108,7 @@ def trapped_gas_slope(
 class AffineMuscle(ABC):
     """Force, stiffness and closed stiffness of a model with F = pressure * A(L) + B(L).
 
-    A model derived from this offers `coefficients`, `coefficient_slopes`, `volume` and
-    `volume_slope`.
+    A subclass defines `coefficients`, `coefficient_slopes`, `volume` and `volume_slope`.
     """
 
     name: ClassVar[str]
@@ -131,7 +130,7 @@ class AffineMuscle(ABC):
         """dV/dL [m^2]."""
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N] at gauge pressure [Pa] and length [m]; speed plays no part."""
+        """Pull [N] at gauge pressure [Pa] and length [m]; it does not depend on speed."""
         scale, passive = self.coefficients(length)
         return pressure * scale + passive
 
@@ -162,7 +161,7 @@ class AffineMuscle(ABC):
 
 
 class ThinCylinder(AffineMuscle):
-    """The ideal braid as a volume: V = L (b^2 - L^2)/(4 pi n^2), and the force it does work by.
+    """The ideal braid: the volume V = L (b^2 - L^2)/(4 pi n^2) and the force from its virtual work.
 
     Parameters
     ----------
@@ -186,7 +185,7 @@ class ThinCylinder(AffineMuscle):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """(0, b): a thread cannot be longer than it is [m]."""
+        """(0, b): the muscle cannot be longer than its threads [m]."""
         return 0.0, self.thread_length
 
     def _check(self, length: Any) -> Any:

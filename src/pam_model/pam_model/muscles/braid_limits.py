@@ -4,8 +4,9 @@ Source: equations (15)-(19) of "A Review of Design and Modeling of Pneumatic Art
 S. Davis, D. G. Caldwell, "Braid effects on contractile range and friction modeling in pneumatic
 muscle actuators", International Journal of Robotics Research 25(4), 2006. Derived again here.
 Errata: D_s is the width of a strand (or bundle), N = 2 N_c counts the strands of both families,
-D_0 and D_o are both the diameter at 90 degrees; none of the three is defined in the text. (15) is
-the circumference at 90 degrees; I is the thread between two crossings, not the strands' spacing.
+D_0 and D_o are both the diameter at 90 degrees; the text defines none of the three. (15) is the
+circumference at 90 degrees; I is the thread length between two crossings, not the spacing of the
+strands.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pam_model.muscles.elementary import arc_sine, cosine
 
 @dataclass(frozen=True, slots=True)
 class BraidLimits:
-    """A braid of strands that touch when it is pulled long or blown wide.
+    """A braid whose strands touch when it is fully stretched or fully expanded.
 
     Attributes
     ----------
@@ -68,7 +69,7 @@ class BraidLimits:
 
     @property
     def thread_segment(self) -> float:
-        """(16): I = pi D90/(2 N_c) = pi D90/N, thread between neighbouring crossings [m]."""
+        """(16): I = pi D90/(2 N_c) = pi D90/N, thread length between neighbouring crossings [m]."""
         return math.pi * self.diameter_at_90_degrees / self.strands
 
     def node_pitch(self, angle: Any) -> Any:
@@ -80,17 +81,17 @@ class BraidLimits:
         return 0.5 * self.strands * self.node_pitch(angle)
 
     def gap(self, angle: Any) -> Any:
-        """I sin(2 angle): distance of neighbouring parallel strands' middles [m]."""
+        """I sin(2 angle): distance between the centre lines of adjacent parallel strands [m]."""
         return self.thread_segment * np.sin(2.0 * np.asarray(angle))[()]
 
     @property
     def minimum_angle(self) -> Any:
-        """(18): thread angle at which the braid pulled long jams [rad]."""
+        """(18): thread angle at which the stretched braid jams [rad]."""
         return 0.5 * arc_sine(min(1.0, self.cover))
 
     @property
     def lock_angle(self) -> Any:
-        """Thread angle at which the braid blown wide jams, 90 degrees less (18) [rad]."""
+        """Thread angle at which the expanded braid jams, 90 degrees minus (18) [rad]."""
         return 0.5 * math.pi - self.minimum_angle
 
     @property

@@ -1,7 +1,7 @@
-"""What muscle models share beyond the ideal braid: elastic walls, friction, curved pressure laws.
+"""Parts that extend the ideal braid: elastic walls, friction, force nonlinear in pressure.
 
-Source: virtual work, F = -P dV/dL + dU/dL, with U the energy stored in the wall; friction always
-opposes dL/dt; a chamber that is shut keeps P_abs (V + dead volume)^exponent.
+Source: virtual work, F = -P dV/dL + dU/dL, with U the energy stored in the wall. Friction always
+opposes dL/dt. In a shut chamber P_abs (V + dead volume)^exponent stays constant.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pam_model.muscles.force_model import MuscleGeometry
 
 
 class Wall(Protocol):
-    """Elastic parts of a muscle that follow its length."""
+    """Elastic parts of a muscle whose deformation follows from its length."""
 
     def force(self, length: Any) -> Any:
         """Pull of the wall [N]."""
@@ -58,7 +58,7 @@ def lengths_with_room(braid: ThinCylinder, wall_volume: float) -> tuple[float, f
     Raises
     ------
     DomainError
-        Where it never does.
+        If it never does.
     """
     longest = braid.thread_length
     if wall_volume == 0.0:
@@ -69,7 +69,7 @@ def lengths_with_room(braid: ThinCylinder, wall_volume: float) -> tuple[float, f
         return length * (longest**2 - length**2) * scale - wall_volume
 
     def edge(low: Any, high: Any) -> Any:
-        # Brent's method works on plain numbers; the root gets its slopes afterwards.
+        # Brent's method needs plain numbers; the derivatives of the root are added afterwards.
         at = brentq(lambda x: value_of(room(x)), value_of(low), value_of(high), xtol=1e-15)
         return root_with_slopes(float(at), room)
 
@@ -83,7 +83,7 @@ def lengths_with_room(braid: ThinCylinder, wall_volume: float) -> tuple[float, f
 
 
 class ElasticCylinder(ThinCylinder):
-    """The ideal braid with an elastic wall, and friction in proportion to pressure.
+    """The ideal braid with an elastic wall, and friction proportional to pressure.
 
     F = P (3 L^2 - b^2)/(4 pi n^2) + wall(L) + sgn(dL/dt) P friction(L).
 
@@ -94,9 +94,9 @@ class ElasticCylinder(ThinCylinder):
     turns : float
         n [-].
     wall : Wall
-        What pulls without pressure.
+        The elastic wall, which pulls even without pressure.
     wall_volume : float
-        Rubber inside the braid that holds no gas [m^3].
+        Volume of rubber inside the braid, which holds no gas [m^3].
 
     Raises
     ------
@@ -115,7 +115,7 @@ class ElasticCylinder(ThinCylinder):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """Lengths at which the rubber leaves the gas room [m]."""
+        """Lengths at which the rubber leaves room for gas [m]."""
         return self._shortest, self._longest
 
     def _check(self, length: Any) -> Any:
@@ -131,24 +131,24 @@ class ElasticCylinder(ThinCylinder):
         return super().coefficient_slopes(length)[0], self.wall.stiffness(length)
 
     def friction_per_pressure(self, length: Any) -> Any:
-        """Friction over pressure [m^2]; none unless a model has some."""
+        """Friction over pressure [m^2]; 0 unless a subclass defines it."""
         return 0.0 * length
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N]; lengthening adds the friction, shortening takes it off."""
+        """Pull [N]; friction adds to it in lengthening and reduces it in shortening."""
         static = super().force(pressure, length)
         return static + direction(velocity) * pressure * self.friction_per_pressure(length)
 
     def volume(self, length: Any) -> Any:
-        """Braid volume less the rubber's [m^3]."""
+        """Volume of the braid minus that of the rubber [m^3]."""
         return super().volume(length) - self.wall_volume
 
 
 class CurvedMuscle(ABC):
-    """A muscle whose force is no straight line in pressure; it offers dF/dP instead.
+    """A muscle whose force is not affine in pressure; it provides dF/dP instead.
 
-    A model derived from this has `force`, `stiffness`, `pressure_slope`, and a gas volume, by
-    default that of the ideal braid in `braid`.
+    A subclass defines `force`, `stiffness` and `pressure_slope`; the gas volume is by default
+    that of the ideal braid in `braid`.
     """
 
     name: ClassVar[str]

@@ -1,7 +1,7 @@
-"""Elementary functions that the muscle models use: fast for floats, exact for dual numbers.
+"""Elementary functions for the muscle models: fast for floats, exact for dual numbers.
 
-A float goes through `math` and stays a float, which takes a tenth of numpy's time in a control
-loop; arrays and dual numbers (`pam_model.dual_numbers`) go through numpy.
+Floats use `math` and stay floats, which takes a tenth of numpy's time in a control loop; arrays
+and dual numbers (`pam_model.dual_numbers`) use numpy.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def is_finite_positive(value: Any) -> bool:
 
 
 def all_true(condition: Any) -> bool:
-    """Whether a comparison holds, everywhere for one of arrays; quick for one of floats."""
+    """Whether a comparison holds, for arrays in every element; fast for floats."""
     return condition if isinstance(condition, bool) else bool(np.all(condition))
 
 

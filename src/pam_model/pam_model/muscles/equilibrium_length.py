@@ -19,7 +19,7 @@ _SCAN = 40
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """Lengths [m], and where they are a bound because no length in between gives the force."""
+    """Lengths [m], and where they lie at a bound because no length in between gives the force."""
 
     length: Array
     at_longest: Any
@@ -27,12 +27,12 @@ class Equilibrium:
 
 
 def length_range(model: ForceModel, longest: float) -> tuple[float, float]:
-    """Shortest and longest length [m] up to a stop at `longest`, just inside the model's bounds.
+    """Shortest and longest length [m] just inside the model's bounds and up to a stop at `longest`.
 
     Raises
     ------
     DomainError
-        If nothing is left.
+        If the range is empty.
     """
     shortest, bound = model.length_bounds
     longest = min(longest, bound)
@@ -45,9 +45,9 @@ def length_range(model: ForceModel, longest: float) -> tuple[float, float]:
 def slope_at(
     model: ForceModel, pressure: Array, length: Array, velocity: Array, ends: tuple[float, float]
 ) -> Array:
-    """dF/dL [N/m] of the whole force, by differences inside `ends` [m].
+    """dF/dL [N/m] of the total force, by finite differences within `ends` [m].
 
-    A model's own stiffness leaves out what depends on speed, such as friction by contact area.
+    The model's own stiffness does not include terms that depend on speed, such as friction.
     """
     step = 1e-6 * (ends[1] - ends[0])
     low, high = np.maximum(length - step, ends[0]), np.minimum(length + step, ends[1])
@@ -64,7 +64,7 @@ def solve_equilibrium(
     velocity: Array,
     longest: float,
 ) -> Equilibrium:
-    """As `equilibrium_length`, with what was found out on the way."""
+    """As `equilibrium_length`, and also report which lengths lie at a bound."""
     shortest, longest = length_range(model, longest)
 
     def excess(length: Array) -> Array:
@@ -74,7 +74,7 @@ def solve_equilibrium(
     high = np.full(pressure.shape, longest)
     weak_at_high, strong_at_low = excess(high) < 0.0, excess(low) > 0.0
     if np.any(strong_at_low & ~weak_at_high):
-        # A stiffening rubber may pull at the short end too: the muscle, coming from its stop,
+        # A stiffening rubber may also pull at the short end. The muscle starts at its stop and
         # settles where its pull first equals the load.
         for start in np.linspace(longest, shortest, _SCAN)[1:-1]:
             weak = strong_at_low & (excess(np.full(pressure.shape, start)) < 0.0)
@@ -91,7 +91,7 @@ def solve_equilibrium(
             newton = length - error / slope
         usable = (newton >= low) & (newton <= high)
         following = np.where(usable, newton, 0.5 * (low + high))
-        # Newton's next step would be the square of this one.
+        # Newton's method converges quadratically: the next step would be the square of this one.
         settled = np.abs(following - length) <= _SETTLED * longest
         length = following
         if np.all(settled | at_bound):
@@ -106,8 +106,9 @@ def equilibrium_length(
 ) -> Array:
     """The length [m] at which a model pulls with a given force, between its bounds.
 
-    Force rises with length; where no length in the bounds does it, the nearer bound: a muscle too
-    weak for its load hangs at its longest. Newton's method, kept inside a shrinking bracket.
+    The force rises with length. If no length within the bounds gives the force, the result is the
+    nearer bound: a muscle that is too weak for its load hangs at its longest length. Solved by
+    Newton's method inside a shrinking bracket.
 
     Parameters
     ----------
@@ -121,6 +122,6 @@ def equilibrium_length(
     Raises
     ------
     DomainError
-        By the model.
+        If the model raises it.
     """
     return solve_equilibrium(model, pressure, force, velocity, longest).length

@@ -1,10 +1,10 @@
-"""What every length-force model of a muscle offers, and the register that finds one by name.
+"""The interface of all length-force models of a muscle, and the register of models by name.
 
 Conventions (everywhere in this package): SI units; force is positive when the muscle pulls its
 ends together; pressure is gauge; stiffness is dF/dL, positive for a muscle under pressure.
 Arguments are floats or arrays that broadcast against each other; the result has their common
-shape, a float for floats. Forces are not cut at zero here: that a muscle cannot push is the
-joint's business, since extensors do push.
+shape, and is a float for floats. Forces are not limited to positive values here, because
+extensors do push; the joint model enforces that other muscles cannot push.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ class ModelParameter:
     Attributes
     ----------
     default : float or None
-        Its value where a rig file gives none; None if it has to be given.
+        The value if a rig file gives none; None if the rig file has to give one.
     unit : str
         SI unit.
     low, high : float
-        The closed range of values.
+        The closed range of allowed values.
     description : str
-        What it is, for messages and tables.
+        Meaning of the constant, for messages and tables.
     when_zero : callable, optional
-        For a constant whose value 0 means "take it from the geometry": the value that then
-        holds. A fit starts from it, since next to 0 the model is another one.
+        For a constant whose value 0 means "take it from the geometry": the value that is then
+        used. A fit starts from this value, since a value close to 0 gives a different model.
     """
 
     default: float | None
@@ -51,7 +51,7 @@ class ModelParameter:
 
 @dataclass(frozen=True, slots=True)
 class MuscleGeometry:
-    """What a rig file says about every muscle, whichever model it names.
+    """The geometry that a rig file gives for every muscle, independent of its model.
 
     Attributes
     ----------
@@ -73,14 +73,14 @@ class MuscleGeometry:
 
 @runtime_checkable
 class ForceModel(Protocol):
-    """A muscle as a law between pressure, length and force."""
+    """A muscle as a relation between pressure, length and force."""
 
     name: ClassVar[str]
     parameters: ClassVar[Mapping[str, ModelParameter]]
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """Shortest and longest length the model answers for [m]."""
+        """Shortest and longest length that the model covers [m]."""
         ...
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
@@ -130,7 +130,7 @@ Factory = Callable[[MuscleGeometry, Mapping[str, float]], ForceModel]
 
 @dataclass(frozen=True, slots=True)
 class RegisteredModel:
-    """A model's class, how to make one, and the line `python -m pam_model list` shows."""
+    """A model's class, its factory, and its line in `python -m pam_model list`."""
 
     name: str
     factory: Factory
@@ -147,19 +147,19 @@ _REGISTER: dict[str, RegisteredModel] = {}
 def register(
     *, equations: str, status: str, summary: str, row: str = ""
 ) -> Callable[[type[Any]], type[Any]]:
-    """Put a model class under its `name`; it needs `from_geometry(geometry, constants)`.
+    """Register a model class under its `name`; it needs `from_geometry(geometry, constants)`.
 
     Parameters
     ----------
     equations : str
-        Numbers in the review, such as "(7)-(8)".
+        Equation numbers in the review, such as "(7)-(8)".
     status : str
         "derived", "published", "empirical" or "stand-in".
     summary : str
         One line for the list of models.
     row : str
-        Name of the catalogue's row that describes the model, where that is another name: a rig
-        file that names the row is told the model.
+        Name of the catalogue row that describes the model, if it differs from the model's name.
+        The error message for a rig file that names the row then gives the model's name.
     """
 
     def enter(model: type[Any]) -> type[Any]:
@@ -180,7 +180,7 @@ def registered_models() -> Mapping[str, RegisteredModel]:
 
 
 def unknown_model(name: object) -> str:
-    """What to say about a name that is no force model: the nearest that is."""
+    """The error message for an unknown model name, with the most similar known name."""
     models = registered_models()
     of_row = [entry.name for entry in models.values() if entry.row == name]
     if of_row:
@@ -205,7 +205,7 @@ def create_force_model(
     geometry : MuscleGeometry
         The muscle.
     constants : mapping of str to float, optional
-        The model's own constants; those left out take the model's defaults.
+        The model's own constants; missing ones take the model's defaults.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """Force and stiffness of all muscles of a rig in one call, for loops at a kilohertz.
 
-Many models are a quadratic in length and affine in pressure: F = P A(L) + B(L). Their
-coefficients are taken from the models once (by interpolation, checked at other lengths), and one
-tick is then bare arithmetic: a Python function written out for the rig, without loop or lookup,
-or a compiled one over arrays where numba is installed.
+Many models are quadratic in length and affine in pressure: F = P A(L) + B(L). Their coefficients
+are determined once by interpolation, and checked at other lengths. One tick is then only
+arithmetic: a Python function generated for the rig, without loops and look-ups, or a compiled
+function over arrays if numba is installed.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def quadratic_coefficients(model: ForceModel) -> tuple[float, ...]:
     scale = float(longest)
     found: list[float] = []
     for values in np.array([model.coefficients(float(length)) for length in lengths]).T:
-        # Divided differences are exact for a quadratic; a least-squares fit would smear.
+        # Divided differences are exact for a quadratic; a least-squares fit would hide deviations.
         x, y = lengths[[0, 3, 6]] / scale, values[[0, 3, 6]]
         first = (y[1] - y[0]) / (x[1] - x[0])
         square = ((y[2] - y[1]) / (x[2] - x[1]) - first) / (x[2] - x[0])
@@ -60,16 +60,16 @@ def quadratic_coefficients(model: ForceModel) -> tuple[float, ...]:
 
 
 class CompiledTick(NamedTuple):
-    """Fill `inputs` in place, `run()`, read `outputs`; nothing is allocated on the way.
+    """Fill `inputs` in place, call `run()` and read `outputs`; nothing is allocated.
 
     Attributes
     ----------
     run : callable
-        Takes nothing.
+        Takes no arguments.
     inputs : array, shape (2, muscles)
-        Gauge pressures [Pa] above lengths [m].
+        First row: gauge pressures [Pa]; second row: lengths [m].
     outputs : array, shape (2, muscles)
-        Forces [N] above stiffnesses [N/m].
+        First row: forces [N]; second row: stiffnesses [N/m].
     """
 
     run: Callable[[], None]
@@ -83,18 +83,18 @@ class MuscleBank:
     Parameters
     ----------
     models : sequence of ForceModel
-        One per muscle, in the order of every array.
+        One per muscle, in the order that all arrays use.
 
     Raises
     ------
     DomainError
-        For no models, or one that is not affine and quadratic (use the models themselves then);
-        by the methods for a length outside a model's bounds or other than one value per muscle.
+        For no models, or one that is not affine and quadratic (then use the models themselves);
+        by the methods for a length outside a model's bounds or a wrong number of values.
 
     Attributes
     ----------
     evaluate : callable
-        `evaluate(pressures, lengths)` with sequences of floats, gauge [Pa] and [m], gives
+        `evaluate(pressures, lengths)` takes sequences of floats, gauge [Pa] and [m], and returns
         (forces [N], stiffnesses [N/m]) as lists.
     """
 
@@ -104,7 +104,7 @@ class MuscleBank:
         self.models = tuple(models)
         self.coefficients: Array = np.array([quadratic_coefficients(m) for m in models])
         self.bounds: Array = np.array([m.length_bounds for m in models])
-        # A length that rounding puts above the longest is no mistake; the quadratic goes on there.
+        # A length may exceed the longest by rounding; the quadratic remains valid there.
         self.bounds[:, 1] *= 1.0 + ROUNDING
         self.evaluate: Callable[
             [Sequence[float], Sequence[float]], tuple[list[float], list[float]]
@@ -114,14 +114,14 @@ class MuscleBank:
         return len(self.models)
 
     def compile(self) -> CompiledTick:
-        """A compiled tick over one packed array, so that a call converts a single argument.
+        """A compiled tick on one packed array, so that a call converts only one argument.
 
         A length outside a model's bounds gives NaN for that muscle: compiled code does not raise.
 
         Raises
         ------
         ImportError
-            Without numba.
+            If numba is not installed.
         """
         from numba import njit  # noqa: PLC0415  (numba is optional)
 
@@ -134,7 +134,7 @@ class MuscleBank:
 
 
 def _written_out(coefficients: Array, bounds: Array) -> Callable[..., Any]:
-    """Python source with a rig's numbers in it: a third of the time of a loop over them."""
+    """Python source that contains a rig's numbers; it takes a third of the time of a loop."""
     count = len(coefficients)
     forces, slopes, checks = [], [], []
     for i, ((a0, a1, a2, b0, b1, b2), (low, high)) in enumerate(

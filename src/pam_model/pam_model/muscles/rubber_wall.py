@@ -1,8 +1,8 @@
-"""Mooney-Rivlin rubber that follows a braid: thin bladder, or a thick wall in layers.
+"""Mooney-Rivlin rubber that follows a braid: a thin bladder, or a thick wall in layers.
 
 W = C10 (I1 - 3) + C01 (I2 - 3), incompressible; axial stretch x = L/L0, squared hoop stretch y.
 A thin bladder on the braid has y = (b^2 - L^2)/(b^2 - L0^2). In a thick wall held by the braid at
-its outer face, a layer that rests at radius R lies at r^2 = r_o^2 - (R_o^2 - R^2) L0/L.
+its outer face, a layer with rest radius R lies at r^2 = r_o^2 - (R_o^2 - R^2) L0/L.
 Derived from energy; named without an equation in "A Review of Design and Modeling of Pneumatic
 Artificial Muscle" (Klute and Hannaford). C10 = 118.4 kPa, C01 = 105.7 kPa for latex are general
 knowledge, not verified.
@@ -27,13 +27,13 @@ RUBBER_PARAMETERS = {
 }
 """Constants of every model with a rubber wall, as rig files name them."""
 
-# Six Gauss-Legendre points hold the energy of a wall of 0.3 of the radius to 1e-7 and of 0.5 to
-# 1e-5, until the bore all but closes.
+# With six Gauss-Legendre points the relative error of the energy is 1e-7 for a wall of 0.3 of the
+# radius and 1e-5 for one of 0.5, unless the bore is almost closed.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 class RubberWall:
-    """Rubber around the gas of a braided muscle; it pulls and pushes back to its rest length.
+    """Rubber around the gas of a braided muscle; its force drives it back to its rest length.
 
     Parameters
     ----------
@@ -42,18 +42,18 @@ class RubberWall:
     turns : float
         n [-].
     rest_length : float
-        Length L0 without stress [m].
+        Stress-free length L0 [m].
     c10, c01 : float
         Mooney-Rivlin constants [Pa].
     layers : list of (float, float)
-        Rubber volume [m^3] and radius at rest [m] of each layer; the braid's radius at rest for
-        a thin bladder on the braid.
+        Rubber volume [m^3] and radius at rest [m] of each layer. For a thin bladder on the braid
+        this is the braid's radius at rest.
 
     Raises
     ------
     DomainError
         For a rest length outside (0, b), negative constants, a layer outside the braid; by the
-        methods for a length outside (0, b) or one that squeezes a layer to nothing.
+        methods for a length outside (0, b) or one that leaves no room for a layer.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class RubberWall:
         c01: float,
         volume: float,
     ) -> RubberWall:
-        """A bladder of rubber volume [m^3] that lies on the braid."""
+        """A bladder with this volume of rubber [m^3] that lies on the braid."""
         radius = _rest_radius(thread_length, turns, rest_length)
         return cls(thread_length, turns, rest_length, c10=c10, c01=c01, layers=[(volume, radius)])
 
@@ -115,7 +115,7 @@ class RubberWall:
         c01: float,
         thickness: float,
     ) -> RubberWall:
-        """A wall of this thickness at rest [m], with the braid at its outer face."""
+        """A wall with this thickness at rest [m], with the braid at its outer face."""
         outer = _rest_radius(thread_length, turns, rest_length)
         if not 0.0 <= thickness < outer:
             raise DomainError(f"wall thickness = {thickness:g} m is outside [0, {outer:g}) m")
@@ -133,7 +133,7 @@ class RubberWall:
 
     @property
     def volume(self) -> float:
-        """Rubber [m^3]."""
+        """Volume of rubber [m^3]."""
         return sum(volume for volume, _, _ in self._layers)
 
     def _sum(self, length: Any, term: Callable[[Any, Any, Any, Any], Any]) -> Any:
@@ -167,7 +167,7 @@ class RubberWall:
         return self._sum(length, density)
 
     def force(self, length: Any) -> Any:
-        """Pull [N], the slope of the energy: above rest length positive, below negative."""
+        """Pull [N], the slope of the energy: positive above the rest length, negative below it."""
         rest = self.rest_length
 
         def slope(x: Any, y: Any, y1: Any, _second: Any) -> Any:
@@ -206,7 +206,7 @@ def _rest_radius(thread_length: float, turns: float, rest_length: float) -> Any:
 
 
 def tube_volume(thread_length: float, turns: float, rest_length: float, thickness: float) -> Any:
-    """Rubber [m^3] of a wall of this thickness [m] inside the braid at its rest length."""
+    """Volume of rubber [m^3] in a wall of this thickness [m] in the braid at its rest length."""
     outer = _rest_radius(thread_length, turns, rest_length)
     if not 0.0 <= thickness < outer:
         raise DomainError(f"wall thickness = {thickness:g} m is outside [0, {outer:g}) m")

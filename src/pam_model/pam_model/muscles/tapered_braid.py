@@ -1,9 +1,10 @@
 """A braided cylinder that tapers to its fittings: equations (20)-(22).
 
 Source: equations (20)-(22) of "A Review of Design and Modeling of Pneumatic Artificial Muscle",
-after Doumit and Fahim; correct as printed. b and n are those of the cylindrical part (b in (23)
-is the whole muscle's); the cones keep their slant. Volume by frusta, F = -P dV/dL by virtual work
-(derived; the published model balances forces in the threads and its law is not in the review).
+after Doumit and Fahim; correct as printed. b and n belong to the cylindrical part (b in (23) is
+that of the whole muscle); the slant of the cones is constant. The volume is that of a cylinder and
+two frusta, and F = -P dV/dL by virtual work (derived; the published model balances the forces in
+the threads, and its law is not in the review).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pam_model.muscles.elementary import square_root
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry
 
 END_PARAMETERS = {
-    "cone_slant": ModelParameter(0.015, "m", 1e-4, 1.0, "slant L_z of the cone at either end"),
+    "cone_slant": ModelParameter(0.015, "m", 1e-4, 1.0, "slant length L_z of the cone at each end"),
     "fitting_diameter": ModelParameter(0.01, "m", 1e-4, 1.0, "diameter d of the fittings"),
 }
 """Constants of every model with tapered ends, as rig files name them."""
@@ -32,7 +33,7 @@ _LIMITS = "where |D - d| = 2 cone_slant, the length turns back, or a bladder fil
 
 
 class EndState(NamedTuple):
-    """A tapered braid at one middle length, with slopes by that length where named so."""
+    """A tapered braid at one middle length; names with digits are derivatives by that length."""
 
     diameter: Any
     cone_length: Any
@@ -45,7 +46,7 @@ class EndState(NamedTuple):
 
 
 class TaperedBraid(AffineMuscle):
-    """Cylinder and two cones, affine in pressure with B = 0.
+    """A cylinder with two cones; affine in pressure with B = 0.
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ class TaperedBraid(AffineMuscle):
         self.fitting_diameter = fitting_diameter
         self._square = thread_length**2
         self._pitch = (math.pi * turns) ** 2
-        # The iteration for the middle length works on plain numbers.
+        # The iteration for the middle length needs plain numbers.
         self._plain = tuple(
             float(value_of(x)) for x in (self._square, self._pitch, fitting_diameter, cone_slant)
         )
@@ -95,7 +96,7 @@ class TaperedBraid(AffineMuscle):
         return self._state(low + inside).length, self._state(high - inside).length
 
     def _keep_room_for(self, wall_volume: float) -> None:
-        """Narrow the bounds to lengths at which rubber of this volume [m^3] leaves gas room."""
+        """Narrow the bounds to lengths at which this volume of rubber [m^3] leaves room for gas."""
         low, high = self.middle_bounds
         middles = np.linspace(value_of(low), value_of(high), 202)[1:-1]
         volumes = value_of(self._state(middles).volume)
@@ -121,7 +122,7 @@ class TaperedBraid(AffineMuscle):
     def _find_middle_bounds(self) -> tuple[Any, Any]:
         """Middle lengths between which the cones exist and the muscle lengthens with them [m]."""
         thread, diameter90 = self.thread_length, self.thread_length / square_root(self._pitch)
-        # a hair inside |D - d| = 2 cone_slant, where slopes are infinite
+        # slightly inside |D - d| = 2 cone_slant, where slopes are infinite
         widest = self.fitting_diameter + 2.0 * (1.0 - 1e-9) * self.cone_slant
         narrowest = max(0.0, self.fitting_diameter - 2.0 * self.cone_slant)
         if diameter90 <= narrowest:
@@ -134,7 +135,7 @@ class TaperedBraid(AffineMuscle):
         high = thread * square_root(1.0 - (narrowest / diameter90) ** 2)
 
         def slope(middle: Any) -> Any:
-            # dL/dL_m times what is positive in it, finite at either end
+            # dL/dL_m times its positive factor, so that it is finite at both ends
             size = square_root(max(0.0, self._square - middle**2) / self._pitch)
             excess = size - self.fitting_diameter
             cone = square_root(max(0.0, self.cone_slant**2 - 0.25 * excess**2))
@@ -199,7 +200,7 @@ class TaperedBraid(AffineMuscle):
         return middle
 
     def _solve(self, length: float) -> float:
-        """Newton's steps, halved into the bracket where they leave it."""
+        """Newton's method; a step that leaves the bracket is replaced by bisection."""
         square, pitch, fitting, slant = self._plain
         low, high = self._plain_bounds
         middle = min(max(length - 2.0 * slant, low), high)
@@ -245,7 +246,7 @@ class TaperedBraid(AffineMuscle):
         return middle + 2.0 * square_root(self.cone_slant**2 - 0.25 * excess**2)
 
     def at(self, length: Any) -> EndState:
-        """Everything at a length [m] of the whole muscle."""
+        """The state at a length [m] of the whole muscle."""
         return self._state(self.middle_length(length))
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
@@ -260,7 +261,7 @@ class TaperedBraid(AffineMuscle):
         return -turn / state.length1**3, 0.0 * length
 
     def volume(self, length: Any) -> Any:
-        """Cylinder and cones [m^3]."""
+        """Volume of the cylinder and the cones [m^3]."""
         return self.at(length).volume
 
     def volume_slope(self, length: Any) -> Any:
@@ -270,7 +271,7 @@ class TaperedBraid(AffineMuscle):
 
 
 def _root(function: Callable[[Any], Any], low: Any, high: Any) -> Any:
-    """A root [m] between two lengths by Brent's method, with slopes where there are any."""
+    """A root [m] between two lengths by Brent's method, with derivatives for dual numbers."""
     at = brentq(lambda x: value_of(function(x)), value_of(low), value_of(high), xtol=1e-15)
     return root_with_slopes(float(at), function)
 
@@ -280,8 +281,8 @@ def cylindrical_part(
 ) -> tuple[Any, Any, Any]:
     """Thread length b [m], turns n and rest length [m] of the cylinder between the cones.
 
-    A rig file's thread runs the whole muscle; at rest, the cones take their share of its length
-    and turns, and the cylinder has the diameter the rig file implies.
+    The thread of a rig file runs along the whole muscle. At rest, the cones take their share of
+    its length and turns, and the cylinder has the diameter that the rig file implies.
 
     Raises
     ------

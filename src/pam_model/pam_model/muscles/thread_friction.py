@@ -1,8 +1,8 @@
 """Dry friction between the crossing threads of a braid under pressure.
 
 F_f = (4/3) mu eta P pi D L a/(b sin theta) = (4/3) mu eta P a L/n: every crossing carries its
-share of the wall's pressure and turns by twice the change of the thread angle, a disc of radius a
-in friction. Idealised derivation after an idea of Davis and Caldwell; no fitted data are verified.
+share of the wall's pressure and turns, as a friction disc of radius a, by twice the change of the
+thread angle. Idealised derivation after an idea of Davis and Caldwell; not verified against data.
 """
 
 from __future__ import annotations
@@ -16,9 +16,11 @@ from pam_model.muscles.force_model import ModelParameter
 
 FRICTION_PARAMETERS = {
     "friction": ModelParameter(0.15, "-", 0.0, 2.0, "friction coefficient mu of thread on thread"),
-    "contact_radius": ModelParameter(3e-4, "m", 0.0, 0.01, "radius a of the threads' contact"),
+    "contact_radius": ModelParameter(
+        3e-4, "m", 0.0, 0.01, "radius a of the contact between threads"
+    ),
     "contact_share": ModelParameter(
-        0.8, "-", 0.0, 1.0, "share eta of the wall's pressure that the crossings carry"
+        0.8, "-", 0.0, 1.0, "share eta of the pressure on the wall that the crossings carry"
     ),
 }
 """Constants of every model with thread friction, as rig files name them."""

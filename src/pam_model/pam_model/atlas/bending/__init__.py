@@ -1,1 +1,1 @@
-"""Muscles that bend instead of changing length: one file per model."""
+"""Muscles that bend instead of changing their length: one file per model."""

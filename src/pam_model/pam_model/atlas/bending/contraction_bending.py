@@ -1,8 +1,8 @@
-"""The self-bending contraction actuator: a rod keeps one side's length, the other shortens.
+"""The self-bending contraction actuator: a rod fixes one side's length, the other side shortens.
 
 Named without a formula in "A Review of Design and Modeling of Pneumatic Artificial Muscle"
-(SBCA); derived here. The rod side stays L_r, the free side contracts to L_r (1 - eps), so the
-angle is eps L_r/D(eps) with D from (35), and M = P dV/d(angle).
+(SBCA); derived here. The rod side keeps the length L_r, and the free side contracts to
+L_r (1 - eps), so the angle is eps L_r/D(eps) with D from (35), and M = P dV/d(angle).
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ class ContractionBending:
     rest_angle : float
         Thread angle of the rod side, and of the straight muscle [rad], below 54.7356 deg.
     wall_thickness : float
-        Bladder and sheath [m].
+        Thickness of bladder and sheath [m].
 
     Raises
     ------
     DomainError
-        For an angle at which the braid does not contract; by the methods for a contraction below
-        0 or a bend angle below 0, and where the free side's thread angle would reach 90 deg.
+        For an angle at which the braid does not contract; by the methods for a contraction or a
+        bend angle below 0, or if the free side's thread angle would reach 90 deg.
     """
 
     def __init__(

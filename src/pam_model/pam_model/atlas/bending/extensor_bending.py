@@ -1,8 +1,9 @@
-"""The extensor bending muscle, (33)-(37): one side reinforced, the other lengthens.
+"""The extensor bending muscle, (33)-(37): one side is reinforced, the other side lengthens.
 
 Source: equations (33)-(37) of "A Review of Design and Modeling of Pneumatic Artificial Muscle"
-(EBPAM); geometry correct as printed, with (35) and not (36) as the diameter of (37). Volume,
-moment and stiffness are derived here (the review has none): V by Pappus, M = P dV/d(angle).
+(EBPAM); the geometry is correct as printed, with (35) and not (36) as the diameter in (37).
+Volume, moment and stiffness are derived here (the review has none): V by Pappus' theorem,
+M = P dV/d(angle).
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class ExtensorBending:
     Raises
     ------
     DomainError
-        For an angle at which the braid is no extensor; by the methods for a thread angle outside
+        For an angle at which the braid does not extend; by the methods for a thread angle outside
         (54.7356 deg, theta_max], where the muscle does not extend freely.
     """
 
@@ -71,11 +72,11 @@ class ExtensorBending:
 
     @property
     def angle_bounds(self) -> tuple[float, float]:
-        """Bend angle [rad]: straight, and where the free side has reached 54.7356 deg."""
+        """Bend angle [rad] of the straight muscle, and with the free side at 54.7356 deg."""
         return 0.0, self.braid.bend(NEUTRAL_ANGLE)
 
     def state(self, pressure: Any, thread_angle: Any) -> BendingState:
-        """Everything (33)-(37) say at gauge pressure [Pa] and free-side thread angle [rad]."""
+        """The quantities of (33)-(37) at gauge pressure [Pa] and free-side thread angle [rad]."""
         self._check(thread_angle)
         braid = self.braid
         return BendingState(
@@ -94,7 +95,7 @@ class ExtensorBending:
         return pressure * self.braid.moment_per_pressure(self._thread_angle(angle))
 
     def stiffness(self, pressure: Any, angle: Any) -> Any:
-        """-dM/d(angle) [N m/rad] at constant pressure, positive when it resists bending on."""
+        """-dM/d(angle) [N m/rad] at constant pressure, positive when it resists further bending."""
         return -pressure * self.braid.moment_slope_per_pressure(self._thread_angle(angle))
 
     def volume(self, angle: Any) -> Any:
@@ -108,7 +109,7 @@ class ExtensorBending:
         return thread_angle
 
     def _check(self, thread_angle: Any) -> None:
-        # One ulp of slack: thread_angle(bend(x)) is not always exactly x.
+        # Allow rounding: thread_angle(bend(x)) is not always exactly x.
         require(
             "thread_angle [rad]",
             thread_angle,

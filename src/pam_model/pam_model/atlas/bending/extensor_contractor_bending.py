@@ -1,10 +1,10 @@
-"""A contractor and an extensor side by side: bending with a stiffness of its own choice.
+"""A contractor and an extensor side by side: bending with adjustable stiffness.
 
 Named without a formula in "A Review of Design and Modeling of Pneumatic Artificial Muscle";
-derived here, simplified: both lie at distance r from a middle line that keeps its length, so the
-contractor is r angle shorter and the extensor r angle longer. Torque = r (F_c - F_e), where an
-extensor's F_e is negative, and stiffnesses add: r^2 (K_c + K_e). Two pressures, so torque and
-stiffness can be chosen at a fixed angle.
+derived here with a simplification: both muscles lie at distance r from a middle line of constant
+length, so that the contractor is shorter by r angle and the extensor is longer by r angle. The
+torque is r (F_c - F_e), where an extensor's F_e is negative, and the stiffnesses add up to
+r^2 (K_c + K_e). With two pressures, torque and stiffness can be chosen at a fixed angle.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class ExtensorContractorBending:
     Parameters
     ----------
     contractor, extensor : ForceModel
-        Any registered model; the extensor's braid lies above 54.7356 deg.
+        Any registered models; the extensor's braid angle is above 54.7356 deg.
     contractor_length, extensor_length : float
         Lengths of the straight limb's muscles [m].
     radius : float
@@ -31,7 +31,7 @@ class ExtensorContractorBending:
     Raises
     ------
     DomainError
-        For lengths or a radius not above 0; by the methods where a muscle leaves its domain.
+        For lengths or a radius not above 0; by the methods if a muscle leaves its domain.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class ExtensorContractorBending:
         return self.radius**2 * (added + self.extensor.stiffness(extensor_pressure, long))
 
     def pressures_for(self, moment: float, stiffness: float, angle: float) -> tuple[float, float]:
-        """Gauge pressures [Pa] of contractor and extensor that give both at once.
+        """Gauge pressures [Pa] of contractor and extensor for a given moment and stiffness.
 
         Parameters
         ----------
@@ -83,8 +83,8 @@ class ExtensorContractorBending:
         Raises
         ------
         DomainError
-            If either muscle is not affine in pressure, or a pressure would have to be below 0;
-            the message gives the pressures that were found.
+            If a muscle is not affine in pressure, or if a pressure would have to be below 0; the
+            message then gives the pressures.
         """
         for name, muscle in (("contractor", self.contractor), ("extensor", self.extensor)):
             if not isinstance(muscle, AffineForceModel):

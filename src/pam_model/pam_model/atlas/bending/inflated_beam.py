@@ -1,10 +1,10 @@
-"""The inflated tube under a moment: beam until it wrinkles, membrane until it collapses.
+"""The inflated tube under a moment: a beam until it wrinkles, a membrane until it collapses.
 
-Derived here from membrane stresses (a beam of Comer and Levy's kind); stands for Chen's beam and
-membrane models, named without a formula in "A Review of Design and Modeling of Pneumatic
-Artificial Muscle" - that Chen's are the same is not verified (stand-in).
+Derived here from membrane stresses (as in the beam of Comer and Levy). It represents Chen's beam
+and membrane models, which "A Review of Design and Modeling of Pneumatic Artificial Muscle" names
+without a formula; it is not verified that Chen's models are the same (stand-in).
 
-Beam: M = E I kappa, I = pi r^3 t, until the compressed fibre goes slack at M = pi P r^3/2.
+Beam: M = E I kappa, I = pi r^3 t, until the compressed fibre becomes slack at M = pi P r^3/2.
 Wrinkled over the half-angle phi0, s = (pi - phi0) cos(phi0) + sin(phi0):
 M = pi P r^3 (2 pi - 2 phi0 + sin 2 phi0)/(4 s), kappa = pi P/(2 E t s); collapse at pi P r^3.
 """
@@ -19,7 +19,7 @@ from pam_model.domain import require
 
 
 class InflatedBeam:
-    """A thin-walled tube of isotropic sheet, pressurised and bent.
+    """A thin-walled tube of an isotropic sheet that is pressurised and bent.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class InflatedBeam:
         self.wall_thickness = wall_thickness
 
     def wrinkle_onset(self, pressure: float) -> float:
-        """Moment [N m] at which the compressed fibre goes slack: pi P r^3/2."""
+        """Moment [N m] at which the compressed fibre becomes slack: pi P r^3/2."""
         require("pressure [Pa]", pressure, 0.0, open_low=True)
         return 0.5 * math.pi * pressure * self.radius**3
 
@@ -55,7 +55,7 @@ class InflatedBeam:
         return 2.0 * self.wrinkle_onset(pressure)
 
     def beam_curvature(self, moment: float) -> float:
-        """M/(E I) [1/m], the beam without wrinkles."""
+        """M/(E I) [1/m], curvature of the beam without wrinkles."""
         return moment / (self.modulus * math.pi * self.radius**3 * self.wall_thickness)
 
     def wrinkled(self, pressure: float, wrinkle_angle: float) -> tuple[float, float]:
@@ -70,12 +70,12 @@ class InflatedBeam:
         return moment, curvature
 
     def curvature(self, pressure: float, moment: float) -> float:
-        """Curvature [1/m] under a moment [N m] at gauge pressure [Pa], beam or membrane."""
+        """Curvature [1/m] under a moment [N m] at gauge pressure [Pa], as beam or membrane."""
         collapse = self.collapse_moment(pressure)
         require("moment [N m]", moment, 0.0, collapse, open_high=True, why="the tube collapses")
         if moment <= 0.5 * collapse:
             return self.beam_curvature(moment)
-        # Close to pi both parts of M vanish; 3.1 rad is 0.9999 of collapse.
+        # Near pi, numerator and denominator of M vanish; 3.1 rad is 0.9999 of collapse.
         last = 3.1
         high = self.wrinkled(pressure, last)[0]
         require("moment [N m]", moment, 0.0, high, why="within 0.01 % of collapse")

@@ -1,9 +1,9 @@
-"""A braid with one side kept at constant length: the geometry of (33)-(37) and its gas work.
+"""A braid with one side of constant length: the geometry of (33)-(37) and the work of the gas.
 
 Equations (33)-(37) of "A Review of Design and Modeling of Pneumatic Artificial Muscle", exact for
 two concentric arcs; the moment is derived here from virtual work, M = P dV/d(angle).
-Ambiguity: (34) and (35) are the fibres' diameter and belong into (37); (36) is the gas space and
-must not be used there. The text calls the two bend radii diameters.
+Ambiguity: (34) and (35) are the diameter of the fibres, which (37) needs; (36) is the diameter of
+the gas space and must not be used there. The text calls the two bend radii diameters.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def arc_from_lengths(fixed_length: Any, free_length: Any, diameter: Any) -> tupl
 
 
 class ReinforcedBraid:
-    """A braided tube whose one side cannot change length; the free side's thread angle moves.
+    """A braided tube with one side of constant length; the thread angle of the other side changes.
 
     Parameters
     ----------
@@ -50,13 +50,13 @@ class ReinforcedBraid:
     fixed_angle : float
         Thread angle on the side that keeps its length [rad].
     wall_thickness : float
-        t_c, bladder and sheath [m].
+        t_c, thickness of bladder and sheath [m].
 
     Raises
     ------
     DomainError
-        For a geometry that cannot exist; by the methods for an angle outside (0, pi/2) or a bore
-        that closes.
+        For an impossible geometry; by the methods for an angle outside (0, pi/2) or a closed
+        bore.
     """
 
     def __init__(
@@ -87,12 +87,12 @@ class ReinforcedBraid:
         return 0.5 * (self.fixed_length + self.free_length(thread_angle))
 
     def diameter(self, thread_angle: Any) -> Any:
-        """(35): D = b (sin theta + sin fixed)/(2 n pi) [m], the distance of the two sides."""
+        """(35): D = b (sin theta + sin fixed)/(2 n pi) [m], the distance between the two sides."""
         self.check_angle(thread_angle)
         return plain(self._radius_scale * (np.sin(thread_angle) + math.sin(self.fixed_angle)))
 
     def bore(self, thread_angle: Any) -> Any:
-        """(36): D_in = D - 2 t_c [m], the gas space."""
+        """(36): D_in = D - 2 t_c [m], the diameter of the gas space."""
         bore = self.diameter(thread_angle) - 2.0 * self.wall_thickness
         require("bore D - 2 wall_thickness [m]", bore, 0.0, open_low=True, why="the wall fills it")
         return bore
@@ -103,7 +103,7 @@ class ReinforcedBraid:
         return plain(2.0 * math.pi * self.turns * np.tan(0.5 * (self.fixed_angle - thread_angle)))
 
     def thread_angle(self, bend: Any) -> Any:
-        """The free side's thread angle [rad] at a bend [rad], the inverse of `bend`."""
+        """The free side's thread angle [rad] at a bend angle [rad], the inverse of `bend`."""
         angle = plain(self.fixed_angle - 2.0 * np.arctan(bend / (2.0 * math.pi * self.turns)))
         self.check_angle(angle)
         return angle
@@ -113,7 +113,7 @@ class ReinforcedBraid:
         return 0.25 * math.pi * self.bore(thread_angle) ** 2 * self.middle_length(thread_angle)
 
     def moment_per_pressure(self, thread_angle: Any) -> Any:
-        """dV/d(bend) [m^3/rad], positive where gas bends the free side longer."""
+        """dV/d(bend) [m^3/rad], positive where the gas lengthens the free side."""
         volume_slope, _, bend_slope, _ = self._slopes(thread_angle)
         return plain(volume_slope / bend_slope)
 
@@ -144,5 +144,5 @@ class ReinforcedBraid:
         return volume1, volume2, bend1, bend2
 
     def check_angle(self, thread_angle: Any) -> None:
-        """Refuse a thread angle outside (0, pi/2)."""
+        """Raise for a thread angle outside (0, pi/2)."""
         require("thread_angle [rad]", thread_angle, 0.0, math.pi / 2, open_low=True, open_high=True)

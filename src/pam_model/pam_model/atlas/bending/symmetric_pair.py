@@ -1,8 +1,8 @@
-"""Bending extensile and contractile muscles by virtual work and by force balance, and their pair.
+"""Bending extensile and contractile muscles, and pairs of them: virtual work and force balance.
 
 Guan's BE-PAM and BC-PAM are named without a formula in "A Review of Design and Modeling of
-Pneumatic Artificial Muscle"; that both methods were used is published, the equations are derived
-here for the geometry of (33)-(37).
+Pneumatic Artificial Muscle". It is published that both methods were used; the equations are
+derived here for the geometry of (33)-(37).
 
 Virtual work: M = P dV/d(angle).
 
@@ -11,9 +11,10 @@ Force balance, with S the sum of the tensions of all threads on the free side an
 
 - Pressure on the end caps, P pi D_in^2/4, acts at D/2 from the fixed fibre.
 - Pressure on the side wall pushes the free side outwards with H = P pi/4 (2 D_in L_c +
-  D_in^2 beta/2). The threads hold it: their hoop pull is 2 pi n S sin(theta), and their axial
-  pull, wrapped around the bend, adds beta S cos(theta). So S = H/(2 pi n sin + beta cos).
-- What is left about the fixed fibre is M = P pi D_in^2 D/8 - S D cos(theta).
+  D_in^2 beta/2). The threads balance it: their hoop component is 2 pi n S sin(theta), and their
+  axial component, which follows the bend, adds beta S cos(theta). So
+  S = H/(2 pi n sin + beta cos).
+- The resulting moment about the fixed fibre is M = P pi D_in^2 D/8 - S D cos(theta).
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def total_thread_tension(braid: ReinforcedBraid, pressure: Any, thread_angle: An
     Raises
     ------
     DomainError
-        Where the bend is so negative that the threads no longer hold the wall.
+        If the bend is so negative that the threads no longer hold the wall.
     """
     bore, bend = braid.bore(thread_angle), braid.bend(thread_angle)
     load = (
@@ -57,7 +58,7 @@ def total_thread_tension(braid: ReinforcedBraid, pressure: Any, thread_angle: An
 
 
 def moment_by_force_balance(braid: ReinforcedBraid, pressure: Any, thread_angle: Any) -> Any:
-    """End-cap pressure less thread tension, about the fixed fibre [N m]."""
+    """Moment of the end-cap pressure minus that of the threads, about the fixed fibre [N m]."""
     bore, diameter = braid.bore(thread_angle), braid.diameter(thread_angle)
     caps = math.pi * pressure * bore**2 * diameter / 8.0
     axial = total_thread_tension(braid, pressure, thread_angle) * np.cos(thread_angle)
@@ -65,20 +66,21 @@ def moment_by_force_balance(braid: ReinforcedBraid, pressure: Any, thread_angle:
 
 
 class SymmetricBendingPair:
-    """Two equal bending muscles back to back on one spine that keeps its length.
+    """Two equal bending muscles back to back on one spine of constant length.
 
-    The first muscle's free side lengthens at positive angle, the second's shortens. An extensile
-    pair (thread angle above 54.7356 deg) and a contractile one differ in the sign of the moment.
+    At a positive angle, the first muscle's free side lengthens and the second's shortens. An
+    extensile pair (thread angle above 54.7356 deg) and a contractile pair differ in the sign of
+    the moment.
 
     Parameters
     ----------
     braid : ReinforcedBraid
-        Either muscle; the reinforced side lies on the spine.
+        The braid of each muscle; its reinforced side lies on the spine.
 
     Raises
     ------
     DomainError
-        By the methods for an angle at which a free side leaves (0, pi/2).
+        By the methods for an angle at which a free side's thread angle leaves (0, pi/2).
     """
 
     def __init__(self, braid: ReinforcedBraid) -> None:
@@ -95,7 +97,7 @@ class SymmetricBendingPair:
         return of(self.braid, pressures[0], first) - of(self.braid, pressures[1], second)
 
     def stiffness(self, pressures: tuple[Any, Any], angle: Any) -> Any:
-        """-dM/d(angle) [N m/rad] at constant pressures; both muscles add to it."""
+        """-dM/d(angle) [N m/rad] at constant pressures; the sum of both muscles."""
         first, second = (self.braid.thread_angle(sign * angle) for sign in (1.0, -1.0))
         slope = self.braid.moment_slope_per_pressure
         return -pressures[0] * slope(first) - pressures[1] * slope(second)

@@ -1,7 +1,7 @@
 """A continuum segment of three parallel muscles at 120 degrees: constant curvature.
 
 Named without a formula in "A Review of Design and Modeling of Pneumatic Artificial Muscle";
-derived here from concentric arcs. It bends towards the shortest muscle.
+derived here from concentric arcs. The segment bends towards the shortest muscle.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Arc:
 
 
 class ThreeMuscleSegment:
-    """Lengths to arc, arc to lengths, forces to moments.
+    """Convert lengths into an arc and back, and forces into moments.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ class ThreeMuscleSegment:
     Raises
     ------
     DomainError
-        For a radius not above 0; by the methods for other than three values, lengths not above 0,
-        and a bend with its centre inside the segment (curvature * radius >= 1).
+        For a radius not above 0; by the methods for a number of values other than three, lengths
+        not above 0, and a bend with its centre inside the segment (curvature * radius >= 1).
     """
 
     def __init__(self, radius: float) -> None:
@@ -45,12 +45,12 @@ class ThreeMuscleSegment:
         self.radius = radius
 
     def arc(self, lengths: Sequence[float]) -> Arc:
-        """The arc that three muscle lengths [m] make."""
+        """The arc that belongs to three muscle lengths [m]."""
         _three("lengths [m]", lengths)
         require("lengths [m]", lengths, 0.0, open_low=True)
         l1, l2, l3 = lengths
         total = l1 + l2 + l3
-        # The differences, not the squares, so that equal lengths give exactly zero.
+        # Use differences instead of squares, so that equal lengths give exactly zero.
         spread = 0.5 * ((l1 - l2) ** 2 + (l2 - l3) ** 2 + (l3 - l1) ** 2)
         curvature = 2.0 * math.sqrt(spread) / (self.radius * total)
         x = -sum(length * math.cos(place) for length, place in zip(lengths, _PLACES, strict=True))
@@ -68,7 +68,7 @@ class ThreeMuscleSegment:
         return first, second, third
 
     def tip(self, arc: Arc) -> tuple[float, float, float]:
-        """Where the segment ends [m]: base at the origin, straight along z."""
+        """Position of the segment's end [m]; the base is at the origin, straight is along z."""
         angle = arc.curvature * arc.length
         if abs(angle) < 1e-6:
             side, along = 0.5 * arc.length * angle, arc.length

@@ -1,1 +1,1 @@
-"""Hysteresis and creep elements a muscle's static force is missing: one file per element."""
+"""Hysteresis and creep elements that complement a static force model: one file per element."""

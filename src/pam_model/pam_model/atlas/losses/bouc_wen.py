@@ -1,7 +1,7 @@
-"""Bouc-Wen hysteresis with exponent 1, in closed form on each monotone stretch.
+"""Bouc-Wen hysteresis with exponent 1, in closed form on each monotone part of the motion.
 
-Standard form (not in the review): dz = A dx - beta |dx| z |z|^(m-1) - gamma dx |z|^m with m = 1,
-where a stretch of dx at constant signs of dx and z relaxes z exponentially.
+Standard form (not in the review): dz = A dx - beta |dx| z |z|^(m-1) - gamma dx |z|^m with m = 1.
+While the signs of dx and z are constant, z approaches its limit exponentially.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ class BoucWen:
     amplitude : float
         A, slope dz/dx at z = 0.
     beta, gamma : float
-        Shape; |z| saturates at A/(beta + gamma).
+        Shape parameters; |z| saturates at A/(beta + gamma).
 
     Raises
     ------
     DomainError
-        For A or beta + gamma not above 0, or beta below |gamma|, where loops would create energy.
+        For A or beta + gamma not above 0, or beta below |gamma|, since loops then create energy.
     """
 
     def __init__(self, amplitude: float, beta: float, gamma: float) -> None:
@@ -38,13 +38,13 @@ class BoucWen:
         self.displacement = 0.0
 
     def update(self, displacement: float) -> float:
-        """Move to a displacement; returns z."""
+        """Move to a displacement and return z."""
         require("displacement", displacement)
         step = displacement - self.displacement
         self.displacement = displacement
         direction = math.copysign(1.0, step)
         remaining = abs(step)
-        # In u = z * direction: du/d|x| = A - (beta + gamma sgn(u)) u; from u < 0 first to u = 0.
+        # For u = z * direction, du/d|x| = A - (beta + gamma sgn(u)) u; u < 0 first rises to 0.
         u = self.z * direction
         if u < 0.0:
             to_zero = self._travel_to_zero(u)

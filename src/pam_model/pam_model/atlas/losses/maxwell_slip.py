@@ -1,7 +1,7 @@
-"""Maxwell-slip hysteresis: springs in parallel that each slip at a force of their own.
+"""Maxwell-slip hysteresis: parallel springs, each of which slips at its own force.
 
-Standard form (not in the review). Exact on each monotone stretch of the motion, so the step size
-does not matter; minor loops close and turning points are remembered.
+Standard form (not in the review). Exact on each monotone part of the motion, so the step size
+does not matter; minor loops close, and the state contains the turning points.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from pam_model.errors import DomainError
 
 
 class MaxwellSlip:
-    """Friction force from displacement; keeps each element's force.
+    """Friction force from displacement; the state is the force of each element.
 
     Parameters
     ----------
     stiffnesses : sequence of float
-        k_i [N/m]; their sum is the stiffness right after a turn.
+        k_i [N/m]; their sum is the stiffness immediately after a reversal.
     slip_forces : sequence of float
         W_i [N]; their sum is the largest force.
 
@@ -32,7 +32,7 @@ class MaxwellSlip:
         if len(stiffnesses) != len(slip_forces) or not stiffnesses:
             raise DomainError(
                 f"{len(stiffnesses)} stiffnesses and {len(slip_forces)} slip_forces: "
-                "each element needs one of both"
+                "each element needs one of each"
             )
         require("stiffnesses [N/m]", stiffnesses, 0.0, open_low=True)
         require("slip_forces [N]", slip_forces, 0.0, open_low=True)
@@ -42,7 +42,7 @@ class MaxwellSlip:
         self.displacement = 0.0
 
     def update(self, displacement: float) -> float:
-        """Move to a displacement [m]; returns the force against the motion [N]."""
+        """Move to a displacement [m] and return the force against the motion [N]."""
         require("displacement [m]", displacement)
         step = displacement - self.displacement
         self.displacement = displacement

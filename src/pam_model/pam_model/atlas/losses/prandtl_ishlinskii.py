@@ -1,7 +1,7 @@
 """Prandtl-Ishlinskii hysteresis: a weighted sum of play operators.
 
-Standard form (not in the review), symmetric about its centre; a muscle's length-pressure loop is
-not, so use one set of weights for each branch or a static nonlinearity behind it.
+Standard form (not in the review), symmetric about its centre. The length-pressure loop of a muscle
+is not symmetric: use one set of weights for each branch, or a static nonlinearity after the model.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from pam_model.errors import DomainError
 
 
 class PrandtlIshlinskii:
-    """Output from input, without rate; keeps each play's position.
+    """Output from input, rate-independent; the state is the position of each play.
 
     Parameters
     ----------
     thresholds : sequence of float
         r_i, half the width of each play, in the input's unit.
     weights : sequence of float
-        w_i, output per input.
+        w_i, in the output's unit per input unit.
 
     Raises
     ------
@@ -32,7 +32,7 @@ class PrandtlIshlinskii:
         if len(thresholds) != len(weights) or not thresholds:
             raise DomainError(
                 f"{len(thresholds)} thresholds and {len(weights)} weights: "
-                "each play needs one of both"
+                "each play needs one of each"
             )
         require("thresholds", thresholds, 0.0)
         require("weights", weights)
@@ -41,7 +41,7 @@ class PrandtlIshlinskii:
         self.plays = [0.0] * len(self.thresholds)
 
     def update(self, value: float) -> float:
-        """Move the input to a value; returns the output."""
+        """Move the input to a value and return the output."""
         require("value", value)
         self.plays = [
             max(value - threshold, min(value + threshold, play))

@@ -1,4 +1,4 @@
-"""Creep of the bladder as a standard linear solid: a spring, and a spring beside a dashpot.
+"""Creep of the bladder as a standard linear solid: a spring and a Kelvin-Voigt element.
 
 Standard form (not in the review): strain(t) = sigma/E1 + sigma/E2 (1 - exp(-t E2/eta)).
 """
@@ -44,7 +44,7 @@ class StandardLinearSolid:
         return self.viscosity / self.delayed_modulus
 
     def strain(self, stress: Any, time: Any) -> Any:
-        """Strain [-] a time [s] after a stress [Pa] is applied and held."""
+        """Strain [-] at a time [s] after a constant stress [Pa] is applied."""
         require("time [s]", time, 0.0)
         delayed = -np.expm1(-np.asarray(time, dtype=float) / self.time_constant)
         return plain(stress / self.instant_modulus + stress / self.delayed_modulus * delayed)

@@ -1,1 +1,1 @@
-"""Muscles as springs, dampers and friction with fitted coefficients: one file per model."""
+"""Muscles modelled as springs, dampers and friction with fitted coefficients: one file each."""

@@ -14,7 +14,7 @@ from pam_model.domain import plain, require
 
 
 class ColbrunnMuscle:
-    """Force to stretch the muscle, at one pressure.
+    """The force that stretches the muscle, at one pressure.
 
     Parameters
     ----------
@@ -40,6 +40,6 @@ class ColbrunnMuscle:
         self.coulomb_force = coulomb_force
 
     def force(self, stretch: Any, speed: Any = 0.0) -> Any:
-        """Force [N] at a stretch [m] and stretching speed [m/s]; at rest friction gives 0."""
+        """Force [N] at a stretch [m] and stretching speed [m/s]; the friction is 0 at rest."""
         friction = self.coulomb_force * np.sign(speed)
         return plain(self.stiffness * stretch + self.damping * speed + friction)

@@ -1,9 +1,9 @@
 """The three-element muscle, (38): contractile force, spring and damper in parallel.
 
-M y'' + B y' + K y = F_ce - F_load, y the shortening from the rest length.
+M y'' + B y' + K y = F_ce - F_load, where y is the shortening from the rest length.
 Source: equation (38) of "A Review of Design and Modeling of Pneumatic Artificial Muscle", correct
-as printed but for its symbols (K in the text is k in the formula, L is the load and F_ce is a
-force, no coefficient). Serres' coefficients come from a public simulator's description of the
+as printed except for its symbols (K in the text is k in the formula, L is the load, and F_ce is a
+force, not a coefficient). Serres' coefficients are from a public simulator's description of the
 model (empirical; the original was not checked): pressure in kPa, 150-550 kPa.
 """
 
@@ -53,13 +53,13 @@ class ThreeElementMuscle:
     Parameters
     ----------
     mass : float
-        M moved by the muscle [kg].
+        M, the mass that the muscle moves [kg].
     damping : float
         B [N s/m].
     stiffness : float
         K of the parallel spring [N/m]; it resists shortening.
     contractile_force : float
-        F_ce, the pull held at y = 0 [N].
+        F_ce, the pull at y = 0 [N].
 
     Raises
     ------
@@ -104,15 +104,16 @@ class ThreeElementMuscle:
         return (self.contractile_force - load) / self.stiffness
 
     def step_response(self, load: float, time: float) -> tuple[float, float]:
-        """Shortening [m] and its speed [m/s] a time [s] after pressure and load [N] are applied.
+        """Shortening [m] and its speed [m/s] at a time [s] after pressure and load [N] are applied.
 
-        From rest at y = 0. Each kind of damping has its own branch, so that none divides by zero.
+        The muscle starts at rest at y = 0. Underdamped, critically damped and overdamped motion
+        have separate branches, so that none divides by zero.
         """
         require("time [s]", time, 0.0)
         final = self.final_shortening(load)
         zeta, omega = self.damping_ratio, self.natural_frequency
         decay = 0.5 * self.damping / self.mass
-        # Taken from the coefficients: 1 - zeta^2 would lose the digits that tell the branches.
+        # Computed from the coefficients: 1 - zeta^2 would lose the digits that decide the branch.
         squared = self.stiffness / self.mass - decay * decay
         if abs(squared) <= 1e-12 * omega * omega:
             fading = math.exp(-decay * time)

@@ -1,1 +1,1 @@
-"""From the reservoir to the muscle: what tubes, dead space and heat cost. See also `gas`."""
+"""Air supply from the reservoir to the muscle: tubes, dead space and heat. See also `gas`."""

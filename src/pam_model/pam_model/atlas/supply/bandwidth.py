@@ -1,9 +1,9 @@
-"""What valve, tube and dead space cost in bandwidth, and what a filler gives back.
+"""Bandwidth that valve, tube and dead space permit, and its increase by a filler.
 
 Davis et al. are named without a formula in "A Review of Design and Modeling of Pneumatic
 Artificial Muscle" ("400 % more bandwidth" from a filler); derived here from filling and emptying
-times: at the same flow the time is proportional to the gas volume, so five times the bandwidth
-means a fifth of the volume, and four times (the other reading of 400 %) a quarter.
+times. At the same flow the time is proportional to the gas volume, so five times the bandwidth
+needs a fifth of the volume, and four times (the other interpretation of 400 %) needs a quarter.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ class SupplyLine:
     critical_ratio : float
         ISO 6358 b of the whole path [-].
     dead_volume : float
-        Fittings and whatever else fills beside muscle and tube [m^3].
+        Gas volume of fittings and other parts besides muscle and tube [m^3].
     filler_volume : float
-        Solid or grains inside the muscle that leave less to fill [m^3].
+        Solid or granular filler inside the muscle that reduces the gas volume [m^3].
     tube : Tube or None
-        Between valve and muscle.
+        Tube between valve and muscle.
 
     Raises
     ------
     DomainError
-        For a volume below 0 or a filler that leaves no gas.
+        For a volume below 0 or a filler that leaves no gas volume.
     """
 
     muscle_volume: float
@@ -60,13 +60,13 @@ class SupplyLine:
 
     @property
     def gas_volume(self) -> float:
-        """What has to be filled [m^3]: muscle, tube and dead space less the filler."""
+        """Gas volume to fill [m^3]: muscle, tube and dead space minus the filler."""
         tube = self.tube.volume if self.tube else 0.0
         return self.muscle_volume + tube + self.dead_volume - self.filler_volume
 
     @property
     def conductance(self) -> float:
-        """ISO 6358 C of valve and tube in a row [m^3/(s Pa)]."""
+        """ISO 6358 C of valve and tube in series [m^3/(s Pa)]."""
         if self.tube is None:
             return self.valve_conductance
         return series_conductance([self.valve_conductance, self.tube.conductance])
@@ -81,12 +81,12 @@ class SupplyLine:
     ) -> float:
         """Cycles per second [Hz] between two absolute pressures [Pa]: 1/(filling + emptying).
 
-        The tube's delay counts once each way.
+        The delay of the tube is added once for filling and once for emptying.
 
         Raises
         ------
         DomainError
-            Unless ambient < low <= high <= supply and the two differ.
+            Unless ambient < low < high <= supply.
         """
         require("high_pressure [Pa abs]", high_pressure, low_pressure, open_low=True)
         filling = fill_time(

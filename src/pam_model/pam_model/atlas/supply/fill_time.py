@@ -1,8 +1,8 @@
-"""How long a rigid chamber takes to fill and to empty through an ISO 6358 restriction.
+"""Time in which a rigid chamber fills and empties through an ISO 6358 restriction.
 
-Isothermal, infinite supply; the filling time in closed form, derived here from the flow's
-psi(r): t = V/(R T C rho0 sqrt(T0/T)) [g(r_f) - g(r_0)], g(r) = r where the flow is sonic and
-b + (1-b) asin((r-b)/(1-b)) beyond.
+Isothermal, infinite supply. The filling time in closed form is derived here from the flow function
+psi(r): t = V/(R T C rho0 sqrt(T0/T)) [g(r_f) - g(r_0)], where g(r) = r for sonic flow and
+g(r) = b + (1-b) asin((r-b)/(1-b)) for subsonic flow.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def rate_per_volume(conductance: float, temperature: float) -> float:
     conductance : float
         ISO 6358 C [m^3/(s Pa)].
     temperature : float
-        Of the gas [K].
+        Temperature of the gas [K].
     """
     require("conductance [m^3/(s Pa)]", conductance, 0.0, open_low=True)
     require("temperature [K]", temperature, 0.0, open_low=True)
@@ -75,7 +75,7 @@ def exhaust_time(
     end_pressure: float,
     temperature: float = REFERENCE_TEMPERATURE,
 ) -> float:
-    """Time [s] to empty a volume [m^3] between two absolute pressures [Pa] to the ambient.
+    """Time [s] to empty a volume [m^3] to the ambient, between two absolute pressures [Pa].
 
     Raises
     ------
@@ -94,7 +94,7 @@ def exhaust_time(
     if start_pressure > sonic_end:
         total = math.log(start_pressure / max(end_pressure, sonic_end))
     if end_pressure < sonic_end:
-        # dr/(r psi(r)) with (r - b)/(1 - b) = sin(a), where the root of psi cancels.
+        # Integrate dr/(r psi(r)) with (r - b)/(1 - b) = sin(a), so that the root in psi cancels.
         def angle(pressure: float) -> float:
             return math.asin(min(1.0, (ambient_pressure / pressure - critical_ratio) / rest))
 

@@ -14,7 +14,7 @@ from pam_model.gas import first_law_pressure_rate, temperature_rate
 
 @dataclass(frozen=True, slots=True)
 class ThermalChamber:
-    """What the wall does.
+    """The wall of a chamber that exchanges heat with its gas.
 
     Attributes
     ----------
@@ -57,15 +57,15 @@ class ThermalChamber:
         Parameters
         ----------
         pressure : float
-            Absolute [Pa].
+            Absolute pressure [Pa].
         temperature : float
-            Of the gas [K].
+            Temperature of the gas [K].
         volume, volume_rate : float
-            Gas volume with its dead volume [m^3] and dV/dt [m^3/s].
+            Gas volume including the dead volume [m^3] and dV/dt [m^3/s].
         inflow, outflow : float
             Mass flows, neither below 0 [kg/s].
         inflow_temperature : float
-            Of the gas that enters [K].
+            Temperature of the gas that enters [K].
         """
         require("pressure [Pa abs]", pressure, 0.0, open_low=True)
         require("temperature [K]", temperature, 0.0, open_low=True)

@@ -1,7 +1,7 @@
 """The tube between valve and muscle: delay, laminar flow, attenuation, and its ISO 6358 numbers.
 
-Laminar flow derived here; delay L/c is exact for a small disturbance; attenuation and the ISO
-numbers of a tube are general knowledge, not verified against a source.
+The laminar flow is derived here. The delay L/c is exact for small disturbances. Attenuation and
+the ISO 6358 numbers of a tube are general knowledge, not verified against a source.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Tube:
     length : float
         L_t [m].
     diameter : float
-        D, inner [m].
+        D, inner diameter [m].
     temperature : float
-        Of the gas [K].
+        Temperature of the gas [K].
 
     Raises
     ------
@@ -48,7 +48,7 @@ class Tube:
 
     @property
     def volume(self) -> float:
-        """Gas it holds [m^3]; belongs to the muscle's dead volume."""
+        """Gas volume of the tube [m^3], which is part of the muscle's dead volume."""
         return 0.25 * math.pi * self.diameter**2 * self.length
 
     @property
@@ -62,7 +62,7 @@ class Tube:
         return self.length / self.speed_of_sound
 
     def laminar_flow(self, upstream: float, downstream: float) -> float:
-        """Mass flow [kg/s] between absolute pressures [Pa]; holds while `reynolds` < 2300."""
+        """Mass flow [kg/s] between absolute pressures [Pa]; valid for `reynolds` < 2300."""
         require("upstream [Pa abs]", upstream, 0.0, open_low=True)
         require("downstream [Pa abs]", downstream, 0.0, open_low=True)
         resistance = 256.0 * VISCOSITY * GAS_CONSTANT * self.temperature * self.length
@@ -73,7 +73,7 @@ class Tube:
         return 4.0 * abs(mass_flow) / (math.pi * self.diameter * VISCOSITY)
 
     def attenuation(self, pressure: float) -> float:
-        """What is left of a small pressure wave's amplitude at the end [-], at Pa absolute."""
+        """Amplitude ratio of a small pressure wave, end over start [-], at Pa absolute."""
         require("pressure [Pa abs]", pressure, 0.0, open_low=True)
         friction = 32.0 * VISCOSITY / self.diameter**2
         loss = friction * GAS_CONSTANT * self.temperature * self.length
@@ -91,12 +91,12 @@ class Tube:
 
 
 def series_conductance(conductances: Sequence[float]) -> float:
-    """ISO 6358 C [m^3/(s Pa)] of restrictions in a row: 1/C^3 = sum 1/C_i^3 (not verified).
+    """ISO 6358 C [m^3/(s Pa)] of restrictions in series: 1/C^3 = sum 1/C_i^3 (not verified).
 
     Raises
     ------
     DomainError
-        For none, or one not above 0.
+        For no conductance, or one not above 0.
     """
     require("number of conductances", len(conductances), 1.0)
     require("conductances [m^3/(s Pa)]", conductances, 0.0, open_low=True)

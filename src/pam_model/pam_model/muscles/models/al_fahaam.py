@@ -6,8 +6,8 @@ bladder, P_e in the annulus, both gauge.
 Errata: (30) lacks the factor (3 cos^2 theta_c - 1), so its force would never vanish; the second
 angle of (31) must be theta_e; (32) is wrong in sign and factor (it equals F_c + F_s with 1 in
 place of 4), and F_c - F_s would count P_e twice. (27) is a ratio of rest lengths; (28), (29) are
-design data. With both ends tied the lengths are equal: that is the model here. The literal
-L_c = 1.15 L_e is `design_pair_forces` with a length ratio of 1.15.
+design data. This model assumes that both ends are joined, so that the lengths are equal. For the
+literal L_c = 1.15 L_e use `design_pair_forces` with a length ratio of 1.15.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pam_model.muscles.braid import AffineMuscle, ThinCylinder, braid_diameter, 
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 DESIGN_RATIO = 1.15
-"""(27)-(29): contractor's bladder over extensor's rest length; n_c over n_e [-]."""
+"""(27)-(29): the contractor's bladder length over the extensor's rest length; n_c/n_e [-]."""
 
 
 def design_pair_forces(
@@ -39,7 +39,7 @@ def design_pair_forces(
     extensor_angle: Any,
     length_ratio: float = 1.0,
 ) -> tuple[Any, Any, Any]:
-    """(30)-(32), corrected, of a pair with the design ratios (28), (29).
+    """Forces (30)-(32), corrected, of a pair with the design ratios (28), (29).
 
     Parameters
     ----------
@@ -52,13 +52,13 @@ def design_pair_forces(
     contractor_angle, extensor_angle : float or array
         Thread angles [rad].
     length_ratio : float
-        dL_c/dL: 1 with both ends tied, 1.15 for (27) taken literally.
+        dL_c/dL: 1 if both ends are joined, 1.15 for (27) taken literally.
 
     Returns
     -------
     tuple
-        Force of the pair F, of the contractor F_c, and the annulus' extension F_s, in which
-        (31) has its 1.15 for the length ratio [N].
+        Force F of the pair, F_c of the contractor, and extension force F_s of the annulus; in
+        F_s, the length ratio replaces the factor 1.15 of (31) [N].
     """
     area = contractor_thread**2 / (4.0 * math.pi * contractor_turns**2)
     inner = 3.0 * np.cos(contractor_angle) ** 2 - 1.0
@@ -72,11 +72,11 @@ def design_pair_forces(
 @register(
     equations="(27)-(32)",
     status="derived",
-    summary="contractor inside an extensor: pulls, pushes, and stiffens at the same force",
+    summary="contractor inside an extensor: pulls, pushes, and changes stiffness at constant force",
     row="extensor_contractor",
 )
 class AlFahaam(AffineMuscle):
-    """Affine in the contractor's pressure; the extensor's is a constant here.
+    """Affine in the contractor's pressure; the extensor's pressure is a constant.
 
     F = (P_c - P_e)(3 L^2 - b_c^2)/(4 pi n_c^2) + P_e (3 L^2 - b_e^2)/(4 pi n_e^2).
 
@@ -87,7 +87,7 @@ class AlFahaam(AffineMuscle):
     extensor_pressure : float
         P_e, gauge, in the annulus [Pa].
     wall_thickness : float
-        Of the extensor's wall [m].
+        Thickness of the extensor's wall [m].
 
     Raises
     ------
@@ -101,10 +101,10 @@ class AlFahaam(AffineMuscle):
             0.0, "Pa", -1.1e5, 2e6, "gauge pressure P_e in the annulus"
         ),
         "thread_ratio": ModelParameter(
-            2.0 / DESIGN_RATIO, "-", 0.1, 10.0, "extensor's thread length over contractor's"
+            2.0 / DESIGN_RATIO, "-", 0.1, 10.0, "thread length of the extensor over contractor's"
         ),
         "turns_ratio": ModelParameter(
-            1.0 / DESIGN_RATIO, "-", 0.1, 10.0, "extensor's turns over contractor's"
+            1.0 / DESIGN_RATIO, "-", 0.1, 10.0, "turns of the extensor over contractor's"
         ),
     }
 
@@ -123,7 +123,7 @@ class AlFahaam(AffineMuscle):
 
     @classmethod
     def from_geometry(cls, geometry: MuscleGeometry, constants: Mapping[str, float]) -> AlFahaam:
-        """The model of a muscle in a rig file, whose thread and turns are the contractor's."""
+        """The model of a muscle in a rig file; its thread and turns are those of the contractor."""
         thread, turns = geometry.thread_length, geometry.turns
         return cls(
             ThinCylinder(thread, turns),
@@ -176,7 +176,7 @@ class AlFahaam(AffineMuscle):
         return (contractor_pressure - extensor_pressure) * inner + extensor_pressure * outer
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
-        """A(L) of the contractor [m^2]; B(L) is what the annulus does [N]."""
+        """A(L) of the contractor [m^2]; B(L) is the force of the annulus [N]."""
         length = self._check(length)
         inner = self.contractor.coefficients(length)[0]
         outer = self.extensor.coefficients(length)[0]
@@ -200,6 +200,6 @@ class AlFahaam(AffineMuscle):
         return self.contractor.volume_slope(length)
 
     def annulus_volume(self, length: Any) -> Any:
-        """Gas volume between the two [m^3]."""
+        """Gas volume between the two braids [m^3]."""
         length = self._check(length)
         return self.extensor.volume(length) - self.contractor.volume(length)

@@ -2,9 +2,9 @@
 
 Source: equation (26) of "A Review of Design and Modeling of Pneumatic Artificial Muscle",
 q(p) = -(1 + exp(-0.5 p)). Empirical and ambiguous: p is in bar (in Pa or kPa the exponential would
-be zero throughout); q multiplies the extension ratio in (11), so |q| is its k. How q enters the
-force is this reading, not verified in the source.
-Meant for rest angles above 54.7 degrees; below, it is (11) with a factor |q| on contraction.
+be zero throughout); q multiplies the extension ratio in (11), so |q| plays the role of k. This use
+of q in the force is an interpretation that is not verified in the source.
+Intended for rest angles above 54.7 degrees; below, it is (11) with a factor |q| on contraction.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class AlIbadi(CurvedMuscle):
     rest_length : float
         L0 [m].
     decay : float
-        Of the exponential [1/bar].
+        Decay of the exponential in q(p) [1/bar].
 
     Raises
     ------
@@ -83,7 +83,7 @@ class AlIbadi(CurvedMuscle):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """(L0/2, b): below, the square would rise again at low pressure [m]."""
+        """(L0/2, b): below L0/2 the square would rise again at low pressure [m]."""
         return self.rest_length * (1.0 - 1.0 / _LARGEST), self.braid.thread_length
 
     def free_extension(self, pressure: Any) -> Any:
@@ -100,7 +100,7 @@ class AlIbadi(CurvedMuscle):
         return q, extension, 1.0 - q * extension
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N] at gauge pressure [Pa] and length [m]; speed plays no part."""
+        """Pull [N] at gauge pressure [Pa] and length [m]; it does not depend on speed."""
         _, _, left = self._left(pressure, length)
         return pressure * self._area * (self._a * left * left - self._b)
 

@@ -1,10 +1,10 @@
-"""Miniature muscle: equations (24), (25) with a bladder of its real size, after Ashwin and Ghosal.
+"""Miniature muscle: (24), (25) with the real size of the bladder, after Ashwin and Ghosal.
 
 Source: equations (24)-(25) of "A Review of Design and Modeling of Pneumatic Artificial Muscle",
 correct as printed (N is the turns n): stretches lambda1 = L/L0, lambda2 = r/r0, and
-lambda3 = 1/(lambda1 lambda2) for the bladder. The review gives no force; here it is the virtual
-work of gas and a Mooney-Rivlin bladder whose rubber is that of the real wall (derived). The
-published model adds effects of the ends; here `inactive_length` carries them.
+lambda3 = 1/(lambda1 lambda2) for the bladder. The review gives no force; here it follows from the
+virtual work of the gas and of a Mooney-Rivlin bladder with the rubber volume of the real wall
+(derived). The published model adds effects of the ends; here `inactive_length` represents them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pam_model.muscles.rubber_wall import RUBBER_PARAMETERS, tube_volume
 @register(
     equations="(24)-(25)",
     status="derived",
-    summary="miniature muscle: braid, bladder of the real wall, length that does not work",
+    summary="miniature muscle: braid, bladder with the real wall, inactive length of the ends",
 )
 class AshwinGhosal(BraidBladder):
     """Braid and bladder along the active part; lengths are those of the whole muscle.
@@ -39,9 +39,9 @@ class AshwinGhosal(BraidBladder):
     c10, c01 : float
         Mooney-Rivlin constants [Pa].
     wall_thickness : float
-        Bladder at rest [m].
+        Thickness of the bladder at rest [m].
     inactive_length : float
-        Fittings and what the braid cannot use [m].
+        Length of the fittings and of the braid that does not contract [m].
 
     Raises
     ------
@@ -78,7 +78,7 @@ class AshwinGhosal(BraidBladder):
     def from_geometry(
         cls, geometry: MuscleGeometry, constants: Mapping[str, float]
     ) -> AshwinGhosal:
-        """The model of a muscle in a rig file: thread and turns without the inactive part's."""
+        """The model of a muscle in a rig file: thread and turns without the inactive part."""
         inactive = constants["inactive_length"]
         share = 1.0 - inactive / geometry.rest_length
         if not 0.0 < share <= 1.0:
@@ -96,7 +96,7 @@ class AshwinGhosal(BraidBladder):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """Lengths of the whole muscle at which the rubber leaves the gas room [m]."""
+        """Lengths of the whole muscle at which the rubber leaves room for gas [m]."""
         return self._shortest + self.inactive_length, self._longest + self.inactive_length
 
     def stretches(self, length: Any) -> tuple[Any, Any, Any]:

@@ -3,7 +3,7 @@
 Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle"
 (G. K. Klute, B. Hannaford, "Accounting for elastic energy storage in McKibben artificial muscle
 actuators", Journal of Dynamic Systems, Measurement, and Control 122(2), 2000); derived here from
-energy, see `pam_model.muscles.rubber_wall`. The bladder has no stress at the muscle's rest length.
+energy, see `pam_model.muscles.rubber_wall`. The bladder is stress-free at the rest length.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def _tube_of(geometry: MuscleGeometry) -> Any:
     row="mooney_rivlin",
 )
 class BraidBladder(ElasticCylinder):
-    """Affine in pressure, B(L) is the bladder; gas volume is the braid's less the rubber's.
+    """Affine in pressure; B(L) is the bladder's pull; gas volume is braid minus rubber.
 
     Parameters
     ----------
@@ -37,11 +37,11 @@ class BraidBladder(ElasticCylinder):
     turns : float
         n [-].
     rest_length : float
-        Length without stress in the bladder [m].
+        Length at which the bladder is stress-free [m].
     c10, c01 : float
         Mooney-Rivlin constants [Pa].
     bladder_volume : float
-        Rubber V_b [m^3].
+        Volume of rubber V_b [m^3].
 
     Raises
     ------
@@ -54,7 +54,7 @@ class BraidBladder(ElasticCylinder):
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         **RUBBER_PARAMETERS,
         "bladder_volume": ModelParameter(
-            0.0, "m^3", 0.0, 0.1, "rubber; 0 takes it from wall_thickness at rest", _tube_of
+            0.0, "m^3", 0.0, 0.1, "rubber volume; 0: from wall_thickness at rest", _tube_of
         ),
     }
 

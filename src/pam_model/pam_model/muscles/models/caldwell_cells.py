@@ -24,7 +24,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
     summary="ideal braid counted in rhombic cells along and around",
 )
 class CaldwellCells(ThinCylinder):
-    """Ideal cylinder from counts of cells.
+    """The ideal cylinder, described by numbers of cells.
 
     Parameters
     ----------
@@ -43,7 +43,9 @@ class CaldwellCells(ThinCylinder):
 
     name: ClassVar[str] = "caldwell_cells"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
-        "cells_around": ModelParameter(24.0, "-", 1.0, 10000.0, "cells B around the braid"),
+        "cells_around": ModelParameter(
+            24.0, "-", 1.0, 10000.0, "number B of cells around the braid"
+        ),
     }
 
     def __init__(self, cells_along: float, cells_around: float, cell_side: float) -> None:
@@ -57,7 +59,7 @@ class CaldwellCells(ThinCylinder):
     def from_geometry(
         cls, geometry: MuscleGeometry, constants: Mapping[str, float]
     ) -> CaldwellCells:
-        """The model of a muscle in a rig file: its thread and turns as cells."""
+        """The model of a muscle in a rig file, with thread and turns converted to cells."""
         require_positive(thread_length=geometry.thread_length, turns=geometry.turns)
         along = geometry.turns * constants["cells_around"]
         return cls(along, constants["cells_around"], geometry.thread_length / (2.0 * along))

@@ -6,9 +6,9 @@ IEEE Transactions on Robotics and Automation 12(1), 1996. (8) follows from (7) b
 Erratum: (8) is printed with D^2 in its first term and D_0 in the second; both are
 D90 = b/(n pi).
 
-A wall of constant thickness and an incompressible wall exclude each other: (8) is the first.
-With an incompressible wall the gas volume is the outer volume less a constant, so the force is
-that of a thin wall; that is the second model here.
+A wall of constant thickness and an incompressible wall contradict each other. (8) assumes constant
+thickness. With an incompressible wall the gas volume is the outer volume minus a constant, so the
+force is that of a thin wall; this is the second model here.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class ChouHannaford(ThinCylinder):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """(0, sqrt(b^2 - (2 pi n t_k)^2)): there the wall fills the braid [m]."""
+        """(0, sqrt(b^2 - (2 pi n t_k)^2)); at the upper bound the wall fills the braid [m]."""
         return 0.0, self._longest
 
     def _check(self, length: Any) -> Any:
@@ -88,7 +88,7 @@ class ChouHannaford(ThinCylinder):
         return cosine, square_root(1.0 - cosine * cosine)
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
-        """(8) without its pressure: A(L) [m^2] and B = 0 [N]."""
+        """(8) divided by pressure: A(L) [m^2]; and B = 0 [N]."""
         scale, zero = super().coefficients(length)
         wall = self.wall_thickness
         if wall == 0.0:
@@ -121,7 +121,7 @@ class ChouHannaford(ThinCylinder):
 
 @register(equations="(7)-(8)", status="derived", summary="wall of constant rubber volume")
 class ChouHannafordIncompressible(ThinCylinder):
-    """Incompressible wall: the thin cylinder's force; the gas volume is less by the wall's.
+    """Incompressible wall: force of the thin cylinder; its volume reduces the gas volume.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class ChouHannafordIncompressible(ThinCylinder):
     turns : float
         n [-].
     rest_length : float
-        Length at which the wall has its thickness [m].
+        Length at which the wall has the given thickness [m].
     wall_thickness : float
         t_k at rest [m].
 
@@ -172,7 +172,7 @@ class ChouHannafordIncompressible(ThinCylinder):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """Lengths at which the wall leaves the gas room [m]."""
+        """Lengths at which the wall leaves room for gas [m]."""
         return self._bounds
 
     def _check(self, length: Any) -> Any:
@@ -180,5 +180,5 @@ class ChouHannafordIncompressible(ThinCylinder):
         return require_length(length, *self._bounds, reason)
 
     def volume(self, length: Any) -> Any:
-        """Outer volume less the wall's [m^3]."""
+        """Outer volume minus that of the wall [m^3]."""
         return super().volume(length) - self.wall_volume

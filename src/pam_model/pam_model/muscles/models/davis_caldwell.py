@@ -18,11 +18,11 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
 @register(
     equations="(15)-(19)",
     status="derived",
-    summary="ideal cylinder with the lengths at which the braid's strands jam",
+    summary="ideal cylinder between the lengths at which the braid's strands jam",
     row="braid_limits",
 )
 class DavisCaldwell(ThinCylinder):
-    """Ideal cylinder, refused beyond the jam limits of its strands.
+    """The ideal cylinder, valid only between the jam limits of its strands.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class DavisCaldwell(ThinCylinder):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """Between the two jams, b cos of lock angle and of (18) [m]."""
+        """Lengths between the two jam limits: b cos(lock angle) and b cos of (18) [m]."""
         return self.limits.shortest_length, self.limits.longest_length
 
     def _check(self, length: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Braid of threads that stretch: b grows with the tension the pressure puts into them.
+"""Braid of threads that stretch: b grows with the tension that the pressure causes.
 
 T = P b L/(2 pi n^2 N) per thread, b = b0/(1 - b0 P L/(2 pi n^2 N EA)), F = P (3 L^2 - b^2)/(4 pi
 n^2); the stored energy adds no term (envelope theorem). Named without an equation in "A Review of
@@ -23,7 +23,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
 def thread_tension(
     pressure: Any, thread_length: Any, turns: float, length: Any, threads: float
 ) -> Any:
-    """Tension of one thread, P b L/(2 pi n^2 N) [N], by balance of the net.
+    """Tension of one thread, P b L/(2 pi n^2 N) [N], by the force balance of the braid.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def thread_tension(
     summary="ideal braid of threads that stretch under pressure",
 )
 class ExtensibleBraid(CurvedMuscle):
-    """Not affine in pressure; `volume` is that without pressure, `volume_under_pressure` exact.
+    """Not affine in pressure; `volume` holds without pressure, `volume_under_pressure` is exact.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class ExtensibleBraid(CurvedMuscle):
     turns : float
         n [-].
     threads : float
-        N, both families [-].
+        N, number of threads of both families [-].
     thread_stiffness : float
         EA, force over strain of one thread [N].
 
@@ -102,7 +102,7 @@ class ExtensibleBraid(CurvedMuscle):
         return self.braid.thread_length / left
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N] at gauge pressure [Pa] and length [m]; speed plays no part."""
+        """Pull [N] at gauge pressure [Pa] and length [m]; it does not depend on speed."""
         thread = self.stretched_thread(pressure, length)
         return pressure * self._scale * (3.0 * length * length - thread * thread)
 
@@ -132,7 +132,7 @@ class ExtensibleBraid(CurvedMuscle):
         ambient_pressure: float,
         exponent: float,
     ) -> Any:
-        """dF/dL [N/m] with the gas shut in; the braid swells with its own pressure too."""
+        """dF/dL [N/m] with the gas shut in; the pressure also expands the braid."""
         slope = self.pressure_slope(pressure, length)
         thread = self.stretched_thread(pressure, length)
         swell = (

@@ -1,10 +1,10 @@
-"""Static model of ends, bladder and friction losses in one energy balance.
+"""Static model with ends, bladder and friction losses in one energy balance.
 
 Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle" (a
 static model with friction losses); the source's form was not found. Derived composite:
-F = -P dV/dL + dU_b/dL + sgn(dL/dt) F_thread, the gas volume of a braid that tapers to its
-fittings, a Mooney-Rivlin bladder and thread friction along the cylindrical part, all carried to
-the length of the whole muscle.
+F = -P dV/dL + dU_b/dL + sgn(dL/dt) F_thread, with the gas volume of a braid that tapers to its
+fittings, and with a Mooney-Rivlin bladder and thread friction along the cylindrical part, all as
+functions of the length of the whole muscle.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pam_model.muscles.thread_friction import FRICTION_PARAMETERS, ThreadFrictio
     row="friction_loss",
 )
 class FrictionLossStatic(TaperedBraid):
-    """Affine in pressure at rest; friction appears with speed.
+    """Affine in pressure at rest; friction acts only in motion.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ class FrictionLossStatic(TaperedBraid):
     fitting_diameter : float
         d [m].
     bladder : RubberWall
-        Along the cylindrical part.
+        The bladder along the cylindrical part.
     friction : ThreadFriction
-        Along the cylindrical part.
+        The friction along the cylindrical part.
 
     Raises
     ------
@@ -114,12 +114,12 @@ class FrictionLossStatic(TaperedBraid):
         return pressure * self.friction.per_pressure(middle) / self._state(middle).length1
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N]; lengthening [m/s] adds the friction, shortening takes it off."""
+        """Pull [N]; friction adds to it in lengthening [m/s], reduces it in shortening."""
         static = super().force(pressure, length)
         if isinstance(velocity, (float, int)) and velocity == 0.0:
             return static
         return static + direction(velocity) * self.friction_loss(pressure, length)
 
     def volume(self, length: Any) -> Any:
-        """Cylinder and cones less the rubber [m^3]."""
+        """Volume of the cylinder and the cones minus that of the rubber [m^3]."""
         return super().volume(length) - self.bladder.volume

@@ -2,10 +2,10 @@
 
 P = a0 + a1 tan(a2 (eps/(eps_max - a4 F) - a3)) + a5 F + a6 S, S = +1 shortening, -1 lengthening,
 0 at rest. Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial
-Muscle"; form and constants (a muscle of 10 mm) from public code, whose identity with the reviewed
-model is inferred. Of the brackets in circulation only this one gives no pressure at no
-contraction and 624 kPa at eps_max. eps_max depends on the muscle's length: 0.1491 at 153 mm,
-0.1750 at 281 mm. Gas volume is the ideal braid's (stand-in).
+Muscle"; form and constants (a muscle of 10 mm) are from public code; that this code implements the
+reviewed model is inferred. Published forms differ in the placement of the brackets; only this one
+gives zero pressure at zero contraction and 624 kPa at eps_max. eps_max depends on the muscle's
+length: 0.1491 at 153 mm, 0.1750 at 281 mm. Gas volume is the ideal braid's (stand-in).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class HuntConstants(NamedTuple):
     summary="pressure as a tangent of contraction and force, with hysteresis by direction (Hunt)",
 )
 class HuntSigmoid(CurvedMuscle):
-    """Force solved from the pressure formula; not affine in pressure.
+    """The force is solved numerically from the pressure formula; not affine in pressure.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class HuntSigmoid(CurvedMuscle):
     turns : float
         n [-], for the gas volume.
     rest_length : float
-        Length of no contraction [m].
+        Length at zero contraction [m].
     maximum_contraction : float
         eps_max [-].
     constants : HuntConstants
@@ -61,19 +61,19 @@ class HuntSigmoid(CurvedMuscle):
     Raises
     ------
     DomainError
-        For a quantity not above zero that must be; by the methods for a length outside
-        `length_bounds`, or a force where the tangent has no branch.
+        For a quantity that must be above zero and is not; by the methods for a length outside
+        `length_bounds`, or a force outside the branch of the tangent.
     """
 
     name: ClassVar[str] = "hunt_sigmoid"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         "maximum_contraction": ModelParameter(0.1667, "-", 0.01, 0.6, "eps_max"),
-        "a0": ModelParameter(254.3e3, "Pa", -1e7, 1e7, "pressure at the sigmoid's middle"),
+        "a0": ModelParameter(254.3e3, "Pa", -1e7, 1e7, "pressure at the middle of the sigmoid"),
         "a1": ModelParameter(192e3, "Pa", 1.0, 1e7, "pressure scale of the tangent"),
         "a2": ModelParameter(2.0265, "-", 1e-3, 100.0, "steepness of the tangent"),
         "a3": ModelParameter(0.461, "-", 0.0, 10.0, "contraction ratio at the middle"),
-        "a4": ModelParameter(0.331e-3, "1/N", 0.0, 1.0, "loss of contraction by force"),
-        "a5": ModelParameter(1.23e3, "Pa/N", 1.0, 1e7, "pressure by force"),
+        "a4": ModelParameter(0.331e-3, "1/N", 0.0, 1.0, "loss of contraction per force"),
+        "a5": ModelParameter(1.23e3, "Pa/N", 1.0, 1e7, "pressure per force"),
         "a6": ModelParameter(15.6e3, "Pa", -1e6, 1e6, "hysteresis, half width"),
     }
 
@@ -112,7 +112,7 @@ class HuntSigmoid(CurvedMuscle):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """From where the tangent has its pole without force, to rest length [m]."""
+        """From the tangent's pole at zero force to the rest length [m]."""
         pole = self.maximum_contraction * (self.constants.a3 + 0.5 * math.pi / self.constants.a2)
         return max(0.0, self.rest_length * (1.0 - pole)), self.rest_length
 
@@ -138,7 +138,7 @@ class HuntSigmoid(CurvedMuscle):
         contraction = self._contraction(length)
         wanted = pressure + self.constants.a6 * direction(velocity)
         if is_dual(wanted, contraction, *self.constants, self.maximum_contraction):
-            # Solved in plain numbers; the formula then gives the slopes of the root.
+            # Solved with plain numbers; the formula then gives the derivatives of the root.
             plainly = HuntSigmoid(
                 value_of(self.braid.thread_length),
                 value_of(self.braid.turns),
@@ -181,10 +181,10 @@ class HuntSigmoid(CurvedMuscle):
         return fit.a5 + rise * contraction * fit.a4 / room, rise
 
     def _solve(self, pressure: float, contraction: float) -> float:
-        """Newton's steps on F(P), kept inside the branch by halving.
+        """Newton's method for the force; bisection replaces steps that leave the bracket.
 
-        Pressure rises with force up to the pole, so the root is one; above the root Newton's
-        steps fall onto it, below they may pass it.
+        Pressure rises with force up to the pole, so there is only one root. Newton's steps
+        converge to it from above; from below they may overshoot it.
         """
         a0, a1, a2, a3, a4, a5, _ = self.constants
         if contraction <= 0.0:  # the tangent no longer depends on the force
@@ -195,7 +195,7 @@ class HuntSigmoid(CurvedMuscle):
                     f"contraction: a4 F must be below eps_max = {self.maximum_contraction:g}"
                 )
             return force
-        # the pole: contraction/room = a3 + pi/(2 a2); no contraction has none but room = 0
+        # the pole: contraction/room = a3 + pi/(2 a2); at zero contraction the only pole is room = 0
         pole = contraction / (a3 + 0.5 * math.pi / a2)
         high = (self.maximum_contraction - pole) / a4 if a4 > 0.0 else math.inf
         if a4 == 0.0 and pole >= self.maximum_contraction:

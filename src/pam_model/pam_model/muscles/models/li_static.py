@@ -1,9 +1,10 @@
-"""Static model of ends, rubber and friction in the manner of Li.
+"""Static model with ends, rubber and friction, similar to that of Li.
 
 Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle"; the
-source was not found. Composite: F = F_ideal(L_m) - F_rubber(L_m) - F_friction(L_m), the ideal
-force, bladder and thread friction of the cylindrical part alone; the cones of (20)-(22) only turn
-the muscle's length into the cylinder's. `friction_loss_static` lets the cones work as well.
+source was not found. Composite: F = F_ideal(L_m) - F_rubber(L_m) - F_friction(L_m), with the ideal
+force, bladder and thread friction of the cylindrical part alone. The cones of (20)-(22) only serve
+to convert the muscle's length into the cylinder's. In `friction_loss_static` the cones also
+contribute to the force.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from pam_model.muscles.thread_friction import ThreadFriction
     summary="ideal force, rubber and friction of the cylinder between tapered ends (after Li)",
 )
 class LiStatic(FrictionLossStatic):
-    """Force of the cylindrical part; gas volume with the cones, so not of one energy.
+    """Force of the cylindrical part; the gas volume includes the cones (not one energy).
 
     Parameters
     ----------
@@ -37,9 +38,9 @@ class LiStatic(FrictionLossStatic):
     fitting_diameter : float
         d [m].
     bladder : RubberWall
-        Along the cylindrical part.
+        The bladder along the cylindrical part.
     friction : ThreadFriction
-        Along the cylindrical part.
+        The friction along the cylindrical part.
 
     Raises
     ------

@@ -2,9 +2,9 @@
 
 F = -P dV/dL + F_hoop dD/dL - F_axial, with hoop and axial strain against the muscle at rest,
 F_hoop = E V_w (D - D0)/D0^2, F_axial = E V_w (L0 - L)/L0^2, V_w the rubber and E a cubic in
-(L - L0)/L0. Form from public code; that code drops an L^2 from dV/dL (b^2 - 2 L^2 in place of
-b^2 - 3 L^2), which is not followed. Its muscle had a wall of 1.8 mm and a thread angle of 28.6
-degrees at rest; its modulus is not known here, so the default is a soft rubber's. Named without
+(L - L0)/L0. The form is from public code; that code has an error in dV/dL (b^2 - 2 L^2 instead of
+b^2 - 3 L^2), which is corrected here. Its muscle had a wall of 1.8 mm and a thread angle of 28.6
+degrees at rest; its modulus is not known, so the default is that of a soft rubber. Named without
 an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle".
 """
 
@@ -21,16 +21,16 @@ from pam_model.muscles.rubber_wall import tube_volume
 
 
 class LinearWall:
-    """Wall whose hoop and axial strain cost a modulus that is a cubic in axial strain.
+    """Wall with hoop and axial stress; its modulus is a cubic polynomial in axial strain.
 
     Parameters
     ----------
     braid : ThinCylinder
-        What the wall follows.
+        The braid that determines the shape of the wall.
     rest_length : float
         L0 [m].
     volume : float
-        Rubber V_w [m^3].
+        Volume of rubber V_w [m^3].
     modulus : tuple of float
         Coefficients of E by powers 0-3 of (L - L0)/L0 [Pa].
 
@@ -89,7 +89,7 @@ class LinearWall:
     summary="braid and a wall with hoop and axial stress of one modulus (Martens, Boblan)",
 )
 class MartensBoblan(ElasticCylinder):
-    """Affine in pressure, B(L) is the wall.
+    """Affine in pressure; B(L) is the pull of the wall.
 
     Parameters
     ----------
@@ -114,9 +114,9 @@ class MartensBoblan(ElasticCylinder):
     name: ClassVar[str] = "martens_boblan"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         "modulus": ModelParameter(1e6, "Pa", 0.0, 1e9, "E of the wall at rest length"),
-        "modulus_slope": ModelParameter(0.0, "Pa", -1e9, 1e9, "dE by axial strain"),
-        "modulus_square": ModelParameter(0.0, "Pa", -1e9, 1e9, "E by axial strain squared"),
-        "modulus_cube": ModelParameter(0.0, "Pa", -1e9, 1e9, "E by axial strain cubed"),
+        "modulus_slope": ModelParameter(0.0, "Pa", -1e9, 1e9, "E per axial strain"),
+        "modulus_square": ModelParameter(0.0, "Pa", -1e9, 1e9, "E per axial strain squared"),
+        "modulus_cube": ModelParameter(0.0, "Pa", -1e9, 1e9, "E per axial strain cubed"),
     }
 
     def __init__(

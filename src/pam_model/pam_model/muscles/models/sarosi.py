@@ -1,9 +1,9 @@
 """Force as exponentials and products of contraction and pressure, after Sarosi.
 
 F = (a1 p + a2) e^(a3 kappa) + a4 p kappa + a5 p + a6, kappa the contraction in percent, p in kPa.
-Form from public code, not in "A Review of Design and Modeling of Pneumatic Artificial Muscle" as
-an equation; the default constants are arbitrary and only give a muscle of plausible size: identify
-them. Gas volume is the ideal braid's (stand-in).
+The form is from public code; "A Review of Design and Modeling of Pneumatic Artificial Muscle" has
+no equation. The default constants are arbitrary and only give a plausible muscle: identify them.
+Gas volume is the ideal braid's (stand-in).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Sarosi(AffineMuscle):
     turns : float
         n [-], for the gas volume.
     rest_length : float
-        Length of no contraction [m].
+        Length at zero contraction [m].
     a1, a2, a3, a4, a5, a6 : float
         The constants, in units of kPa, percent and N.
 
@@ -46,11 +46,11 @@ class Sarosi(AffineMuscle):
 
     name: ClassVar[str] = "sarosi"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
-        "a1": ModelParameter(1.2, "N/kPa", -1e4, 1e4, "exponential's part by pressure"),
-        "a2": ModelParameter(80.0, "N", -1e5, 1e5, "exponential's part without pressure"),
-        "a3": ModelParameter(-0.25, "1/%", -5.0, 5.0, "decay of the exponential by contraction"),
-        "a4": ModelParameter(-0.02, "N/(kPa %)", -1e3, 1e3, "force by pressure and contraction"),
-        "a5": ModelParameter(0.8, "N/kPa", -1e4, 1e4, "force by pressure"),
+        "a1": ModelParameter(1.2, "N/kPa", -1e4, 1e4, "factor of the exponential per pressure"),
+        "a2": ModelParameter(80.0, "N", -1e5, 1e5, "factor of the exponential without pressure"),
+        "a3": ModelParameter(-0.25, "1/%", -5.0, 5.0, "decay of the exponential with contraction"),
+        "a4": ModelParameter(-0.02, "N/(kPa %)", -1e3, 1e3, "force per pressure and contraction"),
+        "a5": ModelParameter(0.8, "N/kPa", -1e4, 1e4, "force per pressure"),
         "a6": ModelParameter(-60.0, "N", -1e5, 1e5, "force without pressure"),
     }
 
@@ -101,7 +101,7 @@ class Sarosi(AffineMuscle):
         return by_length * (a1 * fade + a4) / _PASCAL_PER_KILOPASCAL, by_length * a2 * fade
 
     def volume(self, length: Any) -> Any:
-        """The ideal braid's volume [m^3]; the model itself has none."""
+        """The ideal braid's volume [m^3]; the model itself defines no volume."""
         return self._braid.volume(length)
 
     def volume_slope(self, length: Any) -> Any:

@@ -3,11 +3,12 @@
 Source: equation (3) of "A Review of Design and Modeling of Pneumatic Artificial Muscle"; both
 elastic terms follow from virtual work of membrane resultants k_e (L - L_rest) along the axis and
 pi k_e (d - D_rest) around it.
-Errata: D in (3) is D90 = b/(n pi). The axial term is printed without a rest length, a bladder
-that would pull without pressure or stretch: `bladder_length_ratio` = 0 reproduces that. Friction
-is printed for shortening only. D_0 is the bladder's diameter at rest. k_e [Pa] is a lumped fit,
-not Young's modulus: a thin tube of modulus E and wall t has E t/(pi D_rest) around and E t/L_rest
-along, so there are two constants. Whether the original leaves out L_rest is not verified.
+Errata: D in (3) is D90 = b/(n pi). The axial term is printed without a rest length, so that the
+bladder would pull without pressure or stretch: `bladder_length_ratio` = 0 reproduces that. Friction
+is printed for shortening only. D_0 is the bladder's diameter at rest. k_e [Pa] is a lumped
+constant, not Young's modulus: for a thin tube of modulus E and wall t it is E t/(pi D_rest) around
+the axis and E t/L_rest along it, so there are two constants. It is not verified whether the
+original also omits L_rest.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
     summary="ideal braid with a linear bladder and dry friction between bladder and braid",
 )
 class Schulte(ThinCylinder):
-    """(3), affine in pressure at rest; friction appears with speed.
+    """(3), affine in pressure at rest; friction acts only in motion.
 
     F = kappa P (3 cos^2 - 1)
     + pi D90 [k_axial (L - L_rest) sin - k_hoop pi (cos^2/sin)(D90 sin - D_rest)]
@@ -45,7 +46,7 @@ class Schulte(ThinCylinder):
     turns : float
         n [-].
     bladder_length, bladder_diameter : float
-        The bladder without stress, L_rest and D_rest [m].
+        L_rest and D_rest of the stress-free bladder [m].
     axial_constant, hoop_constant : float
         k_e along and around the axis [Pa].
     friction : float
@@ -60,13 +61,13 @@ class Schulte(ThinCylinder):
 
     name: ClassVar[str] = "schulte"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
-        "axial_constant": ModelParameter(20e3, "Pa", 0.0, 1e7, "bladder's k_e along the axis"),
-        "hoop_constant": ModelParameter(20e3, "Pa", 0.0, 1e7, "bladder's k_e around the axis"),
+        "axial_constant": ModelParameter(20e3, "Pa", 0.0, 1e7, "k_e of the bladder along the axis"),
+        "hoop_constant": ModelParameter(20e3, "Pa", 0.0, 1e7, "k_e of the bladder around the axis"),
         "bladder_length_ratio": ModelParameter(
-            1.0, "-", 0.0, 2.0, "bladder's stress-free length over the muscle's rest length"
+            1.0, "-", 0.0, 2.0, "stress-free length of the bladder over the muscle's rest length"
         ),
         "bladder_diameter_ratio": ModelParameter(
-            1.0, "-", 0.0, 2.0, "bladder's stress-free diameter over the braid's at rest"
+            1.0, "-", 0.0, 2.0, "stress-free diameter of the bladder over the braid's at rest"
         ),
         "friction": ModelParameter(0.02, "-", 0.0, 2.0, "friction coefficients mu_s + mu_st"),
     }
@@ -115,11 +116,11 @@ class Schulte(ThinCylinder):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """(0, b) without b, where the braid has no diameter [m]."""
+        """(0, b), open at b, where the diameter of the braid is zero [m]."""
         return 0.0, self.thread_length
 
     def _check(self, length: Any) -> Any:
-        reason = "the thread length, where no diameter is left"
+        reason = "the thread length, where the diameter is zero"
         return require_length(length, 0.0, self.thread_length, reason, open_high=True)
 
     def _angle(self, length: Any) -> tuple[Any, Any]:
@@ -149,7 +150,7 @@ class Schulte(ThinCylinder):
         return super().coefficient_slopes(length)[0], math.pi * self._diameter90 * (axial - hoop)
 
     def contact_pressure(self, pressure: Any, length: Any) -> Any:
-        """P_c [Pa]: what presses the bladder on the braid once its hoop tension is overcome."""
+        """P_c [Pa]: contact pressure of bladder and braid, reduced by the hoop tension."""
         _, sine = self._angle(length)
         around = 1.0 - self.bladder_diameter / (self._diameter90 * sine)
         left = pressure - 2.0 * math.pi * self.hoop_constant * around
@@ -162,7 +163,7 @@ class Schulte(ThinCylinder):
         return self.friction_coefficient * area * contact_pressure
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N]; lengthening [m/s] adds the friction, shortening takes it off."""
+        """Pull [N]; friction adds to it in lengthening [m/s], reduces it in shortening."""
         static = super().force(pressure, length)
         loss = self.friction(self.contact_pressure(pressure, length), length)
         return static + direction(velocity) * loss

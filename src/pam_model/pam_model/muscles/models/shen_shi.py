@@ -1,9 +1,9 @@
-"""Fibres embedded in thick rubber, with thread friction, in the manner of Shen and Shi.
+"""Fibres embedded in thick rubber, with thread friction, similar to Shen and Shi.
 
 Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle";
-the source's own form was not found. Derived composite: F = -P dV/dL + dU/dL and friction of the
-threads, U the Mooney-Rivlin energy of a thick wall whose outer face the fibres hold and whose bore
-is what incompressible rubber leaves.
+the source's own form was not found. Derived composite: F = -P dV/dL + dU/dL plus friction of the
+threads, where U is the Mooney-Rivlin energy of a thick wall. The fibres hold its outer face, and
+its bore follows from the constant volume of the rubber.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pam_model.muscles.thread_friction import FRICTION_PARAMETERS, ThreadFrictio
     summary="fibres embedded in a thick rubber wall, with friction (after Shen and Shi)",
 )
 class ShenShi(ElasticCylinder):
-    """Affine in pressure at rest; gas volume is the braid's less the rubber's.
+    """Affine in pressure at rest; the gas volume is that of the braid minus the rubber.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ class ShenShi(ElasticCylinder):
     turns : float
         n [-].
     rest_length : float
-        Length without stress in the rubber [m].
+        Length at which the rubber is stress-free [m].
     wall_thickness : float
-        Rubber at rest [m].
+        Thickness of the rubber at rest [m].
     c10, c01 : float
         Mooney-Rivlin constants [Pa].
     friction : ThreadFriction
-        Between threads and rubber.
+        Friction between threads and rubber.
 
     Raises
     ------

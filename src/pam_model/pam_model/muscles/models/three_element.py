@@ -1,11 +1,11 @@
-"""The three-element muscle of (38) as a force of pressure, length and speed.
+"""The three-element muscle of (38): force as a function of pressure, length and speed.
 
-F = F_ce(P) - K(P) y - B y', y the shortening from the rest length; F_ce and K straight lines in
-pressure. Source: equation (38) of "A Review of Design and Modeling of Pneumatic Artificial
-Muscle" (K in its text is k in the formula, L is the load). Default constants: Serres' fit above
-314 kPa while contracting, from a public simulator's description; a different muscle needs its
-own. `phenomenological.three_element` has the complete fit and the motion in closed form. Gas
-volume is the ideal braid's (stand-in).
+F = F_ce(P) - K(P) y - B y', where y is the shortening from the rest length, and F_ce and K are
+affine in pressure. Source: equation (38) of "A Review of Design and Modeling of Pneumatic
+Artificial Muscle" (K in its text is k in the formula, L is the load). Default constants: Serres'
+fit above 314 kPa while contracting, from a public simulator's description; other muscles need
+their own. `pam_model.atlas.phenomenological.three_element` has the complete fit and the motion in
+closed form. Gas volume is the ideal braid's (stand-in).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
 @register(
     equations="(38)",
     status="empirical",
-    summary="contractile force, spring and damper in parallel, straight lines in pressure",
+    summary="contractile force, spring and damper in parallel, affine in pressure",
 )
 class ThreeElement(AffineMuscle):
     """Affine in pressure.
@@ -28,9 +28,9 @@ class ThreeElement(AffineMuscle):
     Parameters
     ----------
     geometry : MuscleGeometry
-        Thread length and turns give the volume, the rest length is where y = 0.
+        Thread length and turns determine the volume; y = 0 at the rest length.
     constants : mapping of str to float
-        As `parameters` lists them.
+        The constants that `parameters` lists.
 
     Raises
     ------
@@ -67,7 +67,7 @@ class ThreeElement(AffineMuscle):
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """A(L) [m^2] and B(L) [N] of F = P A + B."""
-        self._braid.volume(length)  # refuses a length outside (0, b]
+        self._braid.volume(length)  # raises for a length outside (0, b]
         shortening = self.rest_length - length
         fit = self._constants
         return (
@@ -77,17 +77,17 @@ class ThreeElement(AffineMuscle):
 
     def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
         """dA/dL [m] and dB/dL [N/m]."""
-        self._braid.volume(length)  # refuses a length outside (0, b]
+        self._braid.volume(length)  # raises for a length outside (0, b]
         same = 0.0 * length
         fit = self._constants
         return fit["stiffness_per_pressure"] + same, fit["stiffness_offset"] + same
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N]; lengthening [m/s] adds the damper's force."""
+        """Pull [N]; the damper adds to it in lengthening [m/s]."""
         return super().force(pressure, length) + self._constants["damping"] * velocity
 
     def volume(self, length: Any) -> Any:
-        """The ideal braid's volume [m^3]; the model itself has none."""
+        """The ideal braid's volume [m^3]; the model itself defines no volume."""
         return self._braid.volume(length)
 
     def volume_slope(self, length: Any) -> Any:

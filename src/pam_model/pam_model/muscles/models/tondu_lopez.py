@@ -3,8 +3,8 @@
 Source: equations (9)-(12) of "A Review of Design and Modeling of Pneumatic Artificial Muscle";
 B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE
 Control Systems Magazine 20(2), 2000.
-Errata: l_0 is the initial and l the current length (the prose swaps them); (9) is a pure
-cylinder, not a cone: only k above 1 in (11) stands in for ends that taper.
+Errata: l_0 is the initial and l the current length (the text swaps them); (9) describes a pure
+cylinder, not a cone: only k above 1 in (11) represents tapered ends.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class TonduLopez(ThinCylinder):
     """(11): F = pi r0^2 P (A (1 - k eps)^2 - B), A = 3/tan^2 theta0, B = 1/sin^2 theta0.
 
     r0 and theta0 are the braid's at its rest length. At k = 1 this is the ideal cylinder. The gas
-    volume is the ideal cylinder's, so with k other than 1 force and volume are not from one
-    energy.
+    volume is the ideal cylinder's, so that with k other than 1 force and volume do not follow from
+    the same energy.
 
     Parameters
     ----------
@@ -93,14 +93,14 @@ class TonduLopez(ThinCylinder):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """(l0 (1 - 1/k), b): below, the square in (11) would rise again [m]."""
+        """(l0 (1 - 1/k), b): below this, the square in (11) would rise again [m]."""
         return self._shortest, self.thread_length
 
     def _check(self, length: Any) -> Any:
         return require_length(length, self._shortest, self.thread_length, "the thread length")
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
-        """(11) without its pressure: A(L) [m^2] and B = 0 [N]."""
+        """(11) divided by pressure: A(L) [m^2]; and B = 0 [N]."""
         length = self._check(length)
         contraction = self.k * (1.0 - length / self.rest_length)
         return contraction_coefficient(self._area, self._a, self._b, contraction), 0.0 * length

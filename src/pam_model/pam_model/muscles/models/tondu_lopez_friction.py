@@ -1,10 +1,11 @@
-"""Tondu and Lopez with their friction between threads, which depends on speed.
+"""Tondu and Lopez with friction between threads that depends on speed.
 
 F = F_static - [f_k + (f_s - f_k) exp(-|v|/v_s)] S P sgn(v), v the shortening speed,
 S = 2 pi r0 l0 sin theta0/[(1 - eps) sqrt(1 - cos^2 theta0 (1 - eps)^2)].
-Source: form and constants f_s = 0.015, f_k = 0.105, v_s = 0.15 m/s from public code that names
-Tondu and Lopez; the paper itself was not read (note f_k above f_s). That code has exp(+v/v_s), a
-bug. The static part is (11) of "A Review of Design and Modeling of Pneumatic Artificial Muscle".
+Source: form and constants f_s = 0.015, f_k = 0.105, v_s = 0.15 m/s are from public code that names
+Tondu and Lopez; the paper itself was not checked (f_k is unusually above f_s). That code has
+exp(+v/v_s), which is an error. The static part is (11) of "A Review of Design and Modeling of
+Pneumatic Artificial Muscle".
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from pam_model.muscles.models.tondu_lopez import TonduLopez
     summary="contraction ratio with end factor k and thread friction that depends on speed",
 )
 class TonduLopezFriction(TonduLopez):
-    """Affine in pressure; at speed zero the friction is left out.
+    """Affine in pressure; the friction is zero at zero speed.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ class TonduLopezFriction(TonduLopez):
         **TonduLopez.parameters,
         "static_friction": ModelParameter(0.015, "-", 0.0, 2.0, "f_s, friction at low speed"),
         "kinetic_friction": ModelParameter(0.105, "-", 0.0, 2.0, "f_k, friction at high speed"),
-        "friction_speed": ModelParameter(0.15, "m/s", 1e-6, 10.0, "v_s, speed between the two"),
+        "friction_speed": ModelParameter(0.15, "m/s", 1e-6, 10.0, "v_s, speed of the transition"),
     }
 
     def __init__(
@@ -92,7 +93,7 @@ class TonduLopezFriction(TonduLopez):
         return self._contact / (left * square_root(1.0 - cosine * cosine))
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N]; lengthening [m/s] adds the friction, shortening takes it off."""
+        """Pull [N]; friction adds to it in lengthening [m/s], reduces it in shortening."""
         static = super().force(pressure, length)
         if isinstance(velocity, (float, int)) and velocity == 0.0:
             return static

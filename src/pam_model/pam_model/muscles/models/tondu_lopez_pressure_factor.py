@@ -1,8 +1,8 @@
 """Tondu and Lopez with an end factor that falls with pressure, k(P) = a_k e^(-P) + b_k, P in bar.
 
 Source: equation (11) of "A Review of Design and Modeling of Pneumatic Artificial Muscle" with a
-factor known from the literature after Tondu and Lopez; its form is general knowledge, not
-verified against a paper, and its constants belong to one muscle each: the defaults only give a
+factor known from the literature after Tondu and Lopez. Its form is general knowledge, not
+verified against a paper. Its constants are valid for one muscle only; the defaults only have a
 plausible size. Errata as in `tondu_lopez`.
 """
 
@@ -53,7 +53,7 @@ class TonduLopezPressureFactor(CurvedMuscle):
     name: ClassVar[str] = "tondu_lopez_pressure_factor"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         "falling_factor": ModelParameter(0.5, "-", 0.0, 10.0, "a_k, vanishes at high pressure"),
-        "constant_factor": ModelParameter(1.1, "-", 0.5, 3.0, "b_k, what stays of k"),
+        "constant_factor": ModelParameter(1.1, "-", 0.5, 3.0, "b_k, k at high pressure"),
     }
 
     def __init__(
@@ -89,7 +89,7 @@ class TonduLopezPressureFactor(CurvedMuscle):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """(l0 (1 - 1/k(0)), b): below, the square would rise again at low pressure [m]."""
+        """(l0 (1 - 1/k(0)), b): below this, the square would rise again at low pressure [m]."""
         return self._shortest, self.braid.thread_length
 
     def factor(self, pressure: Any) -> Any:
@@ -108,7 +108,7 @@ class TonduLopezPressureFactor(CurvedMuscle):
         return k, contraction, 1.0 - k * contraction
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """Pull [N] at gauge pressure [Pa] and length [m]; speed plays no part."""
+        """Pull [N] at gauge pressure [Pa] and length [m]; it does not depend on speed."""
         _, _, left = self._left(pressure, length)
         return pressure * self._area * (self._a * left * left - self._b)
 

@@ -2,8 +2,8 @@
 
 mu = a_m e^(-40 eps) - b_m scales the whole force and k the contraction ratio. Source: (11) of
 "A Review of Design and Modeling of Pneumatic Artificial Muscle" with a second factor known from
-the literature after Tondu and Lopez; its form is general knowledge, not verified against a paper.
-Its constants belong to one muscle each; the defaults only give a plausible size. Errata as in
+the literature after Tondu and Lopez. Its form is general knowledge, not verified against a paper.
+Its constants are valid for one muscle only; the defaults only have a plausible size. Errata as in
 `tondu_lopez`.
 """
 
@@ -17,7 +17,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
 from pam_model.muscles.models.tondu_lopez import TonduLopez
 
 DECAY = 40.0
-"""How fast the first part of mu dies with contraction [-]."""
+"""Rate at which the first part of mu decays with contraction [-]."""
 
 
 @register(
@@ -50,8 +50,8 @@ class TonduLopezTwoFactors(TonduLopez):
     name: ClassVar[str] = "tondu_lopez_two_factors"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         **TonduLopez.parameters,
-        "initial_factor": ModelParameter(0.1, "-", -10.0, 10.0, "a_m, dies with contraction"),
-        "offset_factor": ModelParameter(-0.9, "-", -10.0, 10.0, "b_m, what mu ends at, negated"),
+        "initial_factor": ModelParameter(0.1, "-", -10.0, 10.0, "a_m, decays with contraction"),
+        "offset_factor": ModelParameter(-0.9, "-", -10.0, 10.0, "b_m, negative of mu at the end"),
     }
 
     def __init__(

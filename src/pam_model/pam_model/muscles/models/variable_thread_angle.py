@@ -2,10 +2,10 @@
 
 Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle".
 Derived from (1), (2), (6) with the angle at rest as a second input: length and diameter at rest
-stay, so b = L0/cos(angle) and n = L0 tan(angle)/(pi D0). Below 54.7 degrees it contracts, above
-it extends. Threads along the axis (angle 0) would carry any force at no change of volume: there
-n is 0 and F = (pi D0^2/4) P (2 cot^2 - 1) at rest length grows without bound, so angles below
-`LEAST_ANGLE` are outside the model's domain.
+are constant, so b = L0/cos(angle) and n = L0 tan(angle)/(pi D0). Below 54.7 degrees the muscle
+contracts, above it extends. At angle 0 the threads are parallel to the axis and would carry any
+force without a change of volume: n is 0, and F = (pi D0^2/4) P (2 cot^2 - 1) at rest length grows
+without bound. Angles below `LEAST_ANGLE` are therefore outside the model's domain.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from pam_model.muscles.elementary import arc_cosine, cosine, tangent
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 LEAST_ANGLE = math.radians(3.0)
-"""Smallest thread angle at rest [rad]: as for the geometry of any muscle that `fit` looks for."""
+"""Smallest thread angle at rest [rad], the same as the lower bound of the geometry in `fit`."""
 
 
 def _angle_of(geometry: MuscleGeometry) -> Any:
-    rest_diameter(geometry)  # refuses a geometry that is no braid
+    rest_diameter(geometry)  # raises for an impossible geometry
     return arc_cosine(geometry.rest_length / geometry.thread_length)
 
 
@@ -37,7 +37,7 @@ def _angle_of(geometry: MuscleGeometry) -> Any:
     row="variable_angle",
 )
 class VariableThreadAngle(ThinCylinder):
-    """Ideal cylinder of given size at rest and any thread angle.
+    """The ideal cylinder with a given size at rest and a variable thread angle.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class VariableThreadAngle(ThinCylinder):
             "rad",
             0.0,
             1.55,
-            "thread angle set at rest length, at least 0.0524; 0 takes the geometry's",
+            "thread angle set at rest length, at least 0.0524; 0: that of the geometry",
             _angle_of,
         ),
     }
@@ -72,7 +72,7 @@ class VariableThreadAngle(ThinCylinder):
         if not LEAST_ANGLE * (1.0 - ROUNDING) <= rest_angle < 0.5 * math.pi:
             raise DomainError(
                 f"rest_angle = {rest_angle:g} rad is outside [{LEAST_ANGLE:.4g}, pi/2) rad: "
-                "threads along the axis leave no braid that could contract"
+                "a braid with threads along the axis cannot contract"
             )
         super().__init__(
             rest_length / cosine(rest_angle),

@@ -1,9 +1,9 @@
 """Wickramatunge and Leephakpreeda's empirical stiffness of the stretched muscle.
 
-F = K L_s, K = a3 P^2 + a2 P L_s + a1 L_s^2 + a0, L_s the stretch from the zero-force length.
-Named without a formula in "A Review of Design and Modeling of Pneumatic Artificial Muscle"; the
-form is general knowledge and not verified against the source, and the default constants only
-give a muscle of plausible size: identify them. Gas volume is the ideal braid's (stand-in).
+F = K L_s, K = a3 P^2 + a2 P L_s + a1 L_s^2 + a0, where L_s is the stretch from the zero-force
+length. Named without a formula in "A Review of Design and Modeling of Pneumatic Artificial
+Muscle"; the form is general knowledge, not verified against the source. The default constants only
+give a plausible muscle: identify them. Gas volume is the ideal braid's (stand-in).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Wickramatunge:
     rest_length : float
         Unpressurised length [m].
     constants : mapping of str to float
-        As `parameters` lists them.
+        The constants that `parameters` lists.
 
     Raises
     ------
@@ -43,11 +43,11 @@ class Wickramatunge:
     name: ClassVar[str] = "wickramatunge"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
         "a0": ModelParameter(2e3, "N/m", -1e6, 1e6, "stiffness without pressure or stretch"),
-        "a1": ModelParameter(2e5, "N/m^3", -1e9, 1e9, "stiffness by stretch squared"),
-        "a2": ModelParameter(1e-2, "N/(m^2 Pa)", -1e2, 1e2, "stiffness by pressure and stretch"),
-        "a3": ModelParameter(5e-8, "N/(m Pa^2)", -1e-5, 1e-5, "stiffness by pressure squared"),
+        "a1": ModelParameter(2e5, "N/m^3", -1e9, 1e9, "stiffness per stretch squared"),
+        "a2": ModelParameter(1e-2, "N/(m^2 Pa)", -1e2, 1e2, "stiffness per pressure and stretch"),
+        "a3": ModelParameter(5e-8, "N/(m Pa^2)", -1e-5, 1e-5, "stiffness per pressure squared"),
         "zero_force_ratio": ModelParameter(
-            0.62, "-", 0.1, 3.0, "length without force over rest length"
+            0.62, "-", 0.1, 3.0, "zero-force length over rest length"
         ),
     }
 
@@ -87,11 +87,11 @@ class Wickramatunge:
         return a3 * pressure * pressure + rise + a0
 
     def _stretch(self, length: Any) -> Any:
-        self._braid.volume(length)  # refuses a length outside (0, b]
+        self._braid.volume(length)  # raises for a length outside (0, b]
         return length - self.zero_force_length
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
-        """K L_s [N] at gauge pressure [Pa] and length [m]; speed plays no part."""
+        """K L_s [N] at gauge pressure [Pa] and length [m]; it does not depend on speed."""
         stretch = self._stretch(length)
         return self.secant_stiffness(pressure, stretch) * stretch
 
@@ -100,7 +100,7 @@ class Wickramatunge:
         return self.stretch_stiffness(pressure, self._stretch(length))
 
     def volume(self, length: Any) -> Any:
-        """The ideal braid's volume [m^3]; the model itself has none."""
+        """The ideal braid's volume [m^3]; the model itself defines no volume."""
         return self._braid.volume(length)
 
     def volume_slope(self, length: Any) -> Any:

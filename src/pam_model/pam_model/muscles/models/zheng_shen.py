@@ -1,9 +1,10 @@
 """Sleeve muscle: a rod fills part of the braid, a second chamber pushes; after Zheng and Shen.
 
 Named without an equation in "A Review of Design and Modeling of Pneumatic Artificial Muscle". The
-gas volume splits into V1 = pi d_i^2 L/4, which would only push, and the rest; a rod of diameter
-d_i that fills V1 gives F = F_(1) + P pi d_i^2/4, and a second chamber of bore d_ext pushes with
-P_ext pi d_ext^2/4. Gas left V2/V = 1 - (d_i/D)^2. Derived; the concept is from the abstract.
+gas volume consists of V1 = pi d_i^2 L/4, which would only push, and the rest V2. A rod of diameter
+d_i that fills V1 gives F = F_(1) + P pi d_i^2/4; a second chamber of bore d_ext pushes with
+P_ext pi d_ext^2/4. The remaining gas is V2/V = 1 - (d_i/D)^2. Derived; the concept is from the
+abstract.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
     row="sleeve",
 )
 class ZhengShen(ThinCylinder):
-    """Affine in the muscle's pressure; the second chamber's pressure is a constant here.
+    """Affine in the muscle's pressure; the pressure of the second chamber is a constant.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ class ZhengShen(ThinCylinder):
     Raises
     ------
     DomainError
-        For b or n not above zero, a diameter below it, or a rod that does not fit; by the
+        For b or n not above zero, a diameter below zero, or a rod that does not fit; by the
         methods for a length at which the braid would touch the rod.
     """
 
@@ -90,7 +91,7 @@ class ZhengShen(ThinCylinder):
 
     @property
     def length_bounds(self) -> tuple[float, float]:
-        """(0, sqrt(b^2 - (pi n d_i)^2)): there the braid touches the rod [m]."""
+        """(0, sqrt(b^2 - (pi n d_i)^2)); at the upper bound the braid touches the rod [m]."""
         return 0.0, self._longest
 
     def _check(self, length: Any) -> Any:
@@ -105,7 +106,7 @@ class ZhengShen(ThinCylinder):
         return pressure * self.coefficients(length)[0] - self.push(extension_pressure)
 
     def gas_ratio(self, length: Any) -> Any:
-        """V2/V = 1 - (d_i/D)^2 [-]: gas needed, over that of the same muscle without rod."""
+        """V2/V = 1 - (d_i/D)^2 [-]: gas volume relative to the same muscle without a rod."""
         return self.volume(length) / super().volume(length)
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
@@ -114,7 +115,7 @@ class ZhengShen(ThinCylinder):
         return scale + self._insert, zero - self.push(self.extension_pressure)
 
     def volume(self, length: Any) -> Any:
-        """Gas between rod and braid [m^3]."""
+        """Gas volume between rod and braid [m^3]."""
         return super().volume(length) - self._insert * length
 
     def volume_slope(self, length: Any) -> Any:
