@@ -202,4 +202,4 @@ def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode != 0
-    assert f"PAM_EFFECTS names {tmp_path / 'nowhere'}, which is no folder" in done.stderr
+    assert f"PAM_EFFECTS names {tmp_path / 'nowhere'}, which is not a folder" in done.stderr

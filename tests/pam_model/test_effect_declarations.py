@@ -82,7 +82,7 @@ def test_every_file_of_the_folder_is_an_effect_of_its_name() -> None:
 def test_a_file_without_an_effect_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "empty_file.py"
     path.write_text("NUMBER = 1\n")
-    with pytest.raises(EffectError, match="makes no EFFECT"):
+    with pytest.raises(EffectError, match="creates no EFFECT"):
         load_effect(path)
 
 
@@ -108,14 +108,14 @@ def test_a_parameter_without_a_search_range_is_refused() -> None:
     search = replace(
         search, ranges=lambda rig: dict.fromkeys(("conductance", "x"), Range(0, 1, 1, (1,)))
     )
-    with pytest.raises(EffectError, match="range for 'x', which is no parameter"):
+    with pytest.raises(EffectError, match="range for 'x', which is not a parameter"):
         changed(search=search)
 
 
 def test_a_portrait_of_nothing_is_refused() -> None:
     for sizes, message in (
         ({}, "neutral values"),
-        ({"size": 1.0}, "'size', which is no parameter"),
+        ({"size": 1.0}, "'size', which is not a parameter"),
     ):
         with pytest.raises(EffectError, match=message):
             changed(portrait=replace(EFFECTS["leakage"].portrait, sizes=sizes))

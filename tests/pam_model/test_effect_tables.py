@@ -52,7 +52,7 @@ def test_a_page_without_a_place_is_told(tmp_path: Path) -> None:
         write_tables(tmp_path)
     for name in PAGES:
         (tmp_path / name).write_text("# A page\n")
-    with pytest.raises(PamError, match="holds no place for a table of effects"):
+    with pytest.raises(PamError, match="contains no table of effects"):
         write_tables(tmp_path)
-    with pytest.raises(PamError, match="no table of effects is called 'colours'"):
+    with pytest.raises(PamError, match="unknown table of effects 'colours'"):
         with_tables("<!-- effects: colours -->\n<!-- end of effects -->")

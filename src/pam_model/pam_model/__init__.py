@@ -2,7 +2,7 @@
 
 The public names, without ROS:
 
-- `load_rig`, `save_rig`, `Rig`: a robot's description, read from its rig file, checked and written.
+- `load_rig`, `save_rig`, `Rig`: read, check and write a rig file, the description of a robot.
 - `create_force_model`, `registered_models`, `MuscleGeometry`: force from length and pressure.
 - `AntagonisticJoint`: a joint's torque and stiffness from two pressures, and the inverse.
 - `EFFECTS`: the effects by which a real rig differs from the ideal one, by name.

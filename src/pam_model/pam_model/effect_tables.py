@@ -68,7 +68,7 @@ def table(kind: str) -> str:
         lines = [head, "|---|---|---|---|"]
         lines += [_keys(effect) for effect in EFFECTS.values() if effect.scope == kind]
     else:
-        raise PamError(f"no table of effects is called {kind!r}")
+        raise PamError(f"unknown table of effects {kind!r}")
     return "\n".join(lines) + "\n"
 
 
@@ -110,7 +110,7 @@ def write_tables(folder: Path) -> list[Path]:
             raise PamError(f"{path}: no such page")
         old = path.read_text(encoding="utf-8")
         if not _PLACE.search(old):
-            raise PamError(f"{path}: holds no place for a table of effects")
+            raise PamError(f"{path}: contains no table of effects")
         new = with_tables(old)
         if new != old:
             path.write_text(new, encoding="utf-8")

@@ -150,7 +150,7 @@ HELP = NodeHelp(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
+    """Run the node until it is stopped."""
     return spin_node(ModelNode, HELP, arguments, mistake=PamError)
 
 

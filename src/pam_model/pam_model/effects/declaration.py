@@ -119,7 +119,7 @@ class Effect:
             self._refuse("part 'slots' is empty: no law reaches the plant")
         for part_name in ("control", "plausibility"):
             if not getattr(self, part_name).how:
-                self._refuse(f"part {part_name!r} does not say how, or why not")
+                self._refuse(f"part {part_name!r} has no text `how`: what is done, or why nothing")
         self._check_laws()
         self._check_search()
         self._check_portrait()
@@ -179,7 +179,7 @@ class Effect:
         count = len(inspect.signature(law).parameters)
         wanted = (*context, *self.parameters)
         if count != len(wanted):
-            self._refuse(f"{what} takes {count} arguments; it is given ({', '.join(wanted)})")
+            self._refuse(f"{what} takes {count} arguments; it must take ({', '.join(wanted)})")
 
     def _check_search(self) -> None:
         found = set(self.search.ranges(SAMPLE_SCALES))
@@ -187,12 +187,12 @@ class Effect:
             if key not in found:
                 self._refuse(f"part 'search' has no range for the parameter {key!r}")
         for key in sorted(found - set(self.parameters)):
-            self._refuse(f"part 'search' has a range for {key!r}, which is no parameter")
+            self._refuse(f"part 'search' has a range for {key!r}, which is not a parameter")
 
     def _check_portrait(self) -> None:
         for key in self.portrait.sizes:
             if key not in self.parameters:
-                self._refuse(f"part 'portrait' has a size for {key!r}, which is no parameter")
+                self._refuse(f"part 'portrait' has a size for {key!r}, which is not a parameter")
         if self.is_neutral(self.portrait.sizes):
             self._refuse("part 'portrait' shows the effect at its neutral values")
         for text in ("signature", "easily_taken_for", "told_apart_by"):

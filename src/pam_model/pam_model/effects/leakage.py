@@ -23,7 +23,7 @@ EFFECT = Effect(
     description="air leaks from the muscle to ambient",
     law="mdot = ISO 6358 with C_l from muscle to ambient, always open",
     source="ISO 6358-1, flow-rate characteristics of pneumatic components",
-    parameters={"conductance": EffectParameter("C_l", "m^3/(s Pa)", 0.0, 0.0, 1e-8, "leak")},
+    parameters={"conductance": EffectParameter("C_l", "m^3/(s Pa)", 0.0, 0.0, 1e-8, "of the leak")},
     slots=(Leak(leaking_flow),),
     control=Included("adds the flow of the leak to the flow of the valve"),
     plausibility=Included("the pressure observer includes the flow of the leak"),

@@ -31,7 +31,7 @@ EFFECT = Effect(
     law="gravity_torque + m g l; inertia + m l^2; g = 9.80665 m/s^2",
     source="rigid body",
     parameters={
-        "mass": EffectParameter("m", "kg", 0.0, 0.0, 100.0, "mass"),
+        "mass": EffectParameter("m", "kg", 0.0, 0.0, 100.0, "mass of the load"),
         "distance": EffectParameter("l", "m", 0.3, 0.0, 2.0, "distance from the joint axis", True),
     },
     slots=(

@@ -20,7 +20,9 @@ EFFECT = Effect(
     description="the pressure sensor filters its reading",
     law="dp_measured/dt = (p - p_measured)/tau_p",
     source="sensor model",
-    parameters={"time_constant": EffectParameter("tau_p", "s", 0.0, 0.0, 0.5, "time constant")},
+    parameters={
+        "time_constant": EffectParameter("tau_p", "s", 0.0, 0.0, 0.5, "of the first-order lag")
+    },
     slots=(Adjusts("pressure_sensor.lag", longer_lag),),
     control=Included("included in the gain design as a delay"),
     plausibility=Nothing(

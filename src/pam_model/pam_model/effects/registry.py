@@ -64,7 +64,7 @@ def effect_files() -> tuple[Path, ...]:
     found = [path for path in sorted(_HERE.glob("*.py")) if path.stem not in HOUSE]
     for entry in filter(None, os.environ.get("PAM_EFFECTS", "").split(os.pathsep)):
         if not Path(entry).is_dir():
-            raise EffectError(f"PAM_EFFECTS names {entry}, which is no folder")
+            raise EffectError(f"PAM_EFFECTS names {entry}, which is not a folder")
         found += sorted(Path(entry).glob("*.py"))
     return tuple(found)
 
@@ -92,9 +92,9 @@ def load_effect(path: Path) -> Effect:
     """
     effect = getattr(_module(path), "EFFECT", None)
     if not isinstance(effect, Effect):
-        raise EffectError(f"{path}: makes no EFFECT = Effect(...)")
+        raise EffectError(f"{path}: creates no EFFECT = Effect(...)")
     if effect.name != path.stem:
-        raise EffectError(f"{path}: holds the effect {effect.name}; its file must have its name")
+        raise EffectError(f"{path}: contains the effect {effect.name}; the file must have its name")
     return effect
 
 
@@ -121,11 +121,11 @@ def check_together(effects: Mapping[str, Effect]) -> None:
             other = claimed.setdefault(claim, effect.name)
             if other != effect.name:
                 raise EffectError(
-                    f"effects {other} and {effect.name} both claim {claim}: only one may"
+                    f"effects {other} and {effect.name} both claim {claim}; only one of them may"
                 )
         richer = effect.search.richer
         if richer is not None and richer.than not in effects:
-            raise EffectError(f"effect {effect.name}: no effect {richer.than!r} to be richer than")
+            raise EffectError(f"effect {effect.name}: part 'search': no effect {richer.than!r}")
 
 
 def _discover() -> dict[str, Effect]:
@@ -133,7 +133,7 @@ def _discover() -> dict[str, Effect]:
     for path in effect_files():
         effect = load_effect(path)
         if effect.name in found:
-            raise EffectError(f"{path}: there is an effect {effect.name} already")
+            raise EffectError(f"{path}: another file declares the effect {effect.name} as well")
         found[effect.name] = effect
     ordered = dict(sorted(found.items(), key=lambda item: item[1].order))
     check_together(ordered)

@@ -25,7 +25,7 @@ from pam_model.effects.parts import (
 )
 from pam_model.effects.slots import DryFriction
 
-RISING_SPEEDS: Final = (0.05, 0.3)
+START_SPEEDS: Final = (0.05, 0.3)
 """Starting points of the Stribeck speed in a search [rad/s]."""
 
 
@@ -41,7 +41,7 @@ def starts_from_coulomb(known: Mapping[str, float]) -> tuple[Mapping[str, float]
     """Similar torque, the same presliding, more static friction, a low and a high speed."""
     return tuple(
         {"static_torque": 1.4 * known["torque"], "torque": 0.9 * known["torque"], "speed": speed}
-        for speed in RISING_SPEEDS
+        for speed in START_SPEEDS
     )
 
 
@@ -71,7 +71,7 @@ EFFECT = Effect(
         ranges=lambda rig: {
             "static_torque": Range(0.0, 5.0 * rig.torque, 0.05 * rig.torque, (0.06 * rig.torque,)),
             "torque": Range(0.0, 5.0 * rig.torque, 0.05 * rig.torque, (0.04 * rig.torque,)),
-            "speed": Range(5e-3, 3.0, 0.7, RISING_SPEEDS, True),
+            "speed": Range(5e-3, 3.0, 0.7, START_SPEEDS, True),
             "presliding_angle": Range(1e-4, 3e-2, 0.7, (1e-3,), True),
         },
         shown_by=("position",),

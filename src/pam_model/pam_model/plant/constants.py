@@ -57,7 +57,7 @@ class _Adjusted:
 
 
 @dataclass(frozen=True, slots=True)
-class _LaidDown:
+class _StoredEffect:
     """One effect whose parameters are kernel constants, and their indices in the vector."""
 
     constants: EffectConstants
@@ -89,9 +89,9 @@ def _adjusted_of(owner: str) -> tuple[_Adjusted, ...]:
 
 _OWNERS = ("", *(f"{side}." for side in lay.MUSCLES))
 _ADJUSTED = tuple(entry for owner in _OWNERS for entry in _adjusted_of(owner))
-_LAID_DOWN = {
+_STORED_EFFECTS = {
     owner: tuple(
-        _LaidDown(constants, _places(constants.effect, owner))
+        _StoredEffect(constants, _places(constants.effect, owner))
         for constants in (lay.MUSCLE_EFFECTS if owner else lay.JOINT_EFFECTS).values()
     )
     for owner in _OWNERS
@@ -155,8 +155,8 @@ def derive_constants(values: Vector) -> Vector:
     c[lay.C_DROOP] = float(number["reservoir.conductance"] > 0.0)
     c[lay.C_DROOP_CONDUCTANCE] = number["reservoir.conductance"]
     c[lay.C_DROOP_VOLUME] = number["reservoir.volume"]
-    for laid in _LAID_DOWN[""]:
-        _lay_down(c, 0, laid, v)
+    for stored in _STORED_EFFECTS[""]:
+        _store(c, 0, stored, v)
     c[lay.C_FRICTION] = any(c[lay.JOINT_EFFECTS[e.name].is_on] > 0.0 for e, _ in _FRICTIONS)
     # A joint has one contact; of several effects, the softest applies.
     presliding = max((v[i] for i in _PRESLIDING), default=0.0)
@@ -171,16 +171,16 @@ def derive_constants(values: Vector) -> Vector:
     return c
 
 
-def _lay_down(c: Vector, first: int, laid: _LaidDown, v: list[float]) -> None:
+def _store(c: Vector, first: int, stored: _StoredEffect, v: list[float]) -> None:
     """Write the parameters of one effect, and whether it is switched on."""
     is_on = False
-    entries = laid.constants.effect.parameters.values()
+    entries = stored.constants.effect.parameters.values()
     for place, at, entry in zip(
-        laid.constants.parameters.values(), laid.places, entries, strict=True
+        stored.constants.parameters.values(), stored.places, entries, strict=True
     ):
         c[first + place] = v[at]
         is_on = is_on or not (entry.is_shape or entry.is_neutral(v[at]))
-    c[first + laid.constants.is_on] = is_on
+    c[first + stored.constants.is_on] = is_on
 
 
 def _given(c: Vector, first: int, constants: EffectConstants) -> list[float]:
@@ -233,8 +233,8 @@ def _muscle_constants(
     c[m + lay.M_CABLE] = adjusted("series_compliance")
     c[m + lay.M_BRAID_AREA] = b * b * scale
     c[m + lay.M_BRAID_SLOPE] = 6.0 * written("rest_length") * scale
-    for laid in _LAID_DOWN[owner]:
-        _lay_down(c, m, laid, v)
+    for stored in _STORED_EFFECTS[owner]:
+        _store(c, m, stored, v)
     c[m + lay.M_THREAD] = any(c[m + lay.MUSCLE_EFFECTS[e.name].is_on] > 0.0 for e, _ in _THREADS)
     c[m + lay.M_SHUT_EXPONENT] = c[lay.C_EXPONENT]
     for effect, slot in _CHAMBERS:

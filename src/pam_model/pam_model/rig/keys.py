@@ -213,8 +213,6 @@ class Section:
             if name not in known:
                 close = get_close_matches(str(name), known, 1)
                 hint = f"; did you mean {close[0]}?" if close else ""
-                nobody = not self.path and isinstance(self.tree[name], Mapping)
-                self.add(
-                    str(name),
-                    f"{': no joint or muscle has this name' if nobody else ': unknown key'}{hint}",
-                )
+                is_section = not self.path and isinstance(self.tree[name], Mapping)
+                what = ": no joint or muscle has this name" if is_section else ": unknown key"
+                self.add(str(name), what + hint)
