@@ -21,6 +21,6 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description="What the suite's ROS nodes share: parameters, periodic loop, diagnostics.",
+    description="Code that the suite's ROS nodes share: parameters, periodic loop, diagnostics.",
     license="Apache-2.0",
 )

@@ -229,7 +229,7 @@ def board_out_of_range(tree: dict[str, Any]) -> None:
         (unknown_key, "boards.left.baud: unknown key of a vendor node"),
         (unknown_pam_key, "boards.left.node: unknown key of a pam_board"),
         (number_out_of_range, "boards.left.number = 16: expected 0 to 15"),
-        (numbered_twice, "number 0 is board left's already"),
+        (numbered_twice, "board left already uses number 0"),
         (wrong_channel, "elbow_flexor: expected channel valve"),
         (board_out_of_range, "expected board 0 to 15 and channel 0 to 1"),
     ],
@@ -283,7 +283,9 @@ def test_one_identifier_for_two_boards_of_a_bus_is_refused(tmp_path: Path) -> No
         on_vendor_nodes(tree)
         tree["boards"] = {**BOARDS, "right": dict(BOARDS["left"])}
 
-    with pytest.raises(RigError, match=r"board right: identifier 0x18FE0031 is board left's too"):
+    with pytest.raises(
+        RigError, match=r"board right: board left uses identifier 0x18FE0031 as well"
+    ):
         RigWiring(load_rig(rig_file(tmp_path, clash))).make_boards()
 
 

@@ -101,7 +101,7 @@ def test_a_frozen_counter_takes_more_than_one_repetition_and_some_time(
     assert found(board, 8.4) == []
     board.hear_measurement(measurement(100), 8.1, 1008.1)
     assert found(board, 8.0 + SENSOR_TIMEOUT) == []
-    text = "measurement counter stands still for 0.25 s"
+    text = "measurement counter has not changed for 0.25 s"
     assert found(board, 8.4) == [Condition("counter_frozen", "board 3", text)]
     board.hear_measurement(measurement(101), 8.4, 1008.4)
     board.hear_measurement(measurement(101), 8.4, 1008.4)
@@ -143,7 +143,7 @@ def test_what_is_silent_is_named_after_the_timeout() -> None:
 
 def test_another_protocol_is_named(board: BoardMonitor) -> None:
     board.hear_heartbeat(Heartbeat(6.0, 2, 1), 8.0)
-    text = "speaks protocol 2, expected 1"
+    text = "uses protocol version 2, expected 1"
     assert found(board, 8.0) == [Condition("protocol_version", "board 3", text)]
 
 
@@ -172,7 +172,7 @@ def test_a_board_that_does_not_move_with_the_others_is_a_fault_only_in_motion(
 ) -> None:
     board.hear_status(status(BoardState.VENTED), 8.0)
     assert found(board, 8.0) == []
-    text = "is vented although it was told to move"
+    text = "is vented although it was commanded to be active"
     assert found(board, 8.0, moving=True) == [Condition("board_not_active", "board 3", text)]
 
 
@@ -182,7 +182,7 @@ def test_a_board_that_hears_no_command_is_a_fault_only_in_motion(board: BoardMon
     board.hear_heartbeat(Heartbeat(6.0, 1, 1), 8.5)
     assert found(board, 8.5, moving=True) == []
     assert found(board, 8.625) == []
-    text = "takes no command for 0.5 s"
+    text = "has accepted no command for 0.5 s"
     assert found(board, 8.625, moving=True) == [Condition("command_not_heard", "board 3", text)]
     board.hear_status(status(counter=2), 8.625)
     assert found(board, 8.625, moving=True) == []

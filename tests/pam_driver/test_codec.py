@@ -257,7 +257,7 @@ BAD_DBC = {
     ),
     "16 bytes": (
         lambda text: text.replace("BO_ 384 Measurement: 8", "BO_ 384 Measurement: 16"),
-        "Measurement has 16 bytes, expected at most 8: a pam_board speaks classic CAN",
+        "Measurement has 16 bytes, expected at most 8: a pam_board uses classic CAN",
     ),
     "other states": (lambda text: text.replace('3 "fault"', '3 "broken"'), "State"),
     "overlap": (lambda text: text.replace(" 384 ", " 260 "), "overlap"),
@@ -271,8 +271,8 @@ BAD_DBC = {
         lambda text: text.replace('BA_ "ProtocolVersion" 1', 'BA_ "ProtocolVersion" 2'),
         "ProtocolVersion",
     ),
-    "nonsense": (lambda text: text[: len(text) // 3] + "%%%", "no valid DBC"),
-    "empty": (lambda text: "", "no valid DBC"),
+    "nonsense": (lambda text: text[: len(text) // 3] + "%%%", "not a valid DBC"),
+    "empty": (lambda text: "", "not a valid DBC"),
 }
 
 

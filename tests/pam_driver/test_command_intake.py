@@ -57,7 +57,7 @@ BAD: dict[str, tuple[NamedCommand, tuple[str, str]]] = {
         NamedCommand(("k" * 100, NAMES[1]), GOOD),
         ("name", f"no muscle called '{'k' * 64}'"),
     ),
-    "twice": (NamedCommand(NAMES[:1] * 2, GOOD), ("name", "elbow_flexor stands there twice")),
+    "twice": (NamedCommand(NAMES[:1] * 2, GOOD), ("name", "elbow_flexor is named twice")),
     "effort": (NamedCommand(NAMES, GOOD, (), (1.0, 1.0)), ("field", FLOW)),
     "effort for one": (NamedCommand(NAMES, GOOD, (), (1.0, NAN)), ("field", FLOW)),
     "velocity": (NamedCommand(NAMES, GOOD, (0.0, NAN)), ("field", FLOW)),
@@ -117,7 +117,7 @@ def test_commands_may_be_out_of_order_by_as_much_as_clocks_disagree(intake: Comm
     intake.take(NamedCommand(NAMES, GOOD), 10.0)
     intake.take(NamedCommand(NAMES, GOOD), 10.0 - 0.01)
     intake.take(NamedCommand(NAMES, GOOD), 10.0)
-    expected = ("out_of_order", "older than the command before it")
+    expected = ("out_of_order", "older than the previous command")
     assert refused(intake, NamedCommand(NAMES, GOOD, age=0.02), 10.0) == expected
 
 

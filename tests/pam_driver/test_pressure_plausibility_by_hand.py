@@ -42,7 +42,9 @@ def observed(
         if name not in found:
             sizes[name] = 0.0
             continue
-        residual = float(found[name].text.split(" Pa off")[0].removeprefix("pressure is "))
+        residual = float(
+            found[name].text.split(" Pa from")[0].removeprefix("pressure deviates by ")
+        )
         assert abs(residual) == pytest.approx(found[name].size * 1e3, abs=0.51)
         sizes[name] = math.copysign(found[name].size * 1e3, residual)
     return sizes
@@ -260,7 +262,7 @@ def test_a_residual_is_named_with_its_limit(rig: Rig) -> None:
     (found,) = [one for one in plausibility.deviations() if one.kind == "pressure_implausible"]
     assert found.subject == "elbow_flexor"
     assert found.text == (
-        f"pressure is {found.size * 1e5:+.0f} Pa off what the valve should give "
+        f"pressure deviates by {found.size * 1e5:+.0f} Pa from what the valve command should cause "
         "(limit 100000 Pa): leak, valve or sensor"
     )
     assert found.size == pytest.approx(1.5, rel=0.02)

@@ -288,7 +288,7 @@ def test_noise_is_named_above_its_warning_share(rig: Rig) -> None:
 def test_a_vacuum_is_named(exact: SensorChecks, rig: Rig) -> None:
     checks = SensorChecks(rig)
     assert look(checks, 8.0, (-1e4, -3e4)) == [
-        Deviation("sensor_range", EXTENSOR, 1.5, "-30000 Pa gauge cannot be")
+        Deviation("sensor_range", EXTENSOR, 1.5, "-30000 Pa gauge is impossible")
     ]
 
 

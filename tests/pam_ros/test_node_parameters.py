@@ -149,9 +149,9 @@ def test_changes_while_running() -> None:
         ({"rate": 0.0}, "must be from 1 to 1000"),
         ({"rate": math.inf}, "finite"),
         ({"rate": 13.0}, "not on a Friday"),
-        ({"count": 4}, "only a restart changes it"),
-        ({"supply_pressure": 6e5}, "is read from the parameter file when the node starts"),
-        ({"rate": 100.0, "count": 4}, "only a restart changes it"),
+        ({"count": 4}, "can only be changed by a restart"),
+        ({"supply_pressure": 6e5}, "is only read from the parameter file when the node starts"),
+        ({"rate": 100.0, "count": 4}, "can only be changed by a restart"),
     ):
         accepted, told = node.change(**values)
         assert not accepted

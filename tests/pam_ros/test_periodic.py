@@ -148,7 +148,7 @@ def test_stop_before_start_does_nothing() -> None:
 def test_start_twice_is_refused() -> None:
     loop = PeriodicLoop(lambda now: None, 0.01, name="busy")
     loop.start()
-    with pytest.raises(RuntimeError, match="busy is running already"):
+    with pytest.raises(RuntimeError, match="busy is already running"):
         loop.start()
     loop.stop()
 

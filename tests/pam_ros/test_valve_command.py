@@ -55,8 +55,8 @@ WRONG = {
     "too few names": (["a"], [0.1], [], [], "size", "1 names, expected 2: every muscle once"),
     "short field": (["a", "b"], [0.1], [], [NAN, 1.0], "size", "1 values in position, expected 2"),
     "unknown": (["a", "c"], [0.1, NAN], [], [NAN, 1.0], "name", "no muscle called 'c'"),
-    "twice": (["a", "a"], [0.1, 0.1], [], [NAN, NAN], "name", "a stands there twice"),
-    "twice, NaN": (["a", "a"], [NAN, NAN], [], [NAN, NAN], "name", "a stands there twice"),
+    "twice": (["a", "a"], [0.1, 0.1], [], [NAN, NAN], "name", "a is named twice"),
+    "twice, NaN": (["a", "a"], [NAN, NAN], [], [NAN, NAN], "name", "a is named twice"),
     "a spool for a regulator": (["a", "b"], [0.1, 0.0], [], [NAN, 1.0], "field", "b: a pressure"),
     "a pressure for a spool": (["a", "b"], [0.1, NAN], [], [0.0, 1.0], "field", "a: a flow valve"),
     "velocity": (["a", "b"], [0.1, NAN], [0.0, NAN], [NAN, 1.0], "field", "a: a flow valve"),
@@ -87,7 +87,7 @@ def test_without_a_rig_the_one_field_with_a_number_tells() -> None:
 
 
 def test_an_unknown_kind_of_valve_is_refused() -> None:
-    with pytest.raises(ValueError, match="b: 'servo' is no kind of valve; flow or pressure_reg"):
+    with pytest.raises(ValueError, match="b: 'servo' is not a kind of valve; expected flow or pre"):
         ValveCommandFormat({"a": FLOW, "b": "servo"})
 
 

@@ -45,5 +45,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """All names, those that were not used yet among them."""
+    """All names, including those that have not been imported yet."""
     return sorted({*globals(), *__all__})

@@ -1,7 +1,7 @@
 """The boards of a rig on their buses: frames to measurements, set points to frames.
 
-Knows the protocol of `boards.protocol` alone. Every identifier has one listener, found by one look
-into a table, so that a kind costs the cycle nothing but its own decoding.
+This module depends on the protocol of `boards.protocol` only. Every identifier has one listener,
+which one table look-up finds, so that a kind of board adds only its own decoding to the cycle time.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class Port(Protocol):
         """State of the bus."""
 
     def receive_all(self, now: float) -> list[ReceivedFrame]:
-        """Frames that wait."""
+        """The frames that have arrived."""
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
-        """Send or drop."""
+        """Send the frame or drop it."""
 
 
 _Angle = tuple[JointVelocity, Mapping[Channel, Sample], Channel]
@@ -46,29 +46,29 @@ class BoardSet:
     ports : mapping of str to Port
         Open buses by name.
     velocities : sequence of JointVelocity
-        By joint; told every angle that is heard.
+        By joint; each is updated with every measured angle of its joint.
 
     Raises
     ------
     RigError
-        If a board is on a bus that is not there, or two use one identifier.
+        If a board is on a bus that does not exist, or two boards use the same identifier.
 
     Attributes
     ----------
     boards : dict of address to Board
-        In the order of the rig file.
+        The boards in the order of the rig file.
     ports : dict of str to Port
-        By name of the bus.
+        Open buses by name.
     pressures, angles : tuple of (mapping, channel)
         Where each muscle's pressure and each joint's angle is kept, in the rig's order.
     valves : tuple of Board
         The board of each muscle, in the rig's order.
     frame_errors : Counter
-        Frames that were no message, by kind; `last_frame_error` has the last of each.
+        Frames that were not valid messages, by kind; `last_frame_error` has the last of each.
     foreign_at : float
-        When a command of another driver was heard last, monotonic [s].
+        When a command of another driver was last received, monotonic [s].
     sent_at : dict of address to float
-        When a board was last told something, monotonic [s].
+        When a command was last sent to each board, monotonic [s].
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class BoardSet:
                 routes[frame_id] = (hear, angles if measures else ())
 
     def receive(self, now: float, wall_now: float) -> None:
-        """Take in what the buses brought.
+        """Process the frames that have arrived on the buses.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class BoardSet:
         wall_now : float
             The same moment on the clock that stamps frames [s].
         """
-        # A frame drained now arrived after the last drain: this bounds its age when the wall
+        # A frame that is read now arrived after the last read: this bounds its age when the wall
         # clock steps, and gives frames that waited during a stall their true age.
         longest = now - self._drained_at
         for name, routes in self._routes.items():
@@ -141,7 +141,7 @@ class BoardSet:
         self._drained_at = now
 
     def command(self, setpoints: Sequence[float] | None, now: float) -> bool:
-        """Command every board; False if a bus did not take one of the frames.
+        """Command every board; False if a bus did not accept one of the frames.
 
         Parameters
         ----------
@@ -150,38 +150,38 @@ class BoardSet:
         now : float
             Monotonic time [s].
         """
-        all_told = True
+        all_sent = True
         for address, board in self.boards.items():
             if self._send(address, board.command(setpoints, now), now):
                 self.sent_at[address] = now
             else:
-                all_told = False
-        return all_told
+                all_sent = False
+        return all_sent
 
     def vent(self, now: float) -> None:
-        """Tell every board to vent at once, beside what the cycle tells it."""
+        """Command every board to vent at once, in addition to the commands of the cycle."""
         for address, board in self.boards.items():
             self._send(address, board.vent(), now)
 
     def clear_faults(self, now: float) -> None:
-        """Tell every board to clear its faults."""
+        """Command every board to clear its faults."""
         for address, board in self.boards.items():
             self._send(address, board.clear_faults(), now)
 
     def acknowledge(self) -> None:
-        """Forget what was only to be reported once."""
+        """Discard conditions that are reported only once, such as a restart."""
         for board in self.boards.values():
             board.acknowledge()
 
     def _send(self, address: Address, frames: Iterable[Frame], now: float) -> bool:
         port = self.ports[self._bus_of[address]]
-        told = True
+        sent = True
         for frame_id, data in frames:
-            told = port.send(frame_id, data, now) is SendOutcome.SENT and told
-        return told
+            sent = port.send(frame_id, data, now) is SendOutcome.SENT and sent
+        return sent
 
     def _stranger(self, frame_id: int, data: bytes) -> FrameError:
-        """What a frame is that no board of the rig listens to."""
+        """The error that describes a frame for which no board of the rig has a listener."""
         for kind in self._kinds:
             error = kind.stranger(frame_id, data)
             if error is not None:

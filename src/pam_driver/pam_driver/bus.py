@@ -1,8 +1,9 @@
-"""A CAN bus that never blocks and never throws once it is open.
+"""A CAN bus that never blocks and never raises an exception once it is open.
 
-python-can reaches the hardware. What it raises while running becomes counts, a state and a name
-for the diagnostics: a full transmit queue drops the frame, a bus that is down is used again when
-it is up, error frames tell the controller's state. Sources: Linux `linux/can/error.h`, ISO 11898-1.
+python-can accesses the hardware. Exceptions that it raises while running become counts, a state
+and a text for the diagnostics: a frame is dropped when the transmit queue is full, a bus that is
+down is used again when it is up, and error frames report the state of the CAN controller. Sources:
+Linux `linux/can/error.h`, ISO 11898-1.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from pam_driver.identifiers import EXTENDED
 from pam_model.errors import PamError
 
 DEFAULT_BITRATE: Final = 1_000_000
-# A flood must not keep the caller: what is left is fetched in the next cycle.
+# A flood of frames must not block the caller: the rest is fetched in the next cycle.
 MAX_FRAMES_PER_CALL: Final = 256
 _REOPEN_PERIOD: Final = 1.0
 _ARPHRD_CAN: Final = 280
@@ -49,7 +50,7 @@ class BusError(PamError):
 
 
 class BusState(IntEnum):
-    """State of the CAN controller, as its error frames tell; `DOWN` if nothing can be sent."""
+    """State of the CAN controller as its error frames report it; `DOWN` if it cannot send."""
 
     ERROR_ACTIVE = 0
     ERROR_WARNING = 1
@@ -59,7 +60,7 @@ class BusState(IntEnum):
 
 
 class SendOutcome(IntEnum):
-    """What became of a frame that was to be sent."""
+    """The result of sending a frame."""
 
     SENT = 0
     QUEUE_FULL = 1
@@ -69,7 +70,7 @@ class SendOutcome(IntEnum):
 class ReceivedFrame(NamedTuple):
     """A classic data frame; `stamp` is wall-clock time [s].
 
-    The identifier has 11 bits, or 29 and the bit `EXTENDED`.
+    The identifier has 11 bits, or 29 bits and the flag `EXTENDED`.
     """
 
     frame_id: int
@@ -83,11 +84,11 @@ class CanPort:
     Attributes
     ----------
     counts : Counter
-        What happened how often, by name.
+        How often each kind of event has happened, by name.
     last_offender : dict
         By the same names, the last frame or error that was counted.
     bits : int
-        Bits seen on the bus, sent and received, without stuff bits: for its load.
+        Bits sent and received, without stuff bits; the bus load is computed from them.
     """
 
     def __init__(
@@ -99,7 +100,7 @@ class CanPort:
         self._options = options
         self._bus: can.BusABC | None = bus
         self._extended = frozenset(extended)
-        # a multicast group also hears its own frames
+        # a multicast socket also receives the frames that it sends
         self._hears_itself = isinstance(bus, UdpMulticastBus)
         self._sent_ids: set[int] = set()
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=1024)
@@ -110,16 +111,16 @@ class CanPort:
 
     @property
     def name(self) -> str:
-        """Interface and channel."""
+        """Interface and channel as one text."""
         return _bus_name(self._options)
 
     @property
     def state(self) -> BusState:
-        """State of the bus as far as errors have told."""
+        """State of the bus, as far as it is known from errors."""
         return BusState.DOWN if self._down else self._controller
 
     def receive_all(self, now: float) -> list[ReceivedFrame]:
-        """All frames that wait, oldest first; does not wait for any.
+        """All frames that have arrived, oldest first; never waits for one.
 
         Parameters
         ----------
@@ -137,7 +138,7 @@ class CanPort:
                 message = bus.recv(0.0)
             except (can.CanError, OSError, ValueError) as error:
                 number = _errno(error)
-                if number is None:  # python-can could not make sense of a packet
+                if number is None:  # python-can could not decode a packet
                     self._count("malformed", str(error))
                     continue
                 self._lost(error, number, now)
@@ -159,7 +160,7 @@ class CanPort:
                 kind = "extended_id" if foreign else "remote_or_fd"
                 self._count(kind, f"0x{message.arbitration_id:X}")
                 continue
-            if self._controller is BusState.BUS_OFF:  # who hears frames is back on the bus
+            if self._controller is BusState.BUS_OFF:  # a controller that receives is on the bus
                 self._controller = BusState.ERROR_ACTIVE
             frames.append(ReceivedFrame(frame_id, data, message.timestamp))
         else:
@@ -167,7 +168,7 @@ class CanPort:
         return frames
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
-        """Hand a frame to the bus, or drop it if that cannot be done at once."""
+        """Send a frame, or drop it if it cannot be sent at once."""
         bus = self._bus
         if bus is None or self._gone:
             self.counts["send_bus_down"] += 1
@@ -196,7 +197,7 @@ class CanPort:
         return SendOutcome.SENT
 
     def close(self) -> None:
-        """Give the bus back; may be called twice."""
+        """Close the bus; may be called twice."""
         bus, self._bus = self._bus, None
         if bus is not None:
             with contextlib.suppress(can.CanError, OSError):
@@ -213,7 +214,7 @@ class CanPort:
         return True
 
     def _lost(self, error: Exception, number: int, now: float) -> None:
-        """The interface is down, or gone for good."""
+        """Note that the interface is down, or no longer exists."""
         if not self._down:
             self._count("bus_down", str(error))
         self._down = True
@@ -222,7 +223,7 @@ class CanPort:
             self._reopen_at = now + _REOPEN_PERIOD
 
     def _reopen(self, now: float) -> None:
-        """An adapter that was unplugged comes back as a new interface."""
+        """Open the bus again, since an unplugged adapter returns as a new interface."""
         if now < self._reopen_at:
             return
         self._reopen_at = now + _REOPEN_PERIOD
@@ -271,20 +272,20 @@ def open_bus(
     extended: Collection[int] = (),
     **options: Any,
 ) -> CanPort:
-    """Open a CAN bus by python-can.
+    """Open a CAN bus with python-can.
 
     Parameters
     ----------
     interface : str
         "socketcan", "udp_multicast", "virtual" or another interface of python-can.
     channel : str
-        "can0", a multicast group, a name.
+        "can0", a multicast group or another name, as the interface requires.
     bitrate : int
-        [bit/s]; SocketCAN has its own from `ip link` and ignores it.
+        [bit/s]; ignored by SocketCAN, whose bitrate is set with `ip link`.
     accept : sequence of int
-        Identifiers to hear where the kernel can filter (SocketCAN); all if empty.
+        Identifiers to receive where the kernel can filter (SocketCAN); all if empty.
     extended : collection of int
-        Identifiers of 29 bits, with `EXTENDED`, that `receive_all` gives; others are counted.
+        Identifiers of 29 bits, with `EXTENDED`, that `receive_all` returns; others are counted.
     **options
         Further options of that interface, as python-can names them.
 
@@ -298,7 +299,7 @@ def open_bus(
         arguments["hop_limit"] = 0  # never leaves this machine
     elif interface == "socketcan":
         if accept:
-            # python-can filters in software elsewhere, and `recv(0)` then ends at a foreign frame
+            # other interfaces filter in software, and `recv(0)` then stops at a foreign frame
             arguments["can_filters"] = [
                 {
                     "can_id": frame_id & ~EXTENDED,
@@ -322,7 +323,7 @@ def _open(arguments: dict[str, Any]) -> can.BusABC:
         _check_socketcan(str(arguments["channel"]))
     try:
         bus = can.Bus(**arguments)
-    except Exception as error:  # each backend has its own kinds
+    except Exception as error:  # each backend has exceptions of its own
         reason = " ".join(str(error).split()) or type(error).__name__
         raise BusError(
             f"CAN bus {name} cannot be opened: {reason}; check bus.interface and bus.channel"
@@ -342,7 +343,7 @@ def hear_own_group_only(bus: can.BusABC) -> None:
     Parameters
     ----------
     bus : can.BusABC
-        Of the interface "udp_multicast", just opened.
+        A bus of the interface "udp_multicast" that was just opened.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -358,7 +359,7 @@ def hear_own_group_only(bus: can.BusABC) -> None:
 
 
 def _check_socketcan(channel: str) -> None:
-    """Say in words what the kernel would say by number."""
+    """Refuse a channel that cannot be opened, with a clearer message than the kernel's number."""
     folder = _NET / channel
     up = f"sudo ip link set {channel} up type can bitrate {DEFAULT_BITRATE}"
     if "/" in channel or not channel or not folder.exists():
@@ -375,7 +376,7 @@ def _check_socketcan(channel: str) -> None:
 
 
 def _errno(error: BaseException) -> int | None:
-    """The system's error number under python-can's error, if there is one."""
+    """The system's error number that caused python-can's error, if there is one."""
     code = getattr(error, "error_code", None)
     if isinstance(code, int):
         return code

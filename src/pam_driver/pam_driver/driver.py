@@ -1,7 +1,7 @@
 """One cycle of the driver: measurements in, safety, set points out. No ROS, no clock of its own.
 
-`cycle` belongs to the I/O thread; everything else may be called from another one. What may move
-air is decided by the table of `safety_state`; this module finds out what has happened.
+Only the I/O thread calls `cycle`; everything else may be called from another thread. The table in
+`safety.states` decides whether air may move; this module finds out which events have happened.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class ActivationError(PamError):
 
 
 class Snapshot(NamedTuple):
-    """What one cycle found, in the rig's order.
+    """The result of one cycle, in the rig's order.
 
     Attributes
     ----------
     state : SafetyState
-        After the cycle.
+        State after the cycle.
     pressures : tuple of float
         By muscle [Pa gauge], NaN if not fresh.
     pressure_stamp : float
@@ -44,8 +44,8 @@ class Snapshot(NamedTuple):
     joint_stamp : float
         Wall-clock time of the oldest of them [s], 0 if none is fresh.
     sent : tuple of float
-        Command by muscle as fraction of full scale, those that vent included; empty if the bus
-        did not take it.
+        Command by muscle as fraction of full scale, including the command to vent; empty if the
+        bus did not accept it.
     """
 
     state: SafetyState
@@ -69,25 +69,26 @@ class Driver:
     settings : DriverSettings
         Limits and time-outs.
     plausibility : Plausibility, optional
-        Judges what is measured; without it, numbers are only held against limits.
+        Compares measurements with physics; without it, they are only compared with limits.
     wiring : RigWiring, optional
-        Of this rig; default with the kinds' own options.
+        Wiring of this rig; by default it is made with the default options of its kinds of board.
 
     Attributes
     ----------
     state : SafetyState
-        What may move.
+        Decides whether air may move.
     faults : tuple of Condition
-        Why it went to `FAULT`; kept until cleared.
+        Why the state became `FAULT`; kept until cleared.
     conditions : tuple of Condition
         What is wrong now.
     intake : CommandIntake
-        Refused and accepted commands.
+        Checks commands and counts those that it refuses and accepts.
 
     Raises
     ------
     PamError
-        If the rig does not say where a muscle or joint is wired, or names a bus that is not there.
+        If the rig does not say where a muscle or joint is wired, or names a bus that does not
+        exist.
     """
 
     def __init__(
@@ -119,22 +120,22 @@ class Driver:
 
     @property
     def boards(self) -> Mapping[Address, Board]:
-        """The boards, as the rig file names them."""
+        """The boards, by the addresses that the rig file uses."""
         return self._boards.boards
 
     @property
     def suspicions(self) -> tuple[Condition, ...]:
-        """What may be wrong: more than the warning share of a plausibility limit."""
+        """Possible faults: deviations above the warning share of a plausibility limit."""
         return self._judge.suspicions
 
     @property
     def frame_errors(self) -> Counter[str]:
-        """Frames that were no message, by kind."""
+        """The number of frames that were not valid messages, by kind of error."""
         return self._boards.frame_errors
 
     @property
     def last_frame_error(self) -> dict[str, str]:
-        """By the same kinds, the last of each."""
+        """The last error of each kind."""
         return self._boards.last_frame_error
 
     def set_commands(self, command: NamedCommand, now: float) -> None:
@@ -143,7 +144,7 @@ class Driver:
         Raises
         ------
         CommandError
-            If it is refused; the command before stays until it is too old.
+            If it is refused; the previous command stays in use until it is too old.
         """
         with self._lock:
             fractions = self.intake.take(command, now)
@@ -153,12 +154,12 @@ class Driver:
                 self._event(SafetyEvent.COMMAND, now)
 
     def missing_boards(self, now: float) -> list[str]:
-        """Names of boards that do not send all that they should."""
+        """Names of boards that do not send all frames that they should."""
         timeout = self._settings.board_timeout
         return [board.name for board in self.boards.values() if board.silent(now, timeout)]
 
     def activation_problem(self, now: float) -> str:
-        """Why air must not move, as one line; empty if it may."""
+        """Why activation would be refused, as one line; empty if it would succeed."""
         with self._lock:
             return self._activation_problem(now)
 
@@ -181,7 +182,7 @@ class Driver:
         Raises
         ------
         ActivationError
-            If a board is missing or anything is wrong; nothing has changed then.
+            If a board is missing or anything is wrong; then nothing has changed.
         """
         with self._lock:
             problem = self._activation_problem(now)
@@ -191,19 +192,19 @@ class Driver:
             self._event(SafetyEvent.ACTIVATE, now)
 
     def deactivate(self, now: float) -> None:
-        """Vent, without a fault."""
+        """Vent without raising a fault."""
         with self._lock:
             self._event(SafetyEvent.DEACTIVATE, now)
 
     def vent(self, now: float) -> None:
-        """Vent at once; boards are told before this returns."""
+        """Vent at once; the frames are sent to the boards before this returns."""
         with self._lock:
             self._event(SafetyEvent.VENT, now)
             self._boards.vent(now)
             self._send_valve_commands(now)
 
     def clear_faults(self, now: float) -> None:
-        """Forget faults, here and on the boards; activation is still needed to move."""
+        """Clear the faults of the driver and the boards; moving still requires activation."""
         with self._lock:
             self._event(SafetyEvent.CLEAR_FAULTS, now)
             if self.state is SafetyState.VENTED:
@@ -212,13 +213,13 @@ class Driver:
                 self._boards.acknowledge()
 
     def close(self, now: float) -> None:
-        """Vent for good; the port may be closed after it."""
+        """Vent and end; the port may be closed afterwards."""
         self.vent(now)
         with self._lock:
             self._event(SafetyEvent.CLEANUP, now)
 
     def cycle(self, now: float, wall_now: float) -> Snapshot:
-        """Take in what the bus brought, judge it, and command every board.
+        """Receive the frames that have arrived, judge them, and command every board.
 
         Parameters
         ----------
@@ -241,7 +242,7 @@ class Driver:
             return snapshot._replace(state=self.state, sent=sent)
 
     def _event(self, event: SafetyEvent, now: float) -> None:
-        """Follow the table; leaving `ACTIVE` forgets the command."""
+        """Change the state as the table says; the command is discarded when `ACTIVE` ends."""
         before = self.state
         self.state = next_state(before, event)
         if self.state is before:
@@ -255,7 +256,7 @@ class Driver:
             self._boards.vent(now)
 
     def _setpoints(self) -> tuple[float, ...] | None:
-        """What valves are to do; None while they vent."""
+        """The set points of the valves; None while they vent."""
         return self._fractions if OUTPUTS[self.state].enable else None
 
     def _conditions(self, now: float) -> Iterator[Condition]:
@@ -268,7 +269,7 @@ class Driver:
         return self._judge.conditions(motion, now)
 
     def _send_valve_commands(self, now: float) -> tuple[float, ...]:
-        """Command every board; what they were told, empty if one of them was not."""
+        """Command every board; returns what was sent, empty if one board could not be reached."""
         setpoints = self._setpoints()
         if not self._boards.command(setpoints, now):
             return ()

@@ -1,4 +1,4 @@
-"""The driver's health for /diagnostics: what is wrong, since when counted, who did it last."""
+"""The driver's health for /diagnostics: what is wrong, how often, and the last occurrence."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from pam_driver.safety.states import SafetyState
 from pam_ros.diagnostics import ERROR, OK, WARN, diagnostic_status, loop_values
 from pam_ros.periodic import LoopStatistics
 
-# Frames of others on a shared bus are none of our business: counted, not warned of.
+# Frames of other devices on a shared bus are legitimate: they are counted, without a warning.
 _HARMLESS = frozenset({"unknown_id", "unknown_board", "extended_id", "remote_or_fd"})
 
 
 class DriverDiagnostics:
-    """Makes the statuses; remembers counts, to warn of what is new.
+    """Makes the statuses; remembers the last counts, so that it warns of new events only.
 
     Parameters
     ----------
     driver : Driver
-        What to report on.
+        The driver whose health is reported.
     port : CanPort
         Its bus.
     bitrate : float
-        For the bus load [bit/s].
+        Needed to compute the bus load [bit/s].
 
     Attributes
     ----------
     commanders : int
-        How many publish valve commands; more than one cannot be told apart.
+        How many nodes publish valve commands; the driver cannot distinguish several.
     """
 
     def __init__(self, driver: Driver, port: CanPort, bitrate: float) -> None:
@@ -52,7 +52,7 @@ class DriverDiagnostics:
         Parameters
         ----------
         loop : LoopStatistics
-            Of the I/O thread.
+            Timing of the I/O thread.
         now : float
             Monotonic time [s].
         """
@@ -127,7 +127,7 @@ class DriverDiagnostics:
         new = late - self._late
         self._late = late
         text = f"{new} cycles late or skipped" if new else "ok"
-        # a few late cycles are everyday life on a kernel without PREEMPT_RT
+        # a few late cycles are normal on a kernel without PREEMPT_RT
         level = WARN if new > 50 else OK
         return diagnostic_status("pam_driver: loop", level, text, loop_values(loop))
 
@@ -143,6 +143,6 @@ class DriverDiagnostics:
 
 
 def _promised(promises: Promises) -> dict[str, object]:
-    """What a board does for safety by itself, for the diagnostics."""
+    """The diagnostic values that show what a board does for safety by itself."""
     seconds = promises.watchdog
     return {"vents by itself without commands after [s]": "never" if seconds is None else seconds}

@@ -1,7 +1,7 @@
-"""The driver as a ROS 2 lifecycle node: valve boards on a CAN bus to topics and back.
+"""The driver as a ROS 2 lifecycle node: it connects valve boards on a CAN bus with topics.
 
-configure opens the bus and measures, activate lets valves move, deactivate vents. A fault vents,
-is latched, and takes the node back to inactive. See docs/driver.md.
+"configure" opens the bus and begins to measure, "activate" lets valves move, "deactivate" vents.
+A fault vents, is latched, and returns the node to inactive. See docs/driver.md.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
 _MOVING = frozenset({SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
-# The last words are said several times: a frame may be lost, and the bus goes next.
+# The final vent is sent several times: a frame may be lost, and the bus is closed afterwards.
 _LAST_VENTS = 5
 
 
 class DriverNode(LifecycleNode):  # type: ignore[misc]
-    """Parameters in, messages in, one call into `Driver` per cycle, messages out.
+    """Connects `Driver` with ROS: parameters, messages, and one call of `Driver.cycle` per cycle.
 
     Raises
     ------
     PamError, ParameterError
-        For parameters or a rig that cannot be used.
+        If the parameters or the rig cannot be used.
     """
 
     def __init__(self) -> None:
@@ -89,7 +89,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self.create_timer(1.0 / rate, self._publish_fluid_pressures)
 
     def autostart(self) -> bool:
-        """Configure now, and activate when every board has answered; False if that failed."""
+        """Configure now, and activate when every board answers; False if configuring failed."""
         if not self._values["autostart"]:
             return True
         self._starting = True
@@ -101,7 +101,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         return True
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
-        """Open the bus and start to measure; every valve vents."""
+        """Open the bus and begin to measure; every valve vents."""
         try:
             wiring = RigWiring(self._rig, {"dbc": str(self._values["bus.dbc"])})
             port = self._open_bus(wiring)
@@ -132,12 +132,12 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         return _SUCCESS
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
-        """Let valves move from the next command on, if all is well."""
+        """Let valves follow commands, beginning with the next one, if nothing is wrong."""
         if self._driver is None:
             return _FAILURE
         if self._latched:
             return self._fail(
-                f"not activated: a fault is latched from before the clean-up ({self._latched}); "
+                f"not activated: a fault from before the clean-up is still latched ({self._latched}); "
                 "when its cause is gone, call ~/clear_faults"
             )
         try:
@@ -157,31 +157,31 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
-        """Vent and give the bus back."""
+        """Vent and close the bus."""
         self._close()
         return _SUCCESS
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
-        """Vent and give the bus back."""
+        """Vent and close the bus."""
         self._close()
         return _SUCCESS
 
     def on_error(self, state: Any) -> TransitionCallbackReturn:
-        """Vent and give the bus back; the node may be configured again."""
+        """Vent and close the bus; the node may be configured again."""
         self._close()
         return _SUCCESS
 
     def close(self) -> None:
-        """Vent and give the bus back, whatever the state."""
+        """Vent and close the bus in any state."""
         self._close()
 
     def share_priority(self) -> None:
-        """Let the host run the threads beside the I/O thread before other programs' as well."""
+        """Give a real-time priority to the other threads too, if the I/O thread has one."""
         if self._loop is not None:
             self._loop.share_priority()
 
     def check(self) -> None:
-        """Raise what ended the I/O thread, if anything did."""
+        """Raise the exception that ended the I/O thread, if there was one."""
         if self._loop is not None:
             self._loop.check()
 
@@ -204,12 +204,12 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
     def _fail(self, reason: str) -> TransitionCallbackReturn:
         self.failure = reason
-        if not self._starting:  # then `main` prints it and ends
+        if not self._starting:  # during autostart `main` prints the reason and ends
             self.get_logger().error(reason)
         return _FAILURE
 
     def _close(self) -> None:
-        """Stop the thread, say vent several times, close the bus; safe to call twice."""
+        """Stop the thread, send the vent several times, close the bus; safe to call twice."""
         loop, self._loop = self._loop, None
         driver, self._driver = self._driver, None
         port, self._port = self._port, None
@@ -220,7 +220,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         try:
             if loop is not None:
                 loop.stop(timeout=1.0)
-        except Exception as error:  # whatever ended the thread must not keep the valves open
+        except Exception as error:  # an error of the thread must not keep the valves open
             self.get_logger().error(f"I/O thread: {error}")
         finally:
             if driver is not None:
@@ -282,7 +282,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         return response
 
     def _watch(self) -> None:
-        """What the I/O thread found out becomes lifecycle and log."""
+        """Log what the I/O thread has found, and make the lifecycle transitions that follow."""
         driver = self._driver
         if driver is None:
             return
@@ -301,9 +301,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
                 self.trigger_activate()
                 self._activate_until = None
             elif now > self._activate_until:
-                # no robot starts by itself when someone plugs it in later
+                # a robot must not start by itself when someone plugs it in later
                 self.get_logger().error(
-                    f"not activated: {problem}; when it is mended: ros2 lifecycle set "
+                    f"not activated: {problem}; when this is repaired: ros2 lifecycle set "
                     f"{self.get_fully_qualified_name()} activate"
                 )
                 self._activate_until = None
@@ -336,8 +336,8 @@ def main(arguments: list[str] | None = None) -> int:
         stopping = True
 
     logging.getLogger("can").setLevel(logging.ERROR)
-    sys.setswitchinterval(0.0005)  # the I/O thread must not wait 5 ms for the executor's
-    # rclpy's own handlers would close the context under the thread that has to vent
+    sys.setswitchinterval(0.0005)  # else the I/O thread may wait 5 ms for the executor's thread
+    # rclpy's own handlers would close the context while the I/O thread still has to vent
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)

@@ -1,4 +1,4 @@
-"""The driver node's parameters: name, default, unit, range, text."""
+"""The driver node's parameters: name, default, unit, range and description."""
 
 from __future__ import annotations
 
@@ -19,45 +19,47 @@ TABLE: Final = (
     ),
     Parameter("rate", 500.0, "Hz", 1.0, 1000.0, "cycles of the I/O thread"),
     Parameter(
-        "realtime_priority", 0, "-", 0, 99, "of the I/O thread (SCHED_FIFO) where the system "
-        "permits it; 0: ordinary"
+        "realtime_priority", 0, "-", 0, 99, "real-time priority (SCHED_FIFO) of the I/O thread, "
+        "where the system permits it; 0: none"
     ),
     Parameter("bus.interface", "socketcan", "-", 0, 0, "python-can's name of the interface"),
     Parameter("bus.channel", "can0", "-", 0, 0, "network interface, multicast group or device"),
     Parameter(
-        "bus.bitrate", DEFAULT_BITRATE, "bit/s", 10_000, 1_000_000, "for the bus load; sets the "
-        "bitrate where python-can does (SocketCAN: ip link sets it)"
+        "bus.bitrate", DEFAULT_BITRATE, "bit/s", 10_000, 1_000_000, "used for the bus load; sets "
+        "the bitrate on interfaces where python-can sets it (SocketCAN: ip link sets it)"
     ),
-    Parameter("bus.port", 43113, "-", 1024, 65535, "UDP port, for udp_multicast alone"),
+    Parameter("bus.port", 43113, "-", 1024, 65535, "UDP port, used by udp_multicast only"),
     Parameter(
         "bus.options", "", "-", 0, 0, "further options of the interface: name=value, name=value"
     ),
     Parameter(
-        "bus.filter", False, "-", 0, 1, "SocketCAN: hear the rig's boards alone; saves time on a "
-        "shared bus, hides other drivers"
+        "bus.filter", False, "-", 0, 1, "SocketCAN: receive only frames of the rig's boards; saves "
+        "time on a shared bus, but hides other drivers"
     ),
     Parameter("bus.dbc", "", "-", 0, 0, "DBC file of the boards; empty: the one of this package"),
     Parameter(
-        "command_timeout", _D.command_timeout, "s", 0.005, 1.0, "an older command vents, latched"
+        "command_timeout", _D.command_timeout, "s", 0.005, 1.0, "a valve command older than this "
+        "causes a latched vent"
     ),
     Parameter(
-        "sensor_timeout", _D.sensor_timeout, "s", 0.005, 1.0, "an older pressure or angle is NaN, "
-        "and vents while air may move"
+        "sensor_timeout", _D.sensor_timeout, "s", 0.005, 1.0, "a pressure or angle older than this "
+        "is NaN, and causes a latched vent while air may move"
     ),
     Parameter(
-        "board_timeout", _D.board_timeout, "s", 0.15, 5.0, "a board silent for longer is lost"
+        "board_timeout", _D.board_timeout, "s", 0.15, 5.0, "a board that is silent for longer "
+        "counts as lost"
     ),
     Parameter(
-        "over_pressure_margin", _D.over_pressure_margin, "Pa", 0.0, 100_000.0, "how far above "
-        "max_pressure a sample may lie, for noise"
+        "over_pressure_margin", _D.over_pressure_margin, "Pa", 0.0, 100_000.0, "how far a sample "
+        "may exceed max_pressure, as an allowance for noise"
     ),
     Parameter(
-        "plausibility", True, "-", 0, 1, "hold measurements against the rig's physics, and vent "
-        "when they cannot be true; the limits are the rig file's"
+        "plausibility", True, "-", 0, 1, "compare measurements with the rig's physics, and vent "
+        "when they are implausible; the limits are in the rig file"
     ),
     Parameter(
-        "velocity_bandwidth", _D.velocity_bandwidth, "Hz", 1.0, 500.0, "low pass of the "
-        "differentiated joint angle, -3 dB"
+        "velocity_bandwidth", _D.velocity_bandwidth, "Hz", 1.0, 500.0, "-3 dB frequency of the "
+        "low pass for the differentiated joint angle"
     ),
     Parameter("fluid_pressure_rate", 10.0, "Hz", 0.1, 100.0, "rate of <muscle>/pressure"),
 )  # fmt: skip
@@ -82,7 +84,9 @@ HELP: Final = NodeHelp(
         Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
         Endpoint("joint_states", "sensor_msgs/JointState", "position [rad], velocity [rad/s]"),
         Endpoint(
-            "sent_valve_commands", "sensor_msgs/JointState", "what the boards were told, and when"
+            "sent_valve_commands",
+            "sensor_msgs/JointState",
+            "the commands that were sent to the boards, and when",
         ),
         Endpoint("<muscle>/pressure", "sensor_msgs/FluidPressure", "absolute [Pa], at a low rate"),
         Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
@@ -95,7 +99,7 @@ HELP: Final = NodeHelp(
 
 
 def settings_of(values: NodeParameters[Any]) -> DriverSettings:
-    """The part that the pure driver takes."""
+    """The settings of the driver that works without ROS."""
     return DriverSettings(
         command_timeout=values.number("command_timeout"),
         sensor_timeout=values.number("sensor_timeout"),

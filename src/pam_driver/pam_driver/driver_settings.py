@@ -1,4 +1,4 @@
-"""The driver's parameters: limits and time-outs, with units, ranges and texts."""
+"""The driver's limits and time-outs, with units and defaults."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class DriverSettings:
-    """What decides when the driver vents, and how it differentiates angles.
+    """The settings that decide when the driver vents, and how it differentiates angles.
 
     Attributes
     ----------
     command_timeout : float
-        A valve command older than this ends in a latched vent [s].
+        A valve command older than this causes a latched vent [s].
     sensor_timeout : float
         A pressure or angle older than this is NaN, and a fault while air may move [s].
     board_timeout : float
-        A board that sends no measurement, status or heartbeat for so long is lost [s].
+        A board that sends no measurement, no status or no heartbeat for so long counts as lost [s].
     over_pressure_margin : float
-        How far above `max_pressure` one sample may lie, for noise [Pa].
+        How far one sample may exceed `max_pressure`, as an allowance for noise [Pa].
     velocity_bandwidth : float
         -3 dB frequency of the differentiated joint angle [Hz].
     """

@@ -1,4 +1,4 @@
-"""What the driver node publishes: measurements, and what the boards were told."""
+"""The topics that the driver node publishes: measurements, and the commands sent to the boards."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class DriverTopics:
     node : rclpy.node.Node
         Makes the publishers.
     rig : Rig
-        Its names and order are those of every message.
+        Gives the names and their order in every message.
     """
 
     def __init__(self, node: Any, rig: Rig) -> None:
@@ -37,16 +37,16 @@ class DriverTopics:
     def publish(
         self, snapshot: Snapshot, intake: CommandIntake, wall_now: float, sent_at: float
     ) -> None:
-        """Tell what one cycle has found and sent.
+        """Publish what one cycle measured and sent.
 
         Parameters
         ----------
         snapshot : Snapshot
-            Of the cycle.
+            Result of the cycle.
         intake : CommandIntake
             Knows the units of the commands.
         wall_now, sent_at : float
-            When the cycle began, and when the boards had been told; wall clock [s].
+            When the cycle began, and when its commands had been sent; wall clock [s].
         """
         message = JointState(name=self._rig.muscle_names, effort=snapshot.pressures)
         message.header.stamp = _stamp(snapshot.pressure_stamp or wall_now)
@@ -66,7 +66,7 @@ class DriverTopics:
             self._sent_commands.publish(message)
 
     def publish_fluid_pressures(self, snapshot: Snapshot) -> None:
-        """Tell the absolute pressures, for tools that know that type."""
+        """Publish the absolute pressures, for tools that expect this message type."""
         stamp = _stamp(snapshot.pressure_stamp or time.time())
         ambient = self._rig.gas.ambient_pressure
         for muscle, publisher, pressure in zip(

@@ -1,4 +1,4 @@
-"""What is wrong now: buses, boards, sensors, commands, and what physics says of it all."""
+"""Finds what is wrong with buses, boards, sensors and commands, and what contradicts physics."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from pam_driver.safety.pressure_plausibility import Deviation
 from pam_driver.safety.sensor_checks import SensorChecks
 from pam_model.rig import Rig
 
-# Another driver's command heard so long ago does not matter any more [s].
+# A command of another driver is a fault for this long after it was received [s].
 _FOREIGN_MEMORY: Final = 1.0
-# Physics cannot be judged across a longer pause [s].
+# The physics cannot be checked across a longer pause [s].
 _STALL: Final = 0.02
 
 
 class Plausibility(Protocol):
-    """Judges measurements by physics, see `pam_driver.safety.pressure_plausibility`."""
+    """Compares measurements with physics, see `pam_driver.safety.pressure_plausibility`."""
 
     period: float
 
@@ -33,14 +33,14 @@ class Plausibility(Protocol):
         velocities: Sequence[float],
         supply_pressures: Sequence[float],
     ) -> None:
-        """Go on by one cycle."""
+        """Advance by one cycle."""
 
     def deviations(self) -> Iterator[Deviation]:
-        """What is off."""
+        """The deviations between measurements and physics."""
 
 
 class Readings(NamedTuple):
-    """What was measured, in the rig's order; NaN where it is not fresh."""
+    """The measurements, in the rig's order; NaN where they are too old."""
 
     pressures: Sequence[float]
     positions: Sequence[float]
@@ -48,18 +48,18 @@ class Readings(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What the driver is doing.
+    """Whether the driver moves the valves, and by which command.
 
     Attributes
     ----------
     active : bool
-        Whether valves follow commands.
+        Whether the valves follow commands.
     since : float
-        Since when, monotonic [s]; infinite while they do not.
+        Since when they follow them, monotonic [s]; infinite while they do not.
     command_time : float
         When the command in use was computed, monotonic [s].
     last_rejection : str
-        Why a command was refused last.
+        Why the last refused command was refused.
     """
 
     active: bool
@@ -69,25 +69,25 @@ class Motion(NamedTuple):
 
 
 class FaultJudge:
-    """Finds what is wrong with a rig that is driven.
+    """Finds what is wrong with a rig while the driver runs.
 
     Parameters
     ----------
     rig : Rig
-        Its limits.
+        Gives the limits.
     boards : BoardSet
-        What was heard.
+        The boards with their last measurements.
     settings : DriverSettings
         Limits and time-outs.
     vents : sequence of float
         By muscle the fraction of full scale at which its valve vents.
     plausibility : Plausibility, optional
-        Judges what is measured; without it, numbers are only held against limits.
+        Compares measurements with physics; without it, they are only compared with limits.
 
     Attributes
     ----------
     suspicions : tuple of Condition
-        More than the warning share of a plausibility limit.
+        Deviations above the warning share of a plausibility limit.
     """
 
     def __init__(
@@ -112,14 +112,14 @@ class FaultJudge:
         )
 
     def judge(self, setpoints: Sequence[float] | None, readings: Readings, now: float) -> None:
-        """Let the sensor checks and the physics see what was measured.
+        """Check the measurements of one cycle for sensor faults and against the physics.
 
         Parameters
         ----------
         setpoints : sequence of float or None
-            What the boards were told last, by muscle; None: to vent.
+            The last set points that were sent to the boards, by muscle; None: to vent.
         readings : Readings
-            What was measured.
+            The measurements.
         now : float
             Monotonic time [s].
         """
@@ -134,8 +134,8 @@ class FaultJudge:
             else:
                 commands.append(self._vents[index])
             supplies.append(board.supply_pressure)
-        # After a stall of this host or of the bus the physics would be late by it, and see a
-        # fault that is none: it begins anew from what is measured.
+        # After a stall of this host or of the bus, the physics would lag behind the measurements
+        # and report a false fault: it restarts from the measurements.
         pressures = [samples[channel] for samples, channel in boards.pressures]
         oldest = min(sample.time for sample in pressures)
         stalled = now - min(oldest, self._judged_at) > max(_STALL, 10.0 * plausibility.period)
@@ -160,7 +160,7 @@ class FaultJudge:
         )
 
     def conditions(self, motion: Motion, now: float) -> Iterator[Condition]:
-        """All that is wrong now; while air may move, any of it is a fault."""
+        """Everything that is wrong now; while air may move, each condition is a fault."""
         settings = self._settings
         boards = self._boards
         yield from self._bus_conditions(now)

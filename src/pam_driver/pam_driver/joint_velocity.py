@@ -1,7 +1,7 @@
 """Velocity from angle samples: backward difference through a first-order low pass.
 
-The filter is discretised exactly for each sample's own interval, so that lost frames and jitter of
-the stamps do not change its bandwidth.
+The filter is discretised exactly for the interval of each sample, so that lost frames and jitter
+of the stamps do not change its bandwidth.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ class JointVelocity:
     bandwidth : float
         -3 dB frequency of the low pass [Hz].
     longest_gap : float
-        After a longer gap between samples it starts anew [s].
+        The filter restarts after a longer gap between samples [s].
     """
 
     def __init__(self, bandwidth: float, longest_gap: float) -> None:
@@ -35,7 +35,7 @@ class JointVelocity:
         position : float
             [rad].
         time : float
-            Of the measurement, monotonic [s]; a sample that is not newer changes nothing.
+            Time of the measurement, monotonic [s]; a sample that is not newer changes nothing.
         """
         interval = time - self._time
         if interval <= 0.0:
@@ -51,6 +51,6 @@ class JointVelocity:
         return self.value
 
     def reset(self) -> None:
-        """No velocity until the next sample."""
+        """Restart the filter; the velocity is NaN until the next sample."""
         self.value = math.nan
         self._time = -math.inf

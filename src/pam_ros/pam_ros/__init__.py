@@ -1,10 +1,10 @@
-"""What the ROS nodes of the suite share: parameters, periodic loop, diagnostics, spinning.
+"""Code that the ROS nodes of the suite share: parameters, periodic loop, diagnostics, spinning.
 
-This package knows ROS and no robot. Its public names:
+This package depends on ROS but not on any robot. Its public names:
 
 - `NodeParameters`, `Parameter`: a table of parameters, declared and checked on any node.
-- `PeriodicLoop`: a thread with absolute deadlines.
-- `spin_node`: a node's main function.
+- `PeriodicLoop`: a thread that calls a function at absolute deadlines.
+- `spin_node`: the main function of a node.
 
 The names are imported when they are first used, so that importing the package takes no time.
 """
@@ -46,5 +46,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """All names, those that were not used yet among them."""
+    """All names, including those that have not been imported yet."""
     return sorted({*globals(), *__all__})

@@ -1,4 +1,4 @@
-"""Health as REP-107 messages; no ROS node is needed to make them."""
+"""Makes REP-107 messages about the health of a node; no ROS node is needed to make them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _text(value: object) -> str:
 def diagnostic_status(
     name: str, level: bytes, message: str, values: Mapping[str, object], hardware_id: str = ""
 ) -> Any:
-    """One part's health.
+    """The health of one part of a node.
 
     Parameters
     ----------
@@ -34,11 +34,11 @@ def diagnostic_status(
     level : bytes
         OK, WARN, ERROR or STALE of this module.
     message : str
-        One line for a person.
+        One line for the user.
     values : mapping
         Shown as text; the key names the unit.
     hardware_id : str, optional
-        Which device.
+        The device that the status describes.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def diagnostic_status(
 
 
 def loop_values(statistics: LoopStatistics) -> dict[str, object]:
-    """How well a periodic loop keeps time, as values of a status."""
+    """The timing of a periodic loop, as values of a status."""
     return {
         "cycles": statistics.cycles,
         "late cycles": statistics.late,
@@ -62,17 +62,17 @@ def loop_values(statistics: LoopStatistics) -> dict[str, object]:
 
 
 def diagnostic_array(stamp: Any, *statuses: Any, namespace: str = "/") -> Any:
-    """The message for /diagnostics, which all robots share.
+    """The message for /diagnostics, a topic that all robots share.
 
     Parameters
     ----------
     stamp : builtin_interfaces.msg.Time
-        When the parts were looked at.
+        When the statuses were determined.
     statuses : diagnostic_msgs.msg.DiagnosticStatus
-        The parts' health.
+        The health of the parts.
     namespace : str, optional
-        Of the node; where it has one, names and hardware identifiers begin with it, as
-        "robot1/pam_driver: safety", so that two robots are told apart.
+        Namespace of the node. If there is one, names and hardware identifiers begin with it, for
+        example "robot1/pam_driver: safety", so that the statuses of two robots differ.
     """
     robot = namespace.strip("/")
     if robot:

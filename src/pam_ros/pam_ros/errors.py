@@ -1,5 +1,5 @@
-"""The mistakes of a user that can be found without knowing any robot."""
+"""User mistakes that can be found without knowledge of a robot."""
 
 
 class ParameterError(ValueError):
-    """A node's parameter that cannot be used; the message names it and what was expected."""
+    """A node's parameter that cannot be used; the message says which, and what was expected."""

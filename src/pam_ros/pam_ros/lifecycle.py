@@ -1,4 +1,4 @@
-"""What rclpy's lifecycle nodes lack."""
+"""A correction for a defect of rclpy's lifecycle nodes."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rcl
 
 
 def refuse_impossible_transitions(node: Any) -> None:
-    """Let a lifecycle node answer no to a transition that its state does not have.
+    """Make a lifecycle node refuse a requested transition that its state does not allow.
 
-    The node of rclpy would end by such a request.
+    Without this correction such a request ends a node of rclpy with an exception.
 
     Parameters
     ----------
     node : rclpy.lifecycle.LifecycleNode
-        After its own initialisation.
+        A node that has been initialised.
     """
     service = node._service_change_state
     change_state = service.callback
@@ -25,7 +25,7 @@ def refuse_impossible_transitions(node: Any) -> None:
             return change_state(request, response)
         except _rcl.RCLError:
             asked = request.transition.label or request.transition.id
-            node.get_logger().warning(f"transition {asked} refused: not possible now")
+            node.get_logger().warning(f"transition {asked} refused: not possible in this state")
             response.success = False
             return response
 

@@ -1,8 +1,8 @@
-"""What a node says when it is started with `--help`, and when its command line makes no sense.
+"""The text that a node prints for `--help`, and the check of its command line.
 
-The text is made of the node's own table of parameters and its topics, so that it cannot fall
-behind. A word that is neither `--help` nor follows `--ros-args` would be dropped in silence by
-ROS; here it is refused.
+The text is generated from the node's table of parameters and its topics, so that it is always up to
+date. ROS silently ignores an argument that is neither `--help` nor after `--ros-args`; here it is
+refused.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Endpoint:
     Attributes
     ----------
     name : str
-        As the node gives it to ROS; `~` is the node's own name, `<...>` stands for several.
+        As the node gives it to ROS; `~` is the node's own name, `<...>` a variable part.
     kind : str
         Type, for example "sensor_msgs/JointState".
     what : str
-        What goes over it, with units.
+        Its content or effect, with units.
     """
 
     name: str
@@ -45,22 +45,22 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class NodeHelp:
-    """What a user must know to start a node.
+    """The information that a user needs to start a node.
 
     Attributes
     ----------
     program : str
-        What the user types, for example "ros2 run pam_model model_node".
+        The command, for example "ros2 run pam_model model_node".
     purpose : str
         What the node does, in plain sentences.
     parameters : sequence of Parameter
-        The node's own.
+        The node's own parameters.
     other_keys : str
-        What else its parameter file holds, in words; empty for nothing.
+        Describes the other keys of its parameter file; empty if there are none.
     example : str
-        What follows the program in an example.
+        The arguments of an example command.
     publishes, subscribes, serves : sequence of Endpoint
-        Topics and services, `/rosout` and those for parameters left out.
+        Topics and services, without `/rosout` and the services for parameters.
     """
 
     program: str
@@ -97,17 +97,17 @@ class NodeHelp:
         return "\n".join(lines)
 
     def answer(self, arguments: Sequence[str] | None = None) -> int | None:
-        """Print the help text or refuse a word that nobody knows.
+        """Print the help text, or refuse an unknown argument.
 
         Parameters
         ----------
         arguments : sequence of str, optional
-            Words of the command line; those of the process by default.
+            Arguments of the command line; by default those of the process.
 
         Returns
         -------
         int or None
-            Exit code if the program is to end now.
+            Exit code if the program must end now, else None.
         """
         words = list(sys.argv[1:] if arguments is None else arguments)
         if "-h" in words or "--help" in words:
@@ -121,7 +121,7 @@ class NodeHelp:
 
 
 def _problem_of(words: Sequence[str]) -> str:
-    """What is wrong with a command line; empty if ROS can take it."""
+    """What is wrong with a command line; empty if ROS accepts it."""
     for flag, name in itertools.pairwise(words):
         if flag == "--params-file" and not Path(name).is_file():
             what = "is a folder; expected a file" if Path(name).is_dir() else "no such file"
@@ -131,13 +131,13 @@ def _problem_of(words: Sequence[str]) -> str:
     except rclpy_implementation.UnknownROSArgsError as error:
         return f"unrecognized arguments after --ros-args: {error}"
     except rclpy_implementation.RCLError as error:
-        # rcl adds the lines of its source after the reason
+        # rcl adds file and line of its source code after the reason
         return " ".join(str(error).split(", at /")[0].split())
     return f"unrecognized arguments: {' '.join(unknown)}" if unknown else ""
 
 
 def range_text(parameter: Parameter) -> str:
-    """Default, unit and range of a parameter, for people."""
+    """Default, unit and range of a parameter as text."""
     default, unit = parameter.default, "" if parameter.unit == "-" else f" {parameter.unit}"
     if isinstance(default, bool):
         return f"= {str(default).lower()}"
@@ -150,7 +150,7 @@ def range_text(parameter: Parameter) -> str:
 
 
 def tell_mistake(text: object) -> None:
-    """Print a mistake of the user as all tools of the suite do."""
+    """Print a user's mistake in the format that all tools of the suite use."""
     print(f"error: {text}", file=sys.stderr)
 
 

@@ -1,10 +1,9 @@
-"""A node's parameters, written down once: declared with unit and range, checked when set.
+"""The parameters of a node in one table: declared with unit and range, and checked when set.
 
-A node is made with `automatically_declare_parameters_from_overrides=True`, so that everything in
-its parameter files is seen: the node's own parameters, the keys of whatever else the file
-describes (the robot, for most nodes), and keys that nobody knows, which ROS would drop in silence
-and which are refused here. What those other keys mean is for the node to say: it hands in the
-function that reads them.
+A node is made with `automatically_declare_parameters_from_overrides=True`, so that it receives
+every key of its parameter files: its own parameters, the keys of anything else that the file
+describes (the robot, for most nodes), and unknown keys, which ROS would silently ignore and which
+are refused here. The node passes a function that reads the keys that are not its own parameters.
 """
 
 from __future__ import annotations
@@ -34,13 +33,13 @@ class Parameter:
     Attributes
     ----------
     name : str
-        As in a parameter file.
+        Name as in a parameter file.
     default : bool, int, float or str
-        Its type is the parameter's.
+        Default value; its type is the type of the parameter.
     unit : str
-        SI, "-" for none.
+        SI unit, "-" for none.
     low, high : float
-        Bounds of a number; ignored for text and switches.
+        Bounds of a number; ignored for text and bool.
     description : str
         One line.
     changeable : bool
@@ -56,12 +55,12 @@ class Parameter:
     changeable: bool = False
 
     def check(self, value: object) -> Value:
-        """The value in the parameter's type.
+        """The value, converted to the type of the parameter.
 
         Raises
         ------
         ParameterError
-            Naming parameter, value, unit and what was expected.
+            If the value is wrong; the text names parameter, value, unit and what was expected.
         """
         kind = type(self.default)
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
@@ -84,7 +83,7 @@ class Parameter:
         return value
 
     def descriptor(self) -> Any:
-        """What `ros2 param describe` shows: text, unit and range."""
+        """The description that `ros2 param describe` shows: text, unit and range."""
         descriptor = ParameterDescriptor(
             name=self.name,
             description=f"{self.description} [{self.unit}]",
@@ -102,34 +101,35 @@ class Parameter:
 
 
 class NodeParameters[Described]:
-    """The parameters of a running node, and what else its parameter file describes.
+    """The parameters of a running node, and the other content of its parameter file.
 
     Parameters
     ----------
     node : rclpy.node.Node
         Made with `automatically_declare_parameters_from_overrides=True`.
     table : sequence of Parameter
-        All the node has of its own.
+        The node's own parameters.
     read_others : callable
-        Makes something of the keys that are not in the table, for example a robot description.
-        It takes these keys with their values and the names of the table (so that its message
-        about an unknown key can suggest one of them), and raises for a key that it does not know.
+        Reads the keys that are not in the table, for example a robot description. It takes these
+        keys with their values and the names in the table (so that its message about an unknown key
+        can suggest one of them), and raises an exception for a key that it does not know.
     keeps_real_time : bool, optional
-        The node moves air or decides by the age of a measurement, so `use_sim_time` is refused, at
-        the start and while it runs: a simulated clock that stops would keep old values young.
+        Refuse `use_sim_time`, at the start and while the node runs. It must be set for a node that
+        moves air or judges the age of measurements: with a simulated clock that stops, old values
+        would never become too old.
     on_change : callable, optional
-        Takes a mapping of the values that change, after they were checked; a ParameterError it
-        raises refuses the change.
+        Takes a mapping of the values that change, after they were checked; it refuses the change
+        by raising a ParameterError.
 
     Raises
     ------
     ParameterError
-        For a parameter that is out of bounds or of another type.
+        If a parameter is out of bounds or of a wrong type.
 
     Attributes
     ----------
     described : object
-        What `read_others` has made.
+        The result of `read_others`.
     """
 
     def __init__(
@@ -157,7 +157,7 @@ class NodeParameters[Described]:
             for name, parameter in self._table.items()
         }
         for name, parameter in self._table.items():
-            # what a file brought was declared without unit and range, perhaps as an integer
+            # ROS has declared a parameter of a file without unit and range, perhaps as an integer
             if name in given:
                 node.undeclare_parameter(name)
             node.declare_parameter(
@@ -176,7 +176,7 @@ class NodeParameters[Described]:
         if self._keeps_real_time and name == "use_sim_time" and value is True:
             raise ParameterError(
                 "use_sim_time = true: refused, because this node judges the age of commands and "
-                "measurements, and a simulated clock that stops would keep them young for ever"
+                "measurements, and they would never become too old if a simulated clock stops"
             )
 
     def _set(self, requested: Sequence[Any]) -> Any:
@@ -189,11 +189,11 @@ class NodeParameters[Described]:
                     if entry.name.split(".")[0] in _OF_ROS:
                         continue
                     raise ParameterError(
-                        f"{entry.name}: is read from the parameter file when the node starts"
+                        f"{entry.name}: is only read from the parameter file when the node starts"
                     )
                 value = parameter.check(entry.value)
                 if not parameter.changeable:
-                    raise ParameterError(f"{entry.name}: only a restart changes it")
+                    raise ParameterError(f"{entry.name}: can only be changed by a restart")
                 changes[entry.name] = value
             if changes and self._on_change is not None:
                 self._on_change(changes)

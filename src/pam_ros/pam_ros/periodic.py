@@ -1,9 +1,10 @@
 """A thread that calls one function at absolute deadlines on the monotonic clock.
 
-A missed deadline is counted and skipped, never caught up with in a burst, and lateness does not
-add up: deadlines stay on the grid of the first one. `time.sleep` sleeps to the deadline by
-clock_nanosleep; nothing spins, since a spin would take the processor from what is waited for.
-On a busy host a loop keeps time with a real-time priority, where the system grants one.
+A missed deadline is counted and skipped; missed calls are not made up in a burst. Delays do not
+accumulate, since all deadlines lie on the grid of the first one. The thread waits with
+`time.sleep`, which uses clock_nanosleep, and not with a busy loop, which would take the processor
+from the threads that it waits for. On a busy host a loop keeps its deadlines if the system grants
+it a real-time priority.
 """
 
 from __future__ import annotations
@@ -16,25 +17,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-LOWEST_PRIORITY = 1  # of the real-time ones
+LOWEST_PRIORITY = 1  # the lowest real-time priority
 
 
 @dataclass(frozen=True, slots=True)
 class LoopStatistics:
-    """How well a loop kept time since its start.
+    """The timing of a loop since its start.
 
     Attributes
     ----------
     cycles : int
-        Calls made.
+        Number of calls.
     late : int
         Calls that began more than half a period after their deadline.
     skipped : int
         Deadlines that passed while a call was running.
     worst_lateness : float
-        Largest time from deadline to call [s].
+        Largest delay from deadline to call [s].
     priority : int
-        Real-time priority it runs with; 0: none.
+        Real-time priority of the thread; 0: none.
     """
 
     cycles: int
@@ -45,19 +46,20 @@ class LoopStatistics:
 
 
 def take_priority(priority: int, thread: int = 0) -> int:
-    """Let a thread run before all ordinary ones (SCHED_FIFO), if that is permitted.
+    """Give a thread a real-time priority (SCHED_FIFO), if that is permitted.
 
     Parameters
     ----------
     priority : int
-        1 to 99; 0 leaves the thread as it is.
+        1 to 99; 0 does not change the thread.
     thread : int, optional
-        Its number in the system; 0: the calling one.
+        Thread identifier of the system; 0: the calling thread.
 
     Returns
     -------
     int
-        The priority it has now; 0 where the system has no such thing or permits none to this user.
+        The priority that it has now; 0 if the system has no real-time priorities or does not permit
+        them to this user.
     """
     if priority <= 0 or not hasattr(os, "sched_setscheduler"):
         return 0
@@ -71,19 +73,18 @@ def take_priority(priority: int, thread: int = 0) -> int:
 class PeriodicLoop:
     """Calls `step(now)` every `period` seconds in one thread.
 
-    An exception in `step` ends the loop; it is kept and raised by the next call of `check` or
-    `stop`.
+    An exception in `step` ends the loop; the next call of `check` or `stop` raises it.
 
     Parameters
     ----------
     step : callable
         Takes the time of the call on `time.monotonic` [s].
     period : float
-        [s].
+        Time between calls [s].
     name : str, optional
-        Of the thread.
+        Name of the thread.
     priority : int, optional
-        Real-time priority to ask for, see `take_priority`.
+        Requested real-time priority, see `take_priority`.
 
     Raises
     ------
@@ -119,19 +120,19 @@ class PeriodicLoop:
 
     @property
     def statistics(self) -> LoopStatistics:
-        """How well it has kept time since its start."""
+        """The timing of the loop since its start."""
         return LoopStatistics(self._cycles, self._late, self._skipped, self._worst, self._priority)
 
     def start(self) -> None:
-        """Begin; the first call is at once.
+        """Start the thread; the first call is made at once.
 
         Raises
         ------
         RuntimeError
-            If it is running already.
+            If the thread is already running.
         """
         if self.running:
-            raise RuntimeError(f"{self._name} is running already")
+            raise RuntimeError(f"{self._name} is already running")
         self._stopping.clear()
         self._error, self._raised = None, False
         self._cycles = self._late = self._skipped = 0
@@ -140,21 +141,21 @@ class PeriodicLoop:
         self._thread.start()
 
     def share_priority(self) -> None:
-        """Let this process's other threads run before all ordinary ones too, but after the loop.
+        """Give the other threads of this process a real-time priority below that of the loop.
 
-        The loop waits for what they do: for messages, and for the interpreter lock. If the host
-        did not let them run, its priority would be worth nothing.
+        The loop depends on them for messages and for the interpreter lock, so its own priority is
+        of no use if the host does not let them run. Nothing happens if the loop asked for none.
         """
         if self._asked_priority <= 0 or not hasattr(os, "sched_setscheduler"):
             return
         for task in Path("/proc/self/task").iterdir():
-            # a thread may end meanwhile
+            # the thread may have ended
             with contextlib.suppress(OSError):
                 if os.sched_getscheduler(int(task.name)) == os.SCHED_OTHER:
                     take_priority(LOWEST_PRIORITY, int(task.name))
 
     def check(self) -> None:
-        """Raise what ended the loop, if anything did."""
+        """Raise the exception that ended the loop, if there was one."""
         if self._error is not None:
             self._raised = True
             raise self._error
@@ -165,14 +166,14 @@ class PeriodicLoop:
         Parameters
         ----------
         timeout : float, optional
-            How long a call in progress may take [s].
+            How long a call in progress may still take [s].
 
         Raises
         ------
         TimeoutError
             If `step` does not return in time.
         BaseException
-            What ended the loop, unless `check` has raised it before.
+            The exception that ended the loop, unless `check` has already raised it.
         """
         self._stopping.set()
         thread = self._thread
@@ -202,7 +203,7 @@ class PeriodicLoop:
                     missed = int((now - deadline) / period) + 1
                     self._skipped += missed
                     deadline += missed * period
-                # a long period must not hold up stop()
+                # a long period must not delay stop()
                 if deadline - now > 0.1:
                     self._stopping.wait(deadline - now)
                 else:

@@ -1,6 +1,6 @@
 """Runs a node from the command line: signals end it cleanly, a user's mistake is one message.
 
-The only file beside the nodes that knows rclpy, so that every node starts and ends alike.
+All nodes use this function, so that they start and end in the same way.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from pam_ros.errors import ParameterError
 from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
 
 TURN = 0.1
-"""How long a turn of the executor may wait before it looks at the shutdown flag [s]."""
+"""How long the executor may wait before it checks the shutdown flag again [s]."""
 SHUTDOWN_DELAY = 0.5
-"""How long after a signal the shutdown flag may take to show [s]."""
+"""How long after a signal the shutdown flag may take until it is set [s]."""
 
 
 def spin_node(
@@ -30,21 +30,22 @@ def spin_node(
     *,
     mistake: type[Exception],
 ) -> int:
-    """Make a node and serve it until SIGINT or SIGTERM.
+    """Make a node and run it until SIGINT or SIGTERM.
 
     Parameters
     ----------
     make_node : callable
         Makes the node.
     usage : NodeHelp
-        What `--help` prints.
+        The text that `--help` prints.
     arguments : sequence of str, optional
-        Command line, with --ros-args; the process's own by default.
+        Command line, with --ros-args; by default that of the process.
     check : callable, optional
-        Called with the node every turn; where a loop's exception is raised.
+        Called with the node in every turn; it raises the exception of the node's loop, if any.
     mistake : exception type
-        What `make_node` and `check` raise for a mistake of the user, beside ParameterError: its
-        text is printed, and the node ends. Anything else is a fault of the program and raised.
+        The exception that `make_node` and `check` raise for a user's mistake, beside
+        ParameterError: its text is printed, and the node ends. Any other exception is a fault of
+        the program and is raised.
 
     Returns
     -------
@@ -67,8 +68,8 @@ def spin_node(
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except RuntimeError:
-        # a signal in the midst of a callback comes out of the events executor as this
-        # and may be ahead of the shutdown that the signal asks for
+        # The events executor raises this error if a signal arrives during a callback. It may do
+        # so before the shutdown flag of the signal is set.
         deadline = time.monotonic() + SHUTDOWN_DELAY
         while rclpy.ok():
             if time.monotonic() > deadline:

@@ -1,13 +1,13 @@
-"""Where a valve's command stands in a sensor_msgs/JointState, as on `valve_commands`.
+"""The field of a sensor_msgs/JointState that holds a valve's command, as on `valve_commands`.
 
-The kind of the valve decides the field. The command of a flow valve is the opening of its spool,
-from -1 (exhaust fully open) over 0 (shut) to 1 (supply fully open), and stands in `position`. The
-command of a pressure regulator is its set point [Pa gauge], and stands in `effort`. `velocity` has
-no use. A field that no muscle of the rig uses is empty; on a rig with both kinds of valve, both
-fields have one value per muscle, and NaN for the muscles that use the other one.
+The kind of valve decides the field. The command of a flow valve is the opening of its spool, from
+-1 (exhaust fully open) over 0 (shut) to 1 (supply fully open), in the field `position`. The command
+of a pressure regulator is its set point [Pa gauge], in the field `effort`. `velocity` is not used.
+A field that no muscle of the rig uses is empty; on a rig with both kinds of valve, both fields have
+one value per muscle, which is NaN for the muscles that use the other field.
 
-This module needs no ROS. It knows muscles as names with a kind of valve, and takes the fields of a
-message as sequences of numbers.
+This module needs no ROS. A muscle is a name with a kind of valve, and the fields of a message are
+sequences of numbers.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _EXPECTED: Final = {
 
 
 class ValveCommandError(ValueError):
-    """A message that is no command for the rig's valves; the text names muscle and field.
+    """A message that is not a valid command for the valves; the text names muscle and field.
 
     Attributes
     ----------
     kind : str
-        "size", "name" or "field": what is wrong, for those who count.
+        What is wrong, for counting: "size", "name" or "field".
     """
 
     def __init__(self, kind: str, text: str) -> None:
@@ -79,7 +79,9 @@ class ValveCommandFormat:
     def __init__(self, kinds: Mapping[str, str]) -> None:
         for name, kind in kinds.items():
             if kind not in _VENTED:
-                raise ValueError(f"{name}: {kind!r} is no kind of valve; {' or '.join(_VENTED)}")
+                raise ValueError(
+                    f"{name}: {kind!r} is not a kind of valve; expected {' or '.join(_VENTED)}"
+                )
         self.names = tuple(kinds)
         self.vented = tuple(_VENTED[kind] for kind in kinds.values())
         self._kinds = tuple(kinds.values())
@@ -113,18 +115,18 @@ class ValveCommandFormat:
         Parameters
         ----------
         names, position, velocity, effort : sequence
-            Of the message; the names in any order.
+            Fields of the message; the names may be in any order.
 
         Returns
         -------
         list of float
-            In the order of the rig, as for `pack`. They are not checked: one may be out of range,
-            infinite or NaN.
+            In the order of the rig, as for `pack`. The values are not checked: they may be out of
+            range, infinite or NaN.
 
         Raises
         ------
         ValveCommandError
-            For a muscle that is unknown, missing or there twice, a field of another length, and a
+            For a muscle that is unknown, missing or named twice, a field of a wrong length, or a
             number in a field that the muscle's valve does not use.
         """
         count = len(self.names)
@@ -143,7 +145,7 @@ class ValveCommandFormat:
             if index is None:
                 raise ValveCommandError("name", f"no muscle called {name[:64]!r}")
             if commands[index] is not None:
-                raise ValveCommandError("name", f"{name} stands there twice")
+                raise ValveCommandError("name", f"{name} is named twice")
             used, unused = (position, effort) if self._is_flow[index] else (effort, position)
             stray = any(len(other) and not math.isnan(other[place]) for other in (unused, velocity))
             if stray or not len(used):
@@ -154,12 +156,12 @@ class ValveCommandFormat:
     def known(
         self, names: Sequence[str], position: Sequence[float], effort: Sequence[float]
     ) -> dict[str, float]:
-        """What a message says of the rig's muscles, for those who only listen.
+        """The commands for the rig's muscles in a message that need not be complete.
 
         Parameters
         ----------
         names, position, effort : sequence
-            Of the message, which may have less or more than the rig.
+            Fields of the message, which may have fewer or more muscles than the rig.
 
         Returns
         -------
@@ -178,14 +180,14 @@ class ValveCommandFormat:
 
 
 class CommandsOfAnyKind(NamedTuple):
-    """What a message says of muscles whose kind of valve is not known.
+    """The commands of a message for muscles whose kind of valve is unknown.
 
     Attributes
     ----------
     values : dict of str to float
-        Muscle -> the finite number of the one field that has one.
+        Muscle -> the finite number, for muscles that have one in exactly one field.
     ambiguous : tuple of str
-        Muscles with a finite number in both fields, which no valve takes; left out of `values`.
+        Muscles with a finite number in both fields, which no valve accepts; not in `values`.
     """
 
     values: dict[str, float]
@@ -195,12 +197,12 @@ class CommandsOfAnyKind(NamedTuple):
 def commands_of_any_kind(
     names: Sequence[str], position: Sequence[float], effort: Sequence[float]
 ) -> CommandsOfAnyKind:
-    """Read the commands of a message without the rig that it is for, as from a recording.
+    """Read the commands of a message, for example from a recording, without knowing the rig.
 
     Parameters
     ----------
     names, position, effort : sequence
-        Of the message; a field of another length than the names is left out.
+        Fields of the message; a field whose length differs from that of `names` is ignored.
     """
     found: dict[str, float] = {}
     ambiguous = []

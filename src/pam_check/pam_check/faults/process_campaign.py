@@ -52,7 +52,7 @@ TIME_OUTS: Final = {
     "stale_sensor": re.compile(r"no (pressure|angle) for"),
     "WATCHDOG": re.compile(r"fault: .*watchdog"),
     "board_lost": re.compile(r"no (measurement|status|heartbeat)"),
-    "board_not_active": re.compile(r"although it was told to move"),
+    "board_not_active": re.compile(r"although it was commanded to be active"),
     "send_blocked": re.compile(r"nothing could be sent for"),
 }
 

@@ -1,1 +1,1 @@
-"""The kinds of valve board that the driver can talk to."""
+"""The kinds of valve board that the driver supports."""

@@ -1,4 +1,4 @@
-"""What can be wrong with a frame: each kind is counted and named, none is fatal."""
+"""The errors of frames: each kind is counted and named, and none of them ends the driver."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from pam_model.errors import PamError
 
 
 class DbcError(PamError):
-    """A DBC file that cannot be read or lacks something; the message names the file and the gap."""
+    """A DBC file that cannot be read or is incomplete; the message names file and reason."""
 
 
 class EncodeError(PamError):
-    """A value that has no place in a frame: not finite, out of range, or an unknown board."""
+    """A message that cannot be encoded: value not finite or out of range, or unknown board."""
 
 
 class FrameError(PamError):
-    """A frame that is no message of a board; `kind` is the name it is counted under."""
+    """A frame that is not a valid message of a board; `kind` is the name under which it counts."""
 
     kind = "frame"
 
@@ -25,13 +25,13 @@ class FrameError(PamError):
 
 
 class UnknownFrameError(FrameError):
-    """No board of the rig, and no other board of their kinds, has this identifier."""
+    """A frame whose identifier belongs neither to the rig nor to another board of these kinds."""
 
     kind = "unknown_id"
 
 
 class UnknownBoardError(FrameError):
-    """A frame of, or to, a board that the rig file does not name."""
+    """A frame from or to a board that the rig file does not name."""
 
     kind = "unknown_board"
 
@@ -43,18 +43,18 @@ class ForeignCommandError(FrameError):
 
 
 class FrameLengthError(FrameError):
-    """The payload is not as long as the board's protocol says."""
+    """A frame whose payload does not have the length that the board's protocol requires."""
 
     kind = "wrong_length"
 
 
 class FrameCrcError(FrameError):
-    """The checksum does not fit identifier and payload."""
+    """A frame whose checksum does not match its identifier and payload."""
 
     kind = "bad_crc"
 
 
 class FrameRangeError(FrameError):
-    """A value is outside the range that the board's protocol allows."""
+    """A frame with a value outside the range that the board's protocol allows."""
 
     kind = "out_of_range"

@@ -1,18 +1,19 @@
-"""What the driver asks of a kind of board, and what a board promises: the whole protocol.
+"""The protocol between the driver and a kind of board: required methods, and a board's promises.
 
 A *kind* (`BoardKind`) is registered under a name, see `register`. It checks the part of a rig file
 that concerns its boards and makes one `Board` for each. A `Board` turns set points into frames
-and frames into measurements; the driver's core sends, receives, judges and never looks at a
-payload. What a board cannot do is said in its `Promises` and not worked around in the core: a
-device without enable, counter, watchdog or status is a `Board` with weaker promises.
+and frames into measurements; the driver's core sends, receives and judges, but never interprets a
+payload. The `Promises` of a board state what it cannot do, and the core does not compensate for it:
+a device without enable, counter, watchdog or status is a `Board` with weaker promises.
 
-Values are in SI units on this side of the protocol: pressures in Pa gauge, the supply in Pa
+All values in this protocol are in SI units: pressures in Pa gauge, the supply pressure in Pa
 absolute, angles in rad, times in s. A set point is a fraction of the valve's full scale (-1 to 1
-for a flow valve, 0 to 1 of `valve.full_scale` for a pressure regulator); the wires of a board hold
-its muscles, so that a device in other units can convert. Identifiers are whole numbers with
-`EXTENDED` set for 29 bits. Every board names its bus; "" is the only one of a rig that has one.
+for a flow valve, 0 to 1 of `valve.full_scale` for a pressure regulator). The wires of a board
+contain its muscles, so that a device with other units can convert. Identifiers are whole numbers
+with the flag `EXTENDED` for 29 bits. Every board names its bus; the name is "" if the rig has only
+one bus.
 
-docs/new_board.md shows how to add a kind; the checks for it and its simulated twin are in
+docs/new_board.md shows how to add a kind; a kind and its simulated twin must pass the checks in
 `tests/helpers/support/board_conformance.py`.
 """
 
@@ -34,11 +35,11 @@ Channel = int | str
 Address = int | str
 """A board, as the rig file names it: a number, or the name of its section under `boards`."""
 Hear = Callable[[bytes, float, float], None]
-"""Takes a payload, the time it was measured (monotonic) and its stamp (wall clock) [s]."""
+"""Takes a payload, the time of the measurement (monotonic) and its stamp (wall clock) [s]."""
 
 
 class Condition(NamedTuple):
-    """Something wrong: its kind, who is concerned, and a line for a person."""
+    """Something that is wrong: its kind, the subject concerned, and one line for the user."""
 
     kind: str
     subject: str
@@ -49,7 +50,7 @@ class Condition(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """A value with the times it was measured: monotonic for ages, wall clock for stamps [s]."""
+    """A value with its time of measurement: monotonic for ages, wall clock for stamps [s]."""
 
     value: float = math.nan
     time: float = NEVER
@@ -57,7 +58,7 @@ class Sample(NamedTuple):
 
 
 class MuscleWire(NamedTuple):
-    """One muscle on a board: which channel drives or measures it, its place in the rig's order."""
+    """One muscle on a board: the channel that drives or measures it, and its place in the rig."""
 
     channel: Channel
     place: int
@@ -65,7 +66,7 @@ class MuscleWire(NamedTuple):
 
 
 class JointWire(NamedTuple):
-    """One joint whose angle a board measures, and its place in the rig's order."""
+    """One joint on a board: the channel that measures its angle, and its place in the rig."""
 
     channel: Channel
     place: int
@@ -79,12 +80,12 @@ class WiredBoard:
     Attributes
     ----------
     address : int or str
-        As muscles and joints name it.
+        The name or number by which muscles and joints refer to it.
     settings : mapping
         Its section of the rig file (`boards.<name>`), empty for a board that has only a number;
-        `kind` and `bus` are read by the driver, everything else belongs to the kind.
+        the driver reads `kind` and `bus`, and the kind reads all other keys.
     valves, pressures : tuple of MuscleWire
-        Muscles whose valve it drives, and whose pressure it measures.
+        Muscles whose valves it drives, and muscles whose pressures it measures.
     angles : tuple of JointWire
         Joints whose angle it measures.
     """
@@ -97,38 +98,38 @@ class WiredBoard:
 
     @property
     def name(self) -> str:
-        """What messages and diagnostics call it."""
+        """Its name in messages and diagnostics."""
         return f"board {self.address}"
 
     @property
     def bus(self) -> str:
-        """The bus it is on; "" is the only one."""
+        """The name of its bus; "" if the rig has only one bus."""
         return str(self.settings.get("bus", ""))
 
 
 @dataclass(frozen=True, slots=True)
 class Promises:
-    """What a board does for safety by itself; the core and the documents rely on it.
+    """What a board does for safety by itself; the core and the documentation rely on it.
 
     Attributes
     ----------
     watchdog : float or None
-        It vents when it has heard no valid command for so long [s]; None: it never does.
+        It vents when it has received no valid command for so long [s]; None: it has no watchdog.
     latches : bool
-        After its watchdog or a fault it stays vented until the faults are cleared.
+        After a watchdog time-out or a fault it stays vented until the faults are cleared.
     needs_arming : bool
-        After power-up, a vent or a fault it opens a valve only when it has heard a command that
-        enables none.
+        After power-up, a vent or a fault it opens a valve only after it has received a command
+        that enables no valve.
     tells_state : bool
-        It says whether its valves follow the set points.
+        It reports whether its valves follow the set points.
     tells_faults : bool
-        It says what is wrong with it.
+        It reports what is wrong with it.
     echoes_commands : bool
-        It repeats something of the last command, so that a deaf board is found.
+        It returns a part of the last command, so that a board that receives nothing is detected.
     counts_samples : bool
-        Its measurements carry a counter, so that a frozen board and lost frames are found.
+        Its measurements contain a counter, so that a frozen board and lost frames are detected.
     has_heartbeat : bool
-        It shows that it has restarted.
+        It reports when it has restarted.
     has_checksum : bool
         Commands are protected by a checksum, and a corrupted one is refused.
     measures_supply : bool
@@ -148,7 +149,7 @@ class Promises:
 
 
 class Identifiers(NamedTuple):
-    """The identifiers of one board: frames that it sends, and frames that are sent to it."""
+    """The identifiers of one board: of frames that it sends, and of frames that are sent to it."""
 
     answers: tuple[int, ...]
     commands: tuple[int, ...]
@@ -164,16 +165,16 @@ class BoardReport(NamedTuple):
 class Board(Protocol):
     """One board of the rig, as the driver's core sees it.
 
-    Everything is called from the driver's I/O thread or under its lock, and nothing may wait.
+    The driver calls everything from its I/O thread or under its lock, and nothing may wait.
     """
 
     @property
     def name(self) -> str:
-        """What messages and diagnostics call it; the subject of its conditions."""
+        """Its name in messages and diagnostics, and the subject of its conditions."""
 
     @property
     def promises(self) -> Promises:
-        """What it does for safety by itself."""
+        """What the board does for safety by itself."""
 
     @property
     def identifiers(self) -> Identifiers:
@@ -181,27 +182,28 @@ class Board(Protocol):
 
     @property
     def listeners(self) -> Mapping[int, Hear]:
-        """By identifier, who takes the payload; raises `FrameError` for one that is no message.
+        """By identifier, the function that takes the payload.
 
-        Identifiers of commands to the board are in it where a second driver can be told by them;
-        their listener raises `ForeignCommandError`.
+        It raises `FrameError` for a payload that is not a valid message. Where commands of a second
+        driver can be recognised by their identifier, that identifier is included; its listener
+        raises `ForeignCommandError`.
         """
 
     @property
     def pressures(self) -> Mapping[Channel, Sample]:
-        """By channel the last pressure that was available [Pa gauge]; always the same object."""
+        """By channel the last available pressure [Pa gauge]; always the same object."""
 
     @property
     def angles(self) -> Mapping[Channel, Sample]:
-        """By channel the last angle that was available [rad]; always the same object."""
+        """By channel the last available angle [rad]; always the same object."""
 
     @property
     def supply_pressure(self) -> float:
-        """What it measured last [Pa absolute], NaN if it does not measure it."""
+        """The last measured supply pressure [Pa absolute], NaN if the board does not measure it."""
 
     @property
     def follows(self) -> bool:
-        """Whether its valves follow the set points, as far as it says."""
+        """Whether its valves follow the set points, as far as the board reports it."""
 
     def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
         """The frames of one cycle.
@@ -215,21 +217,21 @@ class Board(Protocol):
         """
 
     def vent(self) -> Iterable[Frame]:
-        """Frames that vent at once, beside the `command` of the cycle; nothing if there is none."""
+        """Frames that vent at once, in addition to `command`; empty if the kind has none."""
 
     def clear_faults(self) -> Iterable[Frame]:
-        """Frames that clear its latched faults; nothing if it has none."""
+        """Frames that clear its latched faults; empty if the kind has none."""
 
     def acknowledge(self) -> None:
-        """Forget what was only to be reported once, such as a restart."""
+        """Discard conditions that are reported only once, such as a restart."""
 
     def silent(self, now: float, timeout: float) -> list[str]:
-        """Which of the frames that it sends regularly are missing, in words."""
+        """The names of the regular frames that are missing."""
 
     def conditions(
         self, now: float, timeout: float, sensor_timeout: float, moving: bool
     ) -> Iterator[Condition]:
-        """What is wrong with it; its kinds of condition are listed in docs/driver.md.
+        """What is wrong with the board; docs/driver.md lists the kinds of condition.
 
         Parameters
         ----------
@@ -238,36 +240,36 @@ class Board(Protocol):
         timeout : float
             A frame older than this is missing [s].
         sensor_timeout : float
-            A measurement that repeats itself for longer is frozen [s].
+            A measurement that is repeated for longer is frozen [s].
         moving : bool
-            Whether the board has been told to let air move for at least `timeout`.
+            Whether the board has been commanded to let air move for at least `timeout`.
         """
 
     def counts(self) -> Mapping[str, int]:
-        """What happened how often, by name: frames lost, repeated, out of order, restarts."""
+        """Counts of events by name: frames lost, repeated and out of order, restarts."""
 
     def report(self) -> BoardReport:
         """What the diagnostics show."""
 
 
 class BoardKind(Protocol):
-    """A kind of board with its options; made once for a rig by what is registered."""
+    """A kind of board with its options; the registered `MakeKind` makes it once for a rig."""
 
     def problems(self, wired: Sequence[WiredBoard]) -> list[str]:
-        """What is wrong with the rig file's boards of this kind, a line each.
+        """What is wrong with the rig file's boards of this kind, one line for each problem.
 
         Checks what only the kind knows: numbers, channels, its keys under `boards.<name>`.
         """
 
     def make(self, wired: WiredBoard) -> Board:
-        """A board of its own for one driver; `problems` has found none."""
+        """A new board for one driver; called only if `problems` has found none."""
 
     def stranger(self, frame_id: int, data: bytes) -> FrameError | None:
-        """What a frame is that belongs to no board of the rig; None if it is not of this kind."""
+        """The error for a frame of no board in the rig; None if it is not of this kind."""
 
 
 KindOptions = Mapping[str, str]
-"""What a user gives beside the rig file, by name: `dbc`, the path of a DBC file."""
+"""Options beside the rig file, by name: `dbc`, the path of a DBC file."""
 
 MakeKind = Callable[[KindOptions], BoardKind]
-"""What is registered; raises a PamError for options that cannot be used."""
+"""The registered callable; raises a PamError for options that cannot be used."""

@@ -1,7 +1,7 @@
-"""The kinds of board by name: those of this package, and those that others install.
+"""The kinds of board by name: those of this package, and those of other installed packages.
 
-A package adds a kind by an entry point in the group `pam_driver.board_kinds`; its name is what the
-rig file says under `boards.<name>.kind`, its value a `MakeKind` (see `protocol`).
+A package adds a kind with an entry point in the group `pam_driver.board_kinds`. The rig file gives
+its name under `boards.<name>.kind`; its value is a `MakeKind` (see `protocol`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pam_model.errors import PamError
 
 GROUP: Final = "pam_driver.board_kinds"
 DEFAULT_KIND: Final = "pam_board"
-"""The kind of a board that the rig file only gives a number."""
+"""The kind of a board for which the rig file gives a number only."""
 _OWN: Final[Mapping[str, MakeKind]] = {DEFAULT_KIND: PamBoardKind}
 
 
@@ -28,26 +28,28 @@ def board_kinds() -> Mapping[str, MakeKind]:
     Raises
     ------
     PamError
-        If an installed kind cannot be loaded, or has the name of another.
+        If an installed kind cannot be loaded, or two kinds have the same name.
     """
     return with_installed(_OWN, GROUP)
 
 
 def with_installed[T](own: Mapping[str, T], group: str) -> dict[str, T]:
-    """`own` and what installed packages add by entry points of a group, by name.
+    """`own` and the entry points that installed packages add to a group, by name.
 
     Raises
     ------
     PamError
-        If one cannot be loaded, or has the name of another.
+        If an entry point cannot be loaded, or has a name that is already in use.
     """
     found = dict(own)
     for entry in entry_points(group=group):
         if entry.name in found:
-            raise PamError(f"two kinds of board are called {entry.name}: one of {entry.value}")
+            raise PamError(
+                f"two kinds of board are called {entry.name}; one of them is {entry.value}"
+            )
         try:
             found[entry.name] = entry.load()
-        except Exception as error:  # whatever the import of a foreign package raises
+        except Exception as error:  # the import of another package may raise anything
             raise PamError(
                 f"the kind of board {entry.name} ({entry.value}) cannot be loaded: {error}"
             ) from error

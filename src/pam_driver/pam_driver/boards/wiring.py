@@ -1,4 +1,4 @@
-"""Which board and channel each muscle and joint of a rig is wired to, checked by the kinds."""
+"""The board and channel of each muscle and joint of a rig, checked by the kinds of board."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ Place = tuple[Address, Channel]
 
 
 class RigWiring:
-    """The rig's wiring, checked against what its kinds of board have.
+    """The rig's wiring, checked against what its kinds of board provide.
 
     Parameters
     ----------
     rig : Rig
         Every muscle needs board and channel, every joint an encoder.
     options : mapping of str to str, optional
-        What the kinds are told beside the rig file, such as `dbc`.
+        Options for the kinds of board beside the rig file, such as `dbc`.
     kinds : mapping of str to MakeKind, optional
-        By name; default all that are installed.
+        Kinds by name; by default all that are installed.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class RigWiring:
     Raises
     ------
     RigError
-        With one line for everything that is not wired, unknown, out of range or wired twice.
+        If something is not wired, unknown, out of range or wired twice, with one line for each.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class RigWiring:
         self.joints = tuple(joints.values())
 
     def extended_identifiers(self) -> tuple[int, ...]:
-        """Identifiers of 29 bits that the boards use; a bus hands no others on."""
+        """The identifiers of 29 bits that the boards use; a bus passes on no others."""
         boards = self.make_boards().values()
         return tuple(
             frame_id
@@ -91,7 +91,7 @@ class RigWiring:
         )
 
     def make_boards(self) -> dict[Address, Board]:
-        """Boards of their own for one driver, by address.
+        """New boards for one driver, by address.
 
         Raises
         ------
@@ -108,14 +108,16 @@ class RigWiring:
             for frame_id in (*board.identifiers.answers, *board.identifiers.commands):
                 other = taken.setdefault((self.boards[address].bus, frame_id), board.name)
                 if other != board.name:
-                    problems.append(f"{board.name}: identifier {shown(frame_id)} is {other}'s too")
+                    problems.append(
+                        f"{board.name}: {other} uses identifier {shown(frame_id)} as well"
+                    )
         if problems:
             raise RigError("\n".join(problems))
         return made
 
 
 def kind_name(board: WiredBoard) -> str:
-    """The name of a board's kind: what its section says, else that of a numbered board."""
+    """The name of a board's kind, from its section in the rig file; else the default kind."""
     return str(board.settings.get("kind", DEFAULT_KIND))
 
 
@@ -129,7 +131,7 @@ def _muscle_places(rig: Rig, problems: list[str]) -> dict[int, Place]:
             continue
         other = taken.setdefault((board, channel), muscle.name)
         if other != muscle.name:
-            problems.append(f"{muscle.name}: board {board} channel {channel} is {other}'s already")
+            problems.append(f"{muscle.name}: {other} already uses board {board} channel {channel}")
         places[index] = (board, channel)
     return places
 
@@ -144,7 +146,10 @@ def _joint_places(rig: Rig, problems: list[str]) -> dict[int, Place]:
             continue
         place = (encoder.board, encoder.channel)
         if taken.setdefault(place, joint.name) != joint.name:
-            problems.append(f"{joint.name}.encoder: board {encoder.board} has another joint's")
+            problems.append(
+                f"{joint.name}.encoder: another joint already uses this input of board "
+                f"{encoder.board}"
+            )
         places[index] = place
     return places
 

@@ -1,1 +1,1 @@
-"""What the driver may do and when: states, checks of commands and of measurements."""
+"""The driver's safety: states, checks of commands, and checks of measurements."""

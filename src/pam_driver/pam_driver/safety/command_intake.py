@@ -1,9 +1,9 @@
-"""Checks valve commands by name, field, value and age; a bad one is refused whole.
+"""Checks valve commands by name, field, value and age; a wrong command is refused as a whole.
 
-Which field a muscle's command stands in is `pam_ros.valve_command`'s to know.
+`pam_ros.valve_command` defines which field of the message holds the command of a muscle.
 
-The command before a refused one stays valid until it is too old, so a stream of refused commands
-ends vented.
+After a refused command the previous one stays valid until it is too old. A continuous stream of
+refused commands therefore ends in a vent.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from pam_model.errors import PamError
 from pam_model.rig import Muscle, Rig
 from pam_ros.valve_command import ValveCommandError, ValveCommandFormat, ValveFields
 
-# Rounding of a controller's own limits; clipped, not refused.
+# A command that exceeds its limit by less is clipped and not refused, to allow for rounding.
 _ROUNDING: Final = 1e-6
-# A stamp may be ahead of the receiver's clock by what clocks of one machine disagree.
+# A stamp may be ahead of the receiver's clock by so much, since clocks on one machine differ [s].
 _FUTURE: Final = 0.01
 
 
 class CommandError(PamError):
-    """A valve command that is refused; `kind` is the name it is counted under."""
+    """A valve command that is refused; `kind` is the name under which it is counted."""
 
     def __init__(self, kind: str, text: str) -> None:
         super().__init__(text)
@@ -32,7 +32,7 @@ class CommandError(PamError):
 
 
 class NamedCommand(NamedTuple):
-    """A valve command as a JointState brings it.
+    """A valve command as received in a JointState.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class NamedCommand(NamedTuple):
     position, velocity, effort : sequence of float
         The fields of the message, see `pam_ros.valve_command`.
     age : float
-        Since the command was computed [s].
+        Time since the command was computed [s].
     """
 
     names: Sequence[str]
@@ -57,11 +57,11 @@ class CommandIntake:
     Attributes
     ----------
     rejected : Counter
-        Refused commands by kind.
+        Number of refused commands by kind.
     last_rejection : str
         Why the last one was refused.
     accepted : int
-        Commands taken.
+        Number of accepted commands.
     vented : tuple of float
         The fractions of full scale that empty each muscle.
     """
@@ -73,7 +73,7 @@ class CommandIntake:
         self.accepted = 0
         self._format = ValveCommandFormat(rig.valve_kinds)
         self._scale = tuple(_scale(muscle) for muscle in rig.muscles)
-        # -1 of a spool's travel, nothing of a regulator's full scale
+        # -1 for a flow valve, 0 for a pressure regulator
         self.vented = self._format.vented
         self._newest = -math.inf
 
@@ -83,14 +83,15 @@ class CommandIntake:
         Parameters
         ----------
         command : NamedCommand
-            As received.
+            The command as received.
         now : float
             Monotonic time [s].
 
         Raises
         ------
         CommandError
-            Naming what is wrong; the command is counted and must not be used.
+            If the command is refused; the text says what is wrong. The command is counted and must
+            not be used.
         """
         try:
             values = self._checked(command, now)
@@ -124,7 +125,7 @@ class CommandIntake:
         if age > self.timeout:
             raise CommandError("old", f"{age:.3f} s old, command_timeout is {self.timeout:g} s")
         if now - age < self._newest - _FUTURE:
-            raise CommandError("out_of_order", "older than the command before it")
+            raise CommandError("out_of_order", "older than the previous command")
 
     def _fraction(self, index: int, value: float) -> float:
         name = self._format.names[index]

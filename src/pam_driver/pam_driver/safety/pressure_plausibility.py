@@ -1,18 +1,19 @@
-"""Whether measured pressures can be true: the gas of each muscle, the torques at each joint.
+"""Whether measured pressures are plausible: gas balance per muscle, torque balance per joint.
 
-Pressure: an observer of the gas (ISO 6358 valve, polytropic chamber) driven by the valve command
-and slowly pulled to the measurement. Its error is the sum of what this physics misses within its
-memory: a leak, a burst, a stuck valve, a stuck or swapped sensor.
+Gas balance: an observer of the gas (ISO 6358 valve, polytropic chamber) takes the valve command as
+its input and is corrected slowly towards the measurement. Its residual grows with everything that
+this physics does not contain: a leak, a burst, a stuck valve, a stuck or swapped sensor.
 
-Joint: the two muscles against each other. The torque of the measured pressures minus what inertia,
-friction and gravity take, low-pass filtered. A pressure sensor that drifts shows here, since the
-pressure observer follows it. At the end stops nothing is judged.
+Torque balance: the low-pass filtered difference between the torque that the measured pressures
+produce and the torque that inertia, friction and gravity require. It detects a pressure sensor that
+drifts, which the gas balance cannot detect because its observer follows the drift. Nothing is
+judged close to the end stops.
 
-Both know the effects that the rig file names: each effect's file (`pam_model.effects`) says what
-this check does about it, and holds the law that is used here.
+Both balances contain the effects that the rig file names: the file of each effect
+(`pam_model.effects`) describes how this check treats it, and defines the law that is used here.
 
 The observer is a Luenberger observer with one gain (D. G. Luenberger, IEEE Trans. Military
-Electronics 8, 1964); judging by its residual: R. J. Patton, P. M. Frank, R. N. Clark, Fault
+Electronics 8, 1964). Fault detection by its residual: R. J. Patton, P. M. Frank, R. N. Clark, Fault
 Diagnosis in Dynamic Systems, 1989.
 """
 
@@ -35,13 +36,13 @@ from pam_model.rig import Joint, Muscle, Rig
 
 OBSERVER_GAIN: Final = 5.0  # 1/s
 TORQUE_MEMORY: Final = 0.15  # s
-_END_STOP: Final = 0.03  # rad; so near a limit its stop may carry torque
+_END_STOP: Final = 0.03  # rad; closer to a limit, the end stop may carry torque
 _VOLUME_POINTS: Final = 16
-_TORQUE_EVERY: Final = 5  # updates
+_TORQUE_EVERY: Final = 5  # updates of the gas per update of the torques
 
 
 class Deviation(NamedTuple):
-    """How far a measurement is from what it should be.
+    """How far a measurement deviates from its expected value.
 
     Attributes
     ----------
@@ -50,9 +51,9 @@ class Deviation(NamedTuple):
     subject : str
         Muscle or joint.
     size : float
-        Over the limit of the rig file; 1 and above is a fault.
+        Ratio of the deviation to the limit in the rig file; 1 and above is a fault.
     text : str
-        One line for a person.
+        One line for the user.
     """
 
     kind: str
@@ -66,7 +67,7 @@ def _radius(joint: Joint) -> float:
 
 
 class _MuscleObserver:
-    """The gas of one muscle."""
+    """Observer of the gas in one muscle."""
 
     def __init__(self, rig: Rig, muscle: Muscle, period: float) -> None:
         self.muscle = muscle
@@ -80,7 +81,7 @@ class _MuscleObserver:
         spread = np.linspace(*self._limits, _VOLUME_POINTS) if joint else np.zeros(1)
         lengths = muscle.neutral_length + self._lever * spread
         volumes = [float(model.volume(float(length))) for length in lengths]
-        # a cubic is exact for a cylindrical braid and near enough for the others
+        # a cubic polynomial is exact for a cylindrical braid and accurate enough for other models
         fit = np.polyfit(lengths, volumes, 3 if joint else 0)
         self._volume = tuple(float(c) for c in np.concatenate([np.zeros(4 - len(fit)), fit]))
         valve, effects = muscle.valve, muscle.effects
@@ -136,7 +137,7 @@ class _MuscleObserver:
                 opening = law(opening, *values)
         else:
             target = self._command * (valve.full_scale or 0.0) + self._ambient
-            # fully open until close to its set point
+            # a regulator opens fully until the pressure is close to its set point
             opening = min(max((target - inside) / 2e4, -1.0), 1.0)
         if opening < 0.0:
             opening *= self._exhaust_ratio
@@ -168,7 +169,7 @@ class _MuscleObserver:
 
 
 class _JointBalance:
-    """The torques at one joint."""
+    """Torque balance of one joint."""
 
     def __init__(self, rig: Rig, joint: Joint, period: float) -> None:
         self.joint = joint
@@ -184,7 +185,7 @@ class _JointBalance:
             for effect, slot in filled(JointTorque)
             if active(effect, effects)
         ]
-        # its direction at rest is unknown: that much torque says nothing
+        # its direction at rest is unknown: an imbalance up to this torque is not a deviation
         self._dry_friction = sum(
             slot.law(0.0, *effect.values(effects))
             for effect, slot in filled(DryFriction)
@@ -213,7 +214,7 @@ class _JointBalance:
             torque = radius * float(
                 self._models[0].force(first, self._neutral[0] - radius * position)
             ) - radius * float(self._models[1].force(second, self._neutral[1] + radius * position))
-        except PamError:  # a length the model has no answer for
+        except PamError:  # the force model is not defined at this length
             self.imbalance = 0.0
             return
         # the low pass of the acceleration, without differentiating
@@ -233,19 +234,19 @@ class _JointBalance:
 
 
 class PressurePlausibility:
-    """Judges the measurements of a rig by its physics, with the effects that its file names.
+    """Compares the measurements of a rig with its physics and the effects that its file names.
 
     Parameters
     ----------
     rig : Rig
         Its `plausibility` holds the limits.
     period : float
-        Between updates [s].
+        Time between updates [s].
 
     Attributes
     ----------
     period : float
-        The same.
+        Time between updates [s].
     """
 
     def __init__(self, rig: Rig, period: float) -> None:
@@ -266,19 +267,19 @@ class PressurePlausibility:
         velocities: Sequence[float],
         supply_pressures: Sequence[float],
     ) -> None:
-        """Go on by one period.
+        """Advance by one period.
 
         Parameters
         ----------
         commands : sequence of float
-            By muscle, what its valve was last told: fraction of full scale; a vent is -1 for a
-            flow valve and 0 for a regulator.
+            By muscle, the last command sent to its valve as fraction of full scale; a vent is -1
+            for a flow valve and 0 for a regulator.
         pressures : sequence of float
-            As measured, by muscle [Pa gauge]; NaN if not known: its observer begins anew.
+            Measurements by muscle [Pa gauge]; NaN if unknown, which restarts the observer.
         positions, velocities : sequence of float
-            As measured, by joint [rad], [rad/s].
+            Measurements by joint [rad], [rad/s].
         supply_pressures : sequence of float
-            By muscle [Pa absolute]; NaN: as in the rig file.
+            By muscle [Pa absolute]; NaN if unknown: the value of the rig file is used.
         """
         pressures = self._correction.pressures(pressures)
         positions = self._correction.positions(positions)
@@ -297,14 +298,14 @@ class PressurePlausibility:
                 joint.update(pressures, position, velocity)
 
     def deviations(self) -> Iterator[Deviation]:
-        """What is off by more than the warning share of its limit."""
+        """The deviations above the warning share of their limit."""
         limits = self._limits
         for muscle in self._muscles:
             size = abs(muscle.residual) / limits.pressure_residual
             if size > limits.warning_share:
                 text = (
-                    f"pressure is {muscle.residual:+.0f} Pa off what the valve should give "
-                    f"(limit {limits.pressure_residual:.0f} Pa): leak, valve or sensor"
+                    f"pressure deviates by {muscle.residual:+.0f} Pa from what the valve command "
+                    f"should cause (limit {limits.pressure_residual:.0f} Pa): leak, valve or sensor"
                 )
                 yield Deviation("pressure_implausible", muscle.muscle.name, size, text)
         for joint in self._joints:

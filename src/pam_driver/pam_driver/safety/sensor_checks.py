@@ -1,4 +1,4 @@
-"""Whether a signal looks like that of a working sensor: steps, noise, range. Knows no physics."""
+"""Whether a signal looks like that of a working sensor: steps, noise and range, without physics."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from pam_driver.boards.protocol import NEVER, Sample
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_model.rig import Rig
 
-# A step is remembered for so long, that one wild sample is not gone before anyone has looked [s].
+# A step is remembered for so long, so that a single outlier is not forgotten before it is read [s].
 _STEP_MEMORY: Final = 0.5
-# Frames may come in bunches; a step within them is held against what this time allows [s].
+# Frames may arrive in bursts; a step within a burst may be as large as this time allows [s].
 _SHORTEST_GAP: Final = 0.01
 _LONGEST_GAP: Final = 0.1
 _NOISE_MEMORY: Final = 25  # samples
 _MEAN_SIZE: Final = math.sqrt(2.0 / math.pi)  # of Gaussian noise, over its sigma
-# Two gaps that differ by more than this factor say more of the host than of the sensor.
+# If two gaps differ by more than this factor, the host's timing distorts the noise estimate.
 _EVEN_GAPS: Final = 2.5
-_LOWEST_PRESSURE: Final = -20e3  # Pa gauge; no muscle is sucked empty
+_LOWEST_PRESSURE: Final = -20e3  # Pa gauge; no muscle is evacuated below ambient pressure
 
 
 class _Signal:
-    """One sensor's samples: greatest step of late, and noise from second differences."""
+    """One sensor's samples: the largest recent step, and the noise from second differences."""
 
     def __init__(self, step_per_gap: float) -> None:
         self.noise = 0.0
@@ -49,26 +49,26 @@ class _Signal:
         if step > self._step or now - self._step_at > _STEP_MEMORY:
             self._step, self._step_at = step, now
         if not math.isnan(before) and 1.0 / _EVEN_GAPS <= stretch <= _EVEN_GAPS:
-            # the stamps or the samples are even: motion at a steady speed is no noise in either
-            # case, noise is some in both
+            # Either the stamps or the samples are evenly spaced. Motion at constant speed appears
+            # as noise under one of these assumptions at most, true noise under both.
             sigma = min(_noise_of(last - before, sample.value - last, r) for r in (1.0, stretch))
-            # one wild sample must not pass for noise
+            # a single outlier must not count as noise
             sigma = min(sigma, 4.0 * self.noise + 0.1 * self._allowed)
             self.noise += (sigma - self.noise) / _NOISE_MEMORY
 
     def step(self, now: float) -> float:
-        """The greatest step of late over what is allowed."""
+        """The ratio of the largest recent step to the allowed step."""
         return self._step if now - self._step_at <= _STEP_MEMORY else 0.0
 
 
 def _noise_of(first: float, second: float, stretch: float) -> float:
-    """Standard deviation that two steps suggest, the second taking `stretch` times as long."""
+    """Standard deviation estimated from two steps; the second takes `stretch` times as long."""
     spread = math.sqrt(1.0 + (1.0 + stretch) ** 2 + stretch**2)
     return abs(second - first * stretch) / (_MEAN_SIZE * spread)
 
 
 class SensorChecks:
-    """Watches every sensor of a rig.
+    """Checks every sensor of a rig.
 
     Parameters
     ----------
@@ -90,14 +90,14 @@ class SensorChecks:
         supply_pressures: Sequence[float],
         now: float,
     ) -> Iterator[Deviation]:
-        """Look at the latest samples; gives what is off by more than a warning's share.
+        """Check the latest samples; yields the deviations above the warning share of their limit.
 
         Parameters
         ----------
         pressures, positions : sequence of Sample
             By muscle [Pa gauge] and joint [rad].
         supply_pressures : sequence of float
-            By muscle [Pa absolute], NaN if not known.
+            By muscle [Pa absolute], NaN if unknown.
         now : float
             Monotonic time [s].
         """
@@ -115,7 +115,7 @@ class SensorChecks:
                 yield Deviation("sensor_noise", muscle.name, size, f"noise {signal.noise:.0f} Pa")
             size = sample.value / _LOWEST_PRESSURE
             if size > share:
-                text = f"{sample.value:.0f} Pa gauge cannot be"
+                text = f"{sample.value:.0f} Pa gauge is impossible"
                 yield Deviation("sensor_range", muscle.name, size, text)
         for joint, signal, sample in zip(self._rig.joints, self._positions, positions, strict=True):
             signal.update(sample, now)

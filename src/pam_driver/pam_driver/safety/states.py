@@ -1,8 +1,8 @@
-"""What the driver may do, as one table: state and event to next state, state to output.
+"""What the driver may do, as one table: next state by state and event, and output by state.
 
-The table is data so that the documentation is drawn from it and the tests walk it. Whatever
-happens, a fault leads out of `ACTIVE` at once, and back only by clear faults, then activate, then
-a fresh command.
+The table is data, so that the documentation is generated from it and the tests can check every
+entry. A fault always ends `ACTIVE` at once. The way back is: clear faults, then activate, then a
+fresh command.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 
 class SafetyState(Enum):
-    """State of the driver; the value is what diagnostics show."""
+    """State of the driver; the diagnostics show the value."""
 
     UNCONFIGURED = "unconfigured"
     VENTED = "vented"
@@ -23,7 +23,7 @@ class SafetyState(Enum):
 
 
 class SafetyEvent(Enum):
-    """What can happen to the driver."""
+    """Events that may change the state."""
 
     CONFIGURE = "configure"
     ACTIVATE = "activate"
@@ -36,16 +36,16 @@ class SafetyEvent(Enum):
 
 
 class SafetyOutput(NamedTuple):
-    """What boards are told in a state.
+    """What the driver sends to the boards in a state.
 
     Attributes
     ----------
     send : bool
-        A valve command to each board in each cycle.
+        Whether each board receives a valve command in each cycle.
     enable : bool
-        Its enable bits: whether air may move.
+        The enable bits of that command: whether air may move.
     vent_on_entry : bool
-        A board command `vent` to each board when the state is entered.
+        Whether each board receives the board command `vent` when the state is entered.
     meaning : str
         One line for the documentation.
     """
@@ -61,7 +61,7 @@ _E = SafetyEvent
 
 OUTPUTS: Final[Mapping[SafetyState, SafetyOutput]] = {
     _S.UNCONFIGURED: SafetyOutput(
-        False, False, True, "no bus; the boards' watchdogs hold the vent"
+        False, False, True, "no bus; the boards' watchdogs keep the valves vented"
     ),
     _S.VENTED: SafetyOutput(True, False, True, "measuring; all valves vent"),
     _S.READY: SafetyOutput(True, False, False, "armed; vented until the first fresh command"),
@@ -86,7 +86,7 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
         _E.COMMAND: _S.VENTED,
         _E.DEACTIVATE: _S.VENTED,
         _E.VENT: _S.VENTED,
-        # nothing moves, so nothing is latched; what lasts refuses activation
+        # nothing moves, so no fault is latched; a condition that persists prevents activation
         _E.FAULT: _S.VENTED,
         _E.CLEAR_FAULTS: _S.VENTED,
         _E.CLEANUP: _S.UNCONFIGURED,
@@ -130,7 +130,7 @@ def next_state(state: SafetyState, event: SafetyEvent) -> SafetyState:
 
 
 def table_as_markdown() -> str:
-    """The table as docs/driver.md shows it; a dot means that the state stays."""
+    """The table as docs/driver.md shows it; a dot means that the state does not change."""
     events = list(SafetyEvent)
     lines = [
         "| state | air | " + " | ".join(event.value for event in events) + " |",

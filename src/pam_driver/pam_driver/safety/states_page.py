@@ -10,7 +10,7 @@ from pam_driver.safety.states import OUTPUTS, TRANSITIONS, SafetyState
 
 
 def diagram_as_mermaid() -> str:
-    """Every transition of the table that changes the state; thick where air moves."""
+    """Every transition of the table that changes the state; states in which air moves are bold."""
     lines = ["stateDiagram-v2", f"    [*] --> {SafetyState.UNCONFIGURED.value}"]
     for state, output in OUTPUTS.items():
         lines.append(f"    {state.value} : {state.value}")

@@ -1,1 +1,1 @@
-"""The valve board of this project: its frames, their layout and what they mean."""
+"""The valve board of this project: its frames, their layout and their meaning."""

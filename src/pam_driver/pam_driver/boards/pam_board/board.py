@@ -1,4 +1,4 @@
-"""One valve board of this project as the driver's core sees it: bytes end here."""
+"""One valve board of this project as the driver's core sees it; only here frames become values."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class PamBoard(BoardMonitor):
     Parameters
     ----------
     number : int
-        On the bus.
+        Its number on the bus.
     wired : WiredBoard
         Its muscles and joint.
     codec : BoardCodec
-        Meaning of the bytes.
+        Encodes and decodes the frames.
     """
 
     def __init__(self, number: int, wired: WiredBoard, codec: BoardCodec) -> None:
@@ -63,7 +63,7 @@ class PamBoard(BoardMonitor):
         }
         self._codec = codec
         self._counter_sent = 0
-        # by channel the muscle's place in the rig's order, -1 where there is none
+        # by channel the muscle's place in the rig's order, -1 for a channel without a muscle
         places = {wire.channel: wire.place for wire in wired.valves}
         self._places = (places.get(0, -1), places.get(1, -1))
         self._enable = (0 in places, 1 in places)
@@ -72,12 +72,12 @@ class PamBoard(BoardMonitor):
 
     @property
     def supply_pressure(self) -> float:
-        """What the last status told [Pa absolute], NaN before it."""
+        """The supply pressure in the last status [Pa absolute], NaN before the first status."""
         return math.nan if self.status is None else self.status.supply_pressure
 
     @property
     def follows(self) -> bool:
-        """Whether the last status said that its valves are active."""
+        """Whether the last status reported that the valves are active."""
         return self.status is not None and self.status.state is BoardState.ACTIVE
 
     def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
@@ -103,7 +103,7 @@ class PamBoard(BoardMonitor):
         return self._clear
 
     def counts(self) -> Mapping[str, int]:
-        """Measurements lost, repeated, out of order; restarts."""
+        """Counts of measurements lost, repeated and out of order, and of restarts."""
         return {
             "frames_lost": self.frames_lost,
             "frames_repeated": self.frames_repeated,
@@ -119,7 +119,7 @@ class PamBoard(BoardMonitor):
             "measurements out of order": self.frames_reordered,
             "restarts": self.restarts,
         }
-        text = "not heard"
+        text = "no status received"
         if self.status is not None:
             text = self.status.state.name.lower()
             faults = ", ".join(str(fault.name).lower() for fault in self.status.faults)
@@ -157,7 +157,7 @@ class PamBoard(BoardMonitor):
 
 
 def promises(codec: BoardCodec) -> Promises:
-    """What a board that speaks this DBC does by itself."""
+    """The promises of a board that uses this DBC."""
     return Promises(
         watchdog=codec.watchdog_timeout,
         latches=True,

@@ -1,8 +1,8 @@
-"""Bytes of the valve boards' frames to messages and back, as the DBC file lays them out.
+"""Converts the frames of the valve boards to messages and back, with the layout of the DBC file.
 
-The layouts of `board_dbc` cost a tenth of a cantools call. The checksum is CRC-8 SAE J1850
-(polynomial 0x1D, start and final XOR 0xFF) over identifier, low byte first, and the payload
-before it; no frame of zeros passes it.
+The layouts of `dbc` take a tenth of the time of a cantools call. The checksum is CRC-8 SAE J1850
+(polynomial 0x1D, start and final XOR 0xFF) over the identifier, low byte first, and the payload
+bytes before the checksum; a frame of zeros never passes it.
 """
 
 from __future__ import annotations
@@ -88,14 +88,14 @@ def crc8(frame_id: int, payload: bytes | bytearray) -> int:
 
 
 class BoardCodec:
-    """Frames of the valve boards to messages and back; made by `from_dbc`.
+    """Converts frames of the valve boards to messages and back; made by `from_dbc`.
 
     Attributes
     ----------
     board_count : int
-        Boards that fit on one bus; numbered from 0.
+        Largest number of boards on one bus; boards are numbered from 0.
     watchdog_timeout : float
-        A board vents when it hears no valid valve command for so long [s].
+        A board vents when it receives no valid valve command for so long [s].
     """
 
     def __init__(self, dbc: BoardDbc) -> None:
@@ -128,12 +128,12 @@ class BoardCodec:
         Raises
         ------
         DbcError
-            If the file cannot be read, or lacks or contradicts something the codec needs.
+            If the file cannot be read, is incomplete, or contradicts what the codec needs.
         """
         return cls(read_dbc(default_dbc_path() if path is None else path))
 
     def frame_id(self, message: type[BoardMessage], board: int) -> int:
-        """Identifier of a kind of message of one board."""
+        """Identifier of one board's messages of a given kind."""
         if not 0 <= board < self.board_count:
             raise EncodeError(f"board {board}: expected 0 to {self.board_count - 1}")
         return self._layouts[message.__name__].frame_id + board
@@ -144,7 +144,7 @@ class BoardCodec:
         Raises
         ------
         EncodeError
-            If a value is not finite (measurements may be NaN) or out of the DBC's range.
+            If a value is not finite (measurements may be NaN) or outside the range of the DBC.
         """
         frame_id = self.frame_id(type(message), board)
         layout = self._layouts[type(message).__name__]
@@ -180,7 +180,7 @@ class BoardCodec:
         Raises
         ------
         FrameError
-            One of its kinds: unknown identifier, wrong length, bad CRC, value out of range.
+            For an unknown identifier, a wrong length, a wrong CRC or a value out of range.
         """
         entry = self._by_id.get(frame_id)
         if entry is None:

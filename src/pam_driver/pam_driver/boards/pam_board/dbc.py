@@ -1,7 +1,7 @@
-"""The DBC file, checked and reduced to integer shifts and scales.
+"""Checks the DBC file and reduces it to integer shifts and scales.
 
-cantools reads the DBC once; bit positions, scales, ranges, reserved raw values and identifiers
-all come from it. A raw value labelled "not_available" (VAL_) becomes NaN.
+cantools reads the DBC once and provides all bit positions, scales, ranges, reserved raw values and
+identifiers. A raw value labelled "not_available" (VAL_) becomes NaN.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FAULT_SIGNALS: Final = {
     f"Fault{''.join(part.title() for part in str(fault.name).split('_'))}": fault
     for fault in BoardFault
 }
-# What each message must have, in the order the compiled functions take it: signal -> unit.
+# The signals that each message must have, in the order in which the codec reads them, with units.
 LAYOUT: Final[Mapping[str, Mapping[str, str]]] = {
     "BoardCommand": {"Code": "", "Argument": "", "Crc": ""},
     "ValveCommand": {
@@ -56,7 +56,7 @@ _MAY_BE_MISSING: Final = {"Valve0", "Valve1", "Pressure0", "Pressure1", "Positio
 
 
 def default_dbc_path() -> Path:
-    """Where the DBC file that comes with this package is."""
+    """Path of the DBC file of this package."""
     return Path(__file__).with_name("pam_board.dbc")
 
 
@@ -80,7 +80,7 @@ class Field:
         self.missing = labels.get(_NOT_AVAILABLE)
 
     def raw(self, word: int, frame_id: int) -> int:
-        """The raw value in a payload read as one integer; reserved values are let through."""
+        """The raw value from a payload given as one integer; reserved values are accepted."""
         raw = (word >> self.shift) & self.mask
         if raw & self.sign:
             raw -= self.mask + 1
@@ -91,15 +91,15 @@ class Field:
         return raw
 
     def value(self, word: int, frame_id: int) -> float:
-        """The physical value, NaN if the raw value says "not available"."""
+        """The physical value, NaN if the raw value means "not available"."""
         raw = self.raw(word, frame_id)
         return math.nan if raw == self.missing else raw * self.factor + self.offset
 
     def bits(self, value: float) -> int:
-        """`value` as bits in place; NaN as "not available" where the DBC reserves a value."""
+        """`value` as bits at its place; NaN becomes "not available" if the DBC has such a value."""
         if math.isnan(value):
             if self.missing is None:
-                raise EncodeError(f"{self.name} is NaN, which the frame cannot say")
+                raise EncodeError(f"{self.name} is NaN, which the frame cannot represent")
             return (self.missing & self.mask) << self.shift
         scaled = (value - self.offset) / self.factor
         if not self.low - 0.5 <= scaled <= self.high + 0.5:
@@ -120,7 +120,7 @@ class Layout(NamedTuple):
 
 
 class BoardDbc(NamedTuple):
-    """All that a DBC file says: layouts by message, boards on one bus, boards' watchdog [s]."""
+    """The content of a DBC file: layouts by message, boards on one bus, watchdog time [s]."""
 
     layouts: Mapping[str, Layout]
     board_count: int
@@ -128,10 +128,10 @@ class BoardDbc(NamedTuple):
 
 
 def _load(path: Path) -> Database:
-    """The DBC as cantools sees it."""
+    """The DBC file, read by cantools."""
     try:
         if path.stat().st_size > _MAX_DBC_BYTES:
-            raise DbcError(f"{path}: larger than {_MAX_DBC_BYTES} bytes, no DBC of a valve board")
+            raise DbcError(f"{path}: larger than {_MAX_DBC_BYTES} bytes, not a valve board's DBC")
         database = cantools.database.load_string(
             path.read_text(encoding="cp1252"), database_format="dbc", strict=True
         )
@@ -141,9 +141,9 @@ def _load(path: Path) -> Database:
         if isinstance(error, DbcError):
             raise
         reason = " ".join(str(error).split())
-        raise DbcError(f"{path}: no valid DBC file: {reason}") from error
+        raise DbcError(f"{path}: not a valid DBC file: {reason}") from error
     if not isinstance(database, Database):
-        raise DbcError(f"{path}: no CAN database")
+        raise DbcError(f"{path}: not a CAN database")
     return database
 
 
@@ -157,12 +157,12 @@ def _attribute(path: Path, database: Database, name: str) -> int | str:
 
 
 def read_dbc(path: str | Path) -> BoardDbc:
-    """Check that a DBC file has all the codec needs, and reduce it to layouts.
+    """Check that a DBC file has everything that the codec needs, and reduce it to layouts.
 
     Raises
     ------
     DbcError
-        If the file cannot be read, or lacks or contradicts something the codec needs.
+        If the file cannot be read, is incomplete, or contradicts what the codec needs.
     """
     path = Path(path)
     database = _load(path)
@@ -199,7 +199,7 @@ def _layout(path: Path, message: DbcMessage | None, name: str) -> Layout:
     if message.length > CLASSIC_CAN_BYTES:
         raise DbcError(
             f"{path}: {name} has {message.length} bytes, expected at most {CLASSIC_CAN_BYTES}: a "
-            "pam_board speaks classic CAN"
+            "pam_board uses classic CAN"
         )
     signals = {signal.name: signal for signal in message.signals}
     fields = []
@@ -223,7 +223,7 @@ def _layout(path: Path, message: DbcMessage | None, name: str) -> Layout:
 
 
 def _check_labels(path: Path, signals: Mapping[str, Signal]) -> None:
-    """The value tables of states and codes must be those this driver knows."""
+    """Check that the value tables of states and codes are those that this driver knows."""
     for name, known in (("State", BoardState), ("Code", BoardCode)):
         signal = signals.get(name)
         if signal is None:

@@ -1,4 +1,4 @@
-"""The kind `pam_board`: what it reads of a rig file, and the boards it makes."""
+"""The kind `pam_board`: checks its part of the rig file, and makes its boards."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _KEYS = frozenset({"kind", "bus", "number"})
 class PamBoardKind:
     """The valve boards of this project, numbered on their bus.
 
-    A board is its number in the rig file (`<muscle>.board: 0`), or a section
-    `boards.<name>: {kind: pam_board, number: 0}` that muscles and joints name.
+    In the rig file, a board is either a number (`<muscle>.board: 0`), or a section
+    `boards.<name>: {kind: pam_board, number: 0}` to which muscles and joints refer by name.
 
     Parameters
     ----------
     options : mapping of str to str
-        `dbc`: path of another DBC file than the one of this package.
+        `dbc`: path of a DBC file that replaces the one of this package.
 
     Raises
     ------
@@ -35,7 +35,7 @@ class PamBoardKind:
         self.codec = BoardCodec.from_dbc(Path(path) if path else None)
 
     def problems(self, wired: Sequence[WiredBoard]) -> list[str]:
-        """Numbers, channels and keys that the boards of this kind do not have."""
+        """What is wrong with the numbers, channels and keys of the boards of this kind."""
         found: list[str] = []
         last = self.codec.board_count - 1
         numbers: dict[tuple[str, int], str] = {}
@@ -52,7 +52,7 @@ class PamBoardKind:
             else:
                 other = numbers.setdefault((board.bus, number), board.name)
                 if other != board.name:
-                    found.append(f"{board.name}: number {number} is {other}'s already")
+                    found.append(f"{board.name}: {other} already uses number {number}")
             wrong_number = isinstance(board.address, int) and not 0 <= board.address <= last
             for wire in board.valves:
                 if wrong_number or wire.channel not in range(CHANNELS):
@@ -69,11 +69,11 @@ class PamBoardKind:
         return found
 
     def make(self, wired: WiredBoard) -> Board:
-        """A board of its own for one driver."""
+        """A new board for one driver."""
         return PamBoard(number_of(wired), wired, self.codec)
 
     def stranger(self, frame_id: int, data: bytes) -> FrameError | None:
-        """A spoilt frame, or one of a board that is not in the rig file."""
+        """The error for a wrong frame, or for a frame of a board that is not in the rig file."""
         try:
             number, _ = self.codec.decode(frame_id, data)
         except UnknownFrameError:
@@ -84,7 +84,7 @@ class PamBoardKind:
 
 
 def number_of(wired: WiredBoard) -> int:
-    """The number of a board that has been checked."""
+    """The number of a board that `problems` has checked."""
     return int(_number(wired))  # type: ignore[call-overload,no-any-return]
 
 

@@ -1,6 +1,6 @@
-"""What the valve boards and the driver say to each other, in SI units.
+"""The messages between the valve boards and the driver, in SI units.
 
-`codec` turns these into frames and back; docs/can_protocol.md says what a board does with them.
+`codec` converts them to frames and back; docs/can_protocol.md describes how a board reacts to them.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ CHANNELS: Final = 2
 
 
 class BoardCode(IntEnum):
-    """What a `BoardCommand` asks for."""
+    """The action that a `BoardCommand` requests."""
 
     VENT = 1
     CLEAR_FAULTS = 2
 
 
 class BoardState(IntEnum):
-    """State of a board; air is let into a muscle in `ACTIVE` only."""
+    """State of a board; air flows into a muscle in `ACTIVE` only."""
 
     BOOT = 0
     VENTED = 1
@@ -55,9 +55,9 @@ class ValveCommand(NamedTuple):
     valves : tuple of float
         Fraction of full scale per channel, -1 to 1.
     enable : tuple of bool
-        False vents the channel whatever `valves` says.
+        False vents the channel regardless of `valves`.
     counter : int
-        0 to 255, one more than in the frame before.
+        0 to 255, one more than in the previous frame.
     """
 
     valves: tuple[float, float]

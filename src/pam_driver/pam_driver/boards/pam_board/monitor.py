@@ -1,4 +1,4 @@
-"""What one valve board has said last, how old it is, and what is wrong with it."""
+"""The latest messages of one valve board, their age, and what is wrong with the board."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from pam_driver.boards.pam_board.codec import (
 )
 from pam_driver.boards.protocol import NEVER, Channel, Condition, Sample
 
-# Behind by so little means frames out of order; further behind means another counter.
+# A counter that is behind by less means frames out of order; otherwise the counter was reset.
 _REORDER_WINDOW: Final = 16
 
 
 class BoardMonitor:
-    """Keeps the latest of one board's frames and judges them.
+    """Keeps the latest messages of one board and judges them.
 
     Attributes
     ----------
     pressures, angles : dict of int to Sample
-        By channel [Pa gauge], [rad]; the last that was available.
+        By channel the last available value [Pa gauge], [rad].
     status, heartbeat : message or None
-        The last heard.
+        The last received message.
     frames_lost, frames_repeated, frames_reordered, restarts : int
         Counted from the measurement counter and the uptime.
     """
@@ -55,11 +55,11 @@ class BoardMonitor:
 
     @property
     def position(self) -> Sample:
-        """The angle of its only encoder [rad]."""
+        """The angle of the only encoder [rad]."""
         return self.angles[0]
 
     def hear_measurement(self, message: Measurement, time: float, stamp: float) -> None:
-        """Take a measurement unless it is a repetition or older than the last."""
+        """Store a measurement unless it is a repetition or older than the last."""
         if self._counter is not None:
             step = (message.counter - self._counter) & 0xFF
             if step == 0:
@@ -81,14 +81,14 @@ class BoardMonitor:
             self.angles[0] = Sample(message.position, time, stamp)
 
     def hear_status(self, message: Status, time: float) -> None:
-        """Take a status."""
+        """Store a status."""
         if self.status is None or message.command_counter != self.status.command_counter:
             self._echo_at = time
         self.status = message
         self._status_at = time
 
     def hear_heartbeat(self, message: Heartbeat, time: float) -> None:
-        """Take a heartbeat; a smaller uptime than before is a restart."""
+        """Store a heartbeat; a smaller uptime than before means a restart."""
         if self.heartbeat is not None and message.uptime < self.heartbeat.uptime:
             self.restarts += 1
             self._restarted = True
@@ -97,11 +97,11 @@ class BoardMonitor:
         self._heartbeat_at = time
 
     def acknowledge(self) -> None:
-        """Forget a restart that was reported."""
+        """Discard a restart that was reported."""
         self._restarted = False
 
     def silent(self, now: float, timeout: float) -> list[str]:
-        """Kinds of frame that are missing."""
+        """The kinds of frame that are missing."""
         times = {
             "measurement": self._measured_at,
             "status": self._status_at,
@@ -121,22 +121,22 @@ class BoardMonitor:
         timeout : float
             A frame older than this is missing [s].
         sensor_timeout : float
-            A counter that stands still for longer is frozen [s].
+            A counter that does not change for longer is frozen [s].
         moving : bool
-            Whether the board has been told to let air move for at least `timeout`.
+            Whether the board has been commanded to let air move for at least `timeout`.
         """
         silent = self.silent(now, timeout)
         if silent:
             text = f"no {', no '.join(silent)} for {timeout:g} s"
             yield Condition("board_lost", self.name, text)
         if self._repeated_in_a_row > 1 and now - self._measured_at > sensor_timeout:
-            text = f"measurement counter stands still for {sensor_timeout:g} s"
+            text = f"measurement counter has not changed for {sensor_timeout:g} s"
             yield Condition("counter_frozen", self.name, text)
         if self._restarted:
             yield Condition("board_restarted", self.name, "has restarted")
         if self.heartbeat and self.heartbeat.protocol_version != PROTOCOL_VERSION:
             version = self.heartbeat.protocol_version
-            text = f"speaks protocol {version}, expected {PROTOCOL_VERSION}"
+            text = f"uses protocol version {version}, expected {PROTOCOL_VERSION}"
             yield Condition("protocol_version", self.name, text)
         status = self.status
         if status is None:
@@ -145,7 +145,8 @@ class BoardMonitor:
             names = ", ".join(str(fault.name).lower() for fault in status.faults) or "unnamed"
             yield Condition("board_fault", self.name, f"fault: {names}")
         elif moving and status.state is not BoardState.ACTIVE:
-            text = f"is {status.state.name.lower()} although it was told to move"
+            text = f"is {status.state.name.lower()} although it was commanded to be active"
             yield Condition("board_not_active", self.name, text)
         elif moving and now - self._echo_at > timeout:
-            yield Condition("command_not_heard", self.name, f"takes no command for {timeout:g} s")
+            text = f"has accepted no command for {timeout:g} s"
+            yield Condition("command_not_heard", self.name, text)
