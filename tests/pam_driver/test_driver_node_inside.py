@@ -190,7 +190,7 @@ def test_a_latched_fault_outlives_a_clean_up(
     inside.answer(inside.healthy)
     capfd.readouterr()
     assert node.trigger_activate() != TransitionCallbackReturn.SUCCESS
-    assert "latched from before the clean-up" in capfd.readouterr().err
+    assert "a fault from before the clean-up is still latched" in capfd.readouterr().err
     assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
     inside.answer(inside.healthy)
     assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS

@@ -137,8 +137,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             return _FAILURE
         if self._latched:
             return self._fail(
-                f"not activated: a fault from before the clean-up is still latched ({self._latched}); "
-                "when its cause is gone, call ~/clear_faults"
+                "not activated: a fault from before the clean-up is still latched "
+                f"({self._latched}); when its cause is gone, call ~/clear_faults"
             )
         try:
             self._driver.activate(time.monotonic())
