@@ -21,7 +21,7 @@ setup(
     maintainer="PAM suite maintainers",
     maintainer_email="pam-suite@example.org",
     url="https://example.org/pam-suite",
-    description="Simulated rig with valve boards on a CAN bus, and faults to inject into it.",
+    description="Simulated rig with valve boards on a CAN bus, and faults that can be injected.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

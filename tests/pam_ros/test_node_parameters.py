@@ -32,6 +32,10 @@ class FakeNode:
         self.descriptors: dict[str, Any] = {}
         self.set: Callable[[list[Any]], Any]
 
+    def get_parameter(self, name: str) -> Any:
+        assert name == "use_sim_time"
+        return SimpleNamespace(value=self.values.get(name, False))
+
     def get_parameters_by_prefix(self, prefix: str) -> dict[str, Any]:
         assert prefix == ""
         return {name: SimpleNamespace(value=value) for name, value in self.values.items()}

@@ -1,9 +1,9 @@
-"""Simulated rig with valve boards on a CAN bus, and faults that can be injected into it.
+"""A simulated rig with valve boards on a CAN bus, and faults that can be injected into it.
 
 The public names, without ROS:
 
-- `SimulatedRig`: plant, sensors and boards; frames in, frames out.
-- `RigLoop`: a simulated rig in real time on a bus.
+- `SimulatedRig`: plant, sensors and boards; receives and sends frames.
+- `RigLoop`: runs a simulated rig in real time on a bus.
 
 The names are imported when they are first used, so that importing the package takes no time.
 """
@@ -38,5 +38,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """All names, those that were not used yet among them."""
+    """All names, including those that have not been imported yet."""
     return sorted({*globals(), *__all__})

@@ -23,7 +23,7 @@ def _declare_rig(parser: Parser) -> None:
         "--true-rig",
         type=input_file,
         metavar="FILE",
-        help="rig file of the plant as it really is (default: --rig)",
+        help="rig file with the true parameters of the plant (default: --rig)",
     )
     add(
         "--effect",
@@ -31,37 +31,37 @@ def _declare_rig(parser: Parser) -> None:
         action="append",
         default=[],
         metavar="[NAME.]EFFECT.PARAMETER=VALUE",
-        help="an effect on the plant, such as coulomb_friction.torque=0.5; may be repeated",
+        help="an effect in the plant, such as coulomb_friction.torque=0.5; may be repeated",
     )
     add("--interface", default="socketcan", help="python-can's interface (default: %(default)s)")
     add("--channel", default="can0", help="python-can's channel (default: %(default)s)")
-    add("--port", type=count(1, 65535), help="UDP port, for udp_multicast alone")
+    add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
     add("--dbc", type=input_file, metavar="FILE", help="CAN database (default: the driver's own)")
     add(
         "--rate",
         type=number("Hz", above=0.0),
         default=1000.0,
         metavar="HZ",
-        help="turns of the simulation per second [Hz] (default: %(default)g)",
+        help="rate at which plant and boards are updated [Hz] (default: %(default)g)",
     )
     for name, unit, text in (
-        ("step", "s", "longest step of the plant"),
-        ("measurement-rate", "Hz", "of the boards"),
-        ("watchdog", "s", "of the boards (default: as the CAN database says)"),
-        ("duration", "s", "end after so long (default: at a signal)"),
+        ("step", "s", "longest integration step of the plant"),
+        ("measurement-rate", "Hz", "rate of the boards' measurements"),
+        ("watchdog", "s", "watchdog time of the boards (default: from the CAN database)"),
+        ("duration", "s", "time after which to end (default: only at a signal)"),
     ):
         metavar = unit.upper()
         add(f"--{name}", type=number(unit, above=0.0), metavar=metavar, help=f"{text} [{unit}]")
     for name, unit, text in (
-        ("pressure-noise", "Pa", "standard deviation"),
-        ("position-noise", "rad", "standard deviation"),
-        ("pressure-quantum", "Pa", "step of the converter"),
-        ("position-quantum", "rad", "step of the encoder"),
+        ("pressure-noise", "Pa", "standard deviation of the noise"),
+        ("position-noise", "rad", "standard deviation of the noise"),
+        ("pressure-quantum", "Pa", "resolution of the converter"),
+        ("position-quantum", "rad", "resolution of the encoder"),
     ):
         metavar = unit.upper()
         add(f"--{name}", type=number(unit, least=0.0), metavar=metavar, help=f"{text} [{unit}]")
-    add("--faults", default="", help="to bring about: 'seconds name value=number; seconds name'")
-    add("--seed", type=count(0), default=0, help="of the noise (default: %(default)s)")
+    add("--faults", default="", help="faults to inject: 'seconds name value=number; seconds name'")
+    add("--seed", type=count(0), default=0, help="seed of the noise (default: %(default)s)")
 
 
 def _fault_tables(given: Arguments) -> Outcome:
@@ -79,7 +79,7 @@ def _fault_tables(given: Arguments) -> Outcome:
 
 def _declare_fault_tables(parser: Parser) -> None:
     parser.add_argument(
-        "pages", type=input_file, nargs="+", metavar="PAGE", help="Markdown with the marks"
+        "pages", type=input_file, nargs="+", metavar="PAGE", help="Markdown file with the marks"
     )
 
 
@@ -96,7 +96,7 @@ COMMANDS = (
     ),
     Command(
         "fault-tables",
-        "bring the tables of states and faults in a page of the docs up to date",
+        "update the tables of states and faults in a page of the documentation",
         _declare_fault_tables,
         _fault_tables,
         examples=("python -m pam_sim fault-tables docs/safety.md",),

@@ -1,7 +1,7 @@
-"""How each fault is brought about on the rig's side: frames, boards, sensors, valves, air.
+"""Injects the faults of the rig: frames, boards, sensors, valves, supply of air.
 
-A stage is what holds the simulated rig and its bus: the rig's loop in real time, or the chain of
-the campaign. What concerns the host and the commands is in `host_faults`.
+A stage contains the simulated rig and its bus: either the rig's loop in real time, or the chain of
+the campaign. `pam_check.faults.host_faults` injects the faults of the host and of commands.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Values = Mapping[str, float]
 
 
 class Stage(Protocol):
-    """Where faults act."""
+    """The objects on which faults act."""
 
     sim: SimulatedRig
     frames: FrameFaults
     now: float
 
     def at(self, time: float, action: Callable[[], None]) -> None:
-        """Do something at a time [s]."""
+        """Call `action` at a time [s]."""
 
 
 Injection = Callable[[Stage, Values, random.Random], None]
@@ -50,7 +50,7 @@ def _board(stage: Stage, draw: random.Random) -> Address:
 
 
 def _input(stage: Stage, draw: random.Random, *, encoder: bool = False) -> tuple[Address, int]:
-    """A pressure sensor, or an encoder, of some board that has one."""
+    """A randomly chosen pressure sensor or encoder."""
     wired = stage.sim.wired
     board = draw.choice([name for name, b in wired.items() if b.angles or not encoder])
     place = rig_faults.POSITION if encoder else draw.choice(range(len(wired[board].pressures)))
@@ -170,12 +170,12 @@ INJECTIONS: Mapping[str, Injection] = {
 
 
 def parse_injection(text: str) -> tuple[str, dict[str, float]]:
-    """Read `name value=0.3 duration=1`; values left out are in the middle of their range.
+    """Read `name value=0.3 duration=1`; a missing value is the middle of its range.
 
     Raises
     ------
     PamError
-        For a name or value there is none of.
+        For an unknown fault or value, or a value that is not a number.
     """
     name, *pairs = text.split()[:16] or [""]
     if name not in INJECTIONS:
@@ -190,19 +190,20 @@ def parse_injection(text: str) -> tuple[str, dict[str, float]]:
             value = math.nan
         if key not in values or not math.isfinite(value):
             raise PamError(
-                f"fault {name}: {pair[:64]!r} must be one of {', '.join(values)} = a number"
+                f"fault {name}: {pair[:64]!r}: expected "
+                f"{' or '.join(f'{key}=NUMBER' for key in values) or 'no value'}"
             )
         values[key] = value
     return name, values
 
 
 def inject(stage: Stage, name: str, values: Values, draw: random.Random) -> None:
-    """Bring a fault about now; KeyError for one that is not the rig's."""
+    """Inject a fault now; KeyError for a fault that is not one of the rig."""
     INJECTIONS[name](stage, values, draw)
 
 
 def mend(stage: Stage) -> None:
-    """Take back every fault that can be mended."""
+    """End every fault that can end."""
     stage.frames.faults.clear()
     stage.sim.faults.clear()
     for index in range(len(stage.sim.rig.muscles)):

@@ -33,12 +33,12 @@ def parse_effects(texts: Sequence[str], source: str) -> dict[str, float]:
     texts : sequence of str
         The pairs.
     source : str
-        The option or parameter they were given by, for the message.
+        The option or parameter that contains them, for the message.
 
     Raises
     ------
     PamError
-        For a text that is none.
+        For a text that is not such a pair.
     """
     effects = {}
     for text in texts:
@@ -81,7 +81,7 @@ def _serve(loop: RigLoop, duration: float | None) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
     end = None if duration is None else time.monotonic() + duration
-    told = 0.0
+    reported = 0.0
     next_report = time.monotonic() + REPORT_PERIOD
     loop.start()
     try:
@@ -93,13 +93,13 @@ def _serve(loop: RigLoop, duration: float | None) -> None:
             if now >= next_report:
                 next_report = now + REPORT_PERIOD
                 report = loop.report()
-                if report["skipped turns"] > told:
+                if report["skipped turns"] > reported:
                     print(
-                        f"the host is late: {report['skipped turns'] - told:.0f} turns in "
-                        f"{REPORT_PERIOD:g} s were simulated in larger pieces",
+                        f"the host is too slow: {report['skipped turns'] - reported:.0f} turns in "
+                        f"{REPORT_PERIOD:g} s were skipped and simulated together with later ones",
                         file=sys.stderr,
                     )
-                    told = report["skipped turns"]
+                    reported = report["skipped turns"]
     finally:
         loop.stop()
 
@@ -110,7 +110,7 @@ def run(given: Arguments) -> Outcome:
     Raises
     ------
     PamError
-        For a rig, an effect, a fault or a bus that cannot be used.
+        If a rig, an effect, a fault or a bus cannot be used.
     """
     loop = _make_loop(given)
     _serve(loop, given.duration)

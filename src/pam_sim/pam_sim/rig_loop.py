@@ -1,4 +1,4 @@
-"""A simulated rig on a CAN bus in real time: what the program and the node share."""
+"""Runs a simulated rig on a CAN bus in real time; used by the program and by the node."""
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
 
 class RigLoop:
-    """Serves a simulated rig to a bus from a thread of its own.
+    """Connects a simulated rig with a bus, in a thread of its own.
 
     Parameters
     ----------
     rig : SimulatedRig
-        The rig; belongs to this loop from now on.
+        The rig; only this loop may use it from now on.
     port : CanPort
         An open bus; closed by `stop`.
     rate : float
         Turns per second [Hz].
     truth_rate : float, optional
-        How often `truth` is brought up to date [Hz]; 0 for never.
+        How often `truth` is updated [Hz]; 0 for never.
+    realtime_priority : int, optional
+        Requested real-time priority of the thread, see `pam_ros.periodic.take_priority`.
 
     Attributes
     ----------
@@ -38,7 +40,7 @@ class RigLoop:
     truth_time : float
         Its wall-clock time [s].
     sim, frames, now
-        What faults act on, see `fault_injection.Stage`.
+        The objects on which faults act, see `fault_injection.Stage`.
     """
 
     def __init__(
@@ -64,27 +66,27 @@ class RigLoop:
         self._drained_at = self.now
 
     def at(self, time: float, action: Callable[[], None]) -> None:
-        """Do something at a time [s]; from the loop's own thread or before it starts."""
+        """Call `action` at a time [s]; for use in the loop's thread or before it starts."""
         self._later.append((time, action))
 
     def inject(self, text: str) -> None:
-        """Bring a fault about in the next turn: `name value=0.3`, see `parse_injection`.
+        """Inject a fault in the next turn: `name value=0.3`, see `parse_injection`.
 
         Raises
         ------
         PamError
-            For a text that is none.
+            For a text that does not describe a fault.
         """
         name, values = parse_injection(text)
         self._asked.append(lambda: inject(self, name, values, self._draw))
 
     def schedule(self, text: str) -> None:
-        """Faults at seconds from now: `3.5 supply_lost share=0.2; 8 encoder_stuck`.
+        """Inject faults at times from now [s]: `3.5 supply_lost share=0.2; 8 encoder_stuck`.
 
         Raises
         ------
         PamError
-            For an entry that is none.
+            For an entry that does not describe a time and a fault.
         """
         start = time.monotonic()
         for entry in filter(None, (part.strip() for part in text.split(";"))):
@@ -92,39 +94,39 @@ class RigLoop:
             try:
                 seconds = float(when)
             except ValueError:
-                raise PamError(f"faults: {entry!r} must be seconds name value=number") from None
+                raise PamError(f"faults: {entry!r}: expected SECONDS NAME VALUE=NUMBER") from None
             parse_injection(fault)
             self.at(start + seconds, partial(self.inject, fault))
 
     def mend(self) -> None:
-        """Take every fault back in the next turn."""
+        """End every fault in the next turn."""
         self._asked.append(lambda: mend(self))
 
     def start(self) -> None:
-        """Begin to serve."""
+        """Start the thread."""
         self._rig.begin(time.monotonic())
-        # a full collection would stop the loop for longer than a driver waits for a pressure
+        # a full garbage collection would pause the loop for longer than the driver's time-out
         gc.collect()
         gc.freeze()
         self._loop.start()
 
     def share_priority(self) -> None:
-        """Let the host run the threads beside the loop's before other programs' as well."""
+        """Give a real-time priority to the other threads too, if the loop's thread has one."""
         self._loop.share_priority()
 
     def stop(self) -> None:
-        """End the thread and give the bus back."""
+        """End the thread and close the bus."""
         try:
             self._loop.stop()
         finally:
             self._port.close()
 
     def check(self) -> None:
-        """Raise what ended the thread, if anything did."""
+        """Raise the exception that ended the thread, if there was one."""
         self._loop.check()
 
     def report(self) -> dict[str, float]:
-        """How well time was kept, and what the bus said."""
+        """The timing of the loop, and the counts of the bus."""
         statistics = self._loop.statistics
         return {
             "turns": statistics.cycles,
@@ -144,7 +146,7 @@ class RigLoop:
         for entry in [entry for entry in self._later if entry[0] <= now]:
             self._later.remove(entry)
             entry[1]()
-        # as in the driver: bounds the age when the wall clock steps
+        # bounds the age when the wall clock steps, as in the driver
         longest, self._drained_at = now - self._drained_at, now
         wall_now = time.time()
         for frame in self._port.receive_all(now):

@@ -1,4 +1,4 @@
-"""A simulated rig on a CAN bus as a node that also tells the truth on topics of its own.
+"""A simulated rig on a CAN bus as a ROS node, which also publishes the true state on topics.
 
 `ros2 run pam_sim rig --ros-args --params-file config/elbow.yaml -p bus.interface:=udp_multicast
 -p bus.channel:=239.74.163.2`
@@ -38,34 +38,43 @@ _Q, _B = SensorQuality(), BoardSettings()
 PARAMETERS = (
     Parameter("bus.interface", "socketcan", "-", 0, 0, "python-can's name of the interface"),
     Parameter("bus.channel", "can0", "-", 0, 0, "network interface, multicast group or device"),
-    Parameter("bus.port", 43113, "-", 1024, 65535, "UDP port, for udp_multicast alone"),
+    Parameter("bus.port", 43113, "-", 1024, 65535, "UDP port, used by udp_multicast only"),
     Parameter("bus.options", "", "-", 0, 0, "further options of the interface: name=value, ..."),
-    Parameter("bus.dbc", "", "-", 0, 0, "DBC file of the boards; empty: the driver's own"),
-    Parameter("true_rig", "", "-", 0, 0, "rig file of the plant as it really is; empty: the rig"),
+    Parameter("bus.dbc", "", "-", 0, 0, "DBC file of the boards; empty: the one of the driver"),
     Parameter(
-        "hidden_effects", "", "-", 0, 0, "effects on the plant: [name.]effect.parameter=value ..."
+        "true_rig", "", "-", 0, 0, "rig file with the true parameters of the plant; empty: the rig"
     ),
     Parameter(
-        "faults", "", "-", 0, 0, "faults to bring about: seconds name value=number; seconds name"
+        "hidden_effects", "", "-", 0, 0, "effects in the plant: [name.]effect.parameter=value ..."
     ),
-    Parameter("rate", 1000.0, "Hz", 10.0, 10000.0, "turns of the simulation's thread"),
+    Parameter("faults", "", "-", 0, 0, "faults to inject: seconds name value=number; seconds name"),
+    Parameter("rate", 1000.0, "Hz", 10.0, 10000.0, "turns of the simulation's thread per second"),
     Parameter(
         "realtime_priority",
         0,
         "-",
         0,
         99,
-        "of that thread (SCHED_FIFO) where the system permits it; 0: ordinary",
+        "real-time priority (SCHED_FIFO) of that thread, where the system permits it; 0: none",
     ),
-    Parameter("step", DEFAULT_STEP, "s", 1e-6, 2e-3, "longest step of the plant"),
-    Parameter("ground_truth_rate", 100.0, "Hz", 0.1, 1000.0, "how often the truth is published"),
-    Parameter("measurement_rate", _B.measurement_rate, "Hz", 1.0, 10000.0, "of the boards"),
-    Parameter("watchdog", 0.0, "s", 0.0, 10.0, "of the boards; 0: as the DBC says"),
+    Parameter("step", DEFAULT_STEP, "s", 1e-6, 2e-3, "longest integration step of the plant"),
+    Parameter(
+        "ground_truth_rate", 100.0, "Hz", 0.1, 1000.0, "how often the true state is published"
+    ),
+    Parameter(
+        "measurement_rate",
+        _B.measurement_rate,
+        "Hz",
+        1.0,
+        10000.0,
+        "rate of the boards' measurements",
+    ),
+    Parameter("watchdog", 0.0, "s", 0.0, 10.0, "watchdog time of the boards; 0: from the DBC"),
     Parameter("pressure_noise", _Q.pressure_noise, "Pa", 0.0, 1e5, "standard deviation"),
     Parameter("position_noise", _Q.position_noise, "rad", 0.0, 0.1, "standard deviation"),
-    Parameter("pressure_quantum", _Q.pressure_quantum, "Pa", 0.0, 1e5, "converter's step"),
-    Parameter("position_quantum", _Q.position_quantum, "rad", 0.0, 0.1, "encoder's step"),
-    Parameter("seed", 0, "-", 0, 2**31 - 1, "of the noise"),
+    Parameter("pressure_quantum", _Q.pressure_quantum, "Pa", 0.0, 1e5, "converter's resolution"),
+    Parameter("position_quantum", _Q.position_quantum, "rad", 0.0, 0.1, "encoder's resolution"),
+    Parameter("seed", 0, "-", 0, 2**31 - 1, "seed of the noise"),
 )
 _LATEST = QoSProfile(depth=1)
 
@@ -98,7 +107,7 @@ def _simulated_rig(rig: Rig, values: NodeParameters[Rig]) -> SimulatedRig:
 
 
 class RigNode(Node):  # type: ignore[misc]
-    """Topics around a RigLoop."""
+    """Publishes the true state of a RigLoop and injects faults on request."""
 
     def __init__(self) -> None:
         super().__init__("pam_rig", automatically_declare_parameters_from_overrides=True)
@@ -143,11 +152,11 @@ class RigNode(Node):  # type: ignore[misc]
         super().destroy_node()
 
     def share_priority(self) -> None:
-        """Let the host run the threads beside the simulation's before other programs' as well."""
+        """Give a real-time priority to the other threads too, if the simulation's has one."""
         self._loop.share_priority()
 
     def check(self) -> None:
-        """Raise what ended the simulation's thread, if anything did."""
+        """Raise the exception that ended the simulation's thread, if there was one."""
         self._loop.check()
 
     def _on_fault(self, message: Any) -> None:
@@ -156,11 +165,11 @@ class RigNode(Node):  # type: ignore[misc]
         except PamError as error:
             self.get_logger().warning(f"inject_fault refused: {error}")
         else:
-            self.get_logger().info(f"fault: {message.data}")
+            self.get_logger().info(f"fault injected: {message.data}")
 
     def _on_mend(self, request: Any, response: Any) -> Any:
         self._loop.mend()
-        response.success, response.message = True, "mended"
+        response.success, response.message = True, "all faults have ended"
         return response
 
     def _publish(self) -> None:
@@ -184,7 +193,7 @@ class RigNode(Node):  # type: ignore[misc]
         self._skipped = report["skipped turns"]
         level, text = OK, "in real time"
         if fresh > 0:
-            level, text = WARN, f"the host is late: {fresh:.0f} turns in larger pieces"
+            level, text = WARN, f"the host is too slow: {fresh:.0f} turns skipped"
         status = diagnostic_status(f"{self.get_name()}: simulation", level, text, report)
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(diagnostic_array(stamp, status, namespace=self.get_namespace()))
@@ -212,16 +221,14 @@ def _make_node() -> RigNode:
 
 HELP = NodeHelp(
     program="ros2 run pam_sim rig",
-    purpose="Simulates a rig and its valve boards in real time on a CAN bus, and publishes what is "
-    "true beside what the boards measure.",
+    purpose="Simulates a rig and its valve boards in real time on a CAN bus. The boards send their "
+    "measurements over the bus, and the node publishes the true state on topics.",
     parameters=PARAMETERS,
     other_keys="the keys of the rig file, which docs/rig_file.md describes",
     example="--ros-args --params-file config/elbow.yaml -p bus.interface:=udp_multicast "
     "-p bus.channel:=239.74.163.2",
     subscribes=(
-        Endpoint(
-            "~/inject_fault", "std_msgs/String", "a fault to bring about, see docs/simulation.md"
-        ),
+        Endpoint("~/inject_fault", "std_msgs/String", "a fault to inject, see docs/simulation.md"),
     ),
     publishes=(
         Endpoint(
@@ -245,7 +252,7 @@ HELP = NodeHelp(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
+    """Run the node until a signal ends it."""
     return spin_node(_make_node, HELP, arguments, RigNode.check, mistake=PamError)
 
 

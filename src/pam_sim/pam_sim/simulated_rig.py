@@ -1,7 +1,7 @@
-"""All joints and boards of a rig in one object: frames in, time on, frames out. No bus, no clock.
+"""All joints and boards of a rig in one object that receives and sends frames. No bus, no clock.
 
-What its owner believes (the rig file: names, wiring, full scales, limits) and what is true (the
-plant: the same file with effects, or another file) may differ; that is what a diagnosis is for.
+The rig file (names, wiring, full scales, limits) and the true plant (the same file with effects, or
+another file) may differ; the diagnosis has to find such a difference.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from pam_sim.faults.rig_faults import RigFaults
 
 Array = npt.NDArray[np.float64]
 
-FULLEST_CATCH_UP = 1.0  # s; a host that stood still longer loses the rest
+FULLEST_CATCH_UP = 1.0  # s; after a longer pause of the host, the rest of the time is dropped
 
 
 @dataclass(frozen=True, slots=True)
 class GroundTruth:
-    """What is true now, in the rig's order.
+    """The true state, in the rig's order.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class GroundTruth:
     pressures, lengths, speeds, forces : lists of float
         By muscle [Pa gauge], [m], [m/s], [N].
     supply_pressure : float
-        What the first joint's valves draw from [Pa absolute].
+        Supply pressure at the valves of the first joint [Pa absolute].
     """
 
     positions: list[float]
@@ -56,44 +56,44 @@ class GroundTruth:
 
 
 class SimulatedRig:
-    """A rig that lives on frames.
+    """A simulated rig that receives and sends frames.
 
     Parameters
     ----------
     rig : Rig
-        The rig file that everybody else reads.
+        The rig file that driver and controller read as well.
     truth : Rig, optional
-        The rig as it really is; default the same, with the effects it names.
+        The true rig; by default the same, with the effects that its file names.
     effects : mapping of str to float, optional
         Further effects, see `apply_effects`.
     options : mapping of str to str, optional
-        What the kinds of board are told beside the rig file, such as `dbc`.
+        Options for the kinds of board beside the rig file, such as `dbc`.
     board : BoardSettings, optional
         Rates and watchdog; limits come from the rig.
     quality : SensorQuality, optional
         Noise and resolution of the sensors.
     rate : float, optional
-        Plant and boards are brought forward this often [Hz].
+        Rate at which plant and boards are updated [Hz].
     step : float, optional
         Longest RK4 step [s].
     seed : int, optional
-        Of the noise.
+        Seed of the noise.
     now : float, optional
         Time of power-up [s].
 
     Attributes
     ----------
     faults : RigFaults
-        What is broken; nothing at first.
+        The present faults; none at first.
     wired : mapping of address to WiredBoard
-        What is on each board.
+        The muscles and joints of each board.
     extended_identifiers : tuple of int
-        Identifiers of 29 bits that the boards use; the bus has to hand them on.
+        Identifiers of 29 bits that the boards use; the bus has to pass them on.
 
     Raises
     ------
     PamError
-        For a rig that cannot be simulated on boards, naming why.
+        If the rig cannot be simulated on boards; the text says why.
     """
 
     def __init__(
@@ -147,20 +147,20 @@ class SimulatedRig:
 
     @property
     def boards(self) -> Mapping[Address, SimulatedBoard]:
-        """The boards, as the rig file names them."""
+        """The boards, by the addresses that the rig file uses."""
         return self._boards
 
     def on_frame(self, frame_id: int, data: bytes, now: float, age: float = 0.0) -> None:
-        """Hand a frame to every board; each takes its own.
+        """Pass a frame to every board; each board processes the frames addressed to it.
 
-        Until the frame arrived the plant moves by the commands before it, to the nearest step.
+        The plant moves by the previous commands until the frame arrived, to the nearest step.
 
         Parameters
         ----------
         frame_id : int
         data : bytes
         now : float
-            [s], not before the last one told.
+            Time [s], not before that of the last call.
         age : float
             How long ago the frame arrived [s].
         """
@@ -171,36 +171,35 @@ class SimulatedRig:
                 board.on_frame(frame_id, data, now)
 
     def begin(self, now: float) -> None:
-        """Let time start at `now` [s] with one step, so that steps end when a caller's turns do.
+        """Set the time to `now` [s] with one step, so that steps end at the caller's turns.
 
-        The first of all loads the compiled plant, which takes as long as hundreds of others.
+        The very first step loads the compiled plant, which takes as long as hundreds of steps.
         """
         self._now = now - self._period
         self._go_on(1)
 
     def restart_board(self, address: Address, now: float) -> None:
-        """Power-up of a board at `now` [s], as after a brown-out."""
+        """Restart a board at `now` [s], as after a brown-out."""
         self._boards[address] = self._boards[address].restarted(now)
 
     def open_leak(self, muscle: int, conductance: float) -> None:
-        """From now on a muscle leaks through C [m^3/(s Pa)]; 0 mends it."""
+        """Let a muscle leak through the conductance C [m^3/(s Pa)]; 0 closes the leak."""
         for joint, muscles in enumerate(self._muscles_of):
             if muscle in muscles:
                 side = MUSCLES[muscles.index(muscle)]
                 self._plants[joint].change({f"{side}.leakage.conductance": conductance})
 
     def set_supply_pressure(self, pressure: float) -> None:
-        """From now on the supply has this pressure [Pa absolute]."""
+        """Set the supply pressure [Pa absolute]."""
         for plant in self._plants:
             plant.change({"supply_pressure": pressure})
 
     def advance(self, now: float) -> list[Frame]:
-        """Bring plant and boards forward to `now` [s]; return the frames the boards send.
+        """Advance plant and boards to `now` [s]; return the frames that the boards send.
 
-        The plant is at the nearest whole step.
-
-        A caller that is late gets the missing steps at once; after more than a second the rest is
-        dropped and added to `lost_time`.
+        The plant is at the nearest whole step. If the caller is late, the missing steps are
+        computed at once. If it is late by more than a second, the rest of the time is dropped and
+        added to `lost_time`.
         """
         self._go_on(self._whole_steps(now))
         for address in self.faults.reset_by_watchdog(now):
@@ -218,7 +217,7 @@ class SimulatedRig:
         return frames
 
     def ground_truth(self) -> GroundTruth:
-        """What no sensor has touched."""
+        """The true state, without sensor errors."""
         count = len(self.rig.muscles)
         supply = self._plants[0].reservoir_pressure
         zeros = [[0.0] * count for _ in range(4)]
@@ -273,22 +272,22 @@ class SimulatedRig:
 
 
 def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[PlantParameters]:
-    """The plants of a rig's joints: what `truth` says, and `effects` on top.
+    """The plants of a rig's joints: the parameters of `truth`, with `effects` added.
 
     Parameters
     ----------
     rig : Rig
-        Whose names `effects` may use.
+        The rig whose names `effects` may use.
     truth : Rig
-        The rig as it is.
+        The true rig.
     effects : mapping of str to float
-        `<effect>.<parameter>` for everything that can have it, or with a joint's or muscle's name
-        before it.
+        `<effect>.<parameter>` for all joints or muscles, or `<name>.<effect>.<parameter>` for one
+        joint or muscle.
 
     Raises
     ------
     PamError
-        For an unknown name or a value out of the table's bounds.
+        For an unknown name or a value outside the bounds of its parameter.
     """
     plants = [PlantParameters.from_rig(truth, joint) for joint in range(len(truth.joints))]
     for name, value in effects.items():
@@ -336,12 +335,12 @@ def _check_same(rig: Rig, truth: Rig | None) -> None:
 
 
 def _seed_of(address: Address) -> int:
-    """A number of its own for the noise of each board."""
+    """A seed for the noise of one board."""
     return address if isinstance(address, int) else crc32(address.encode())
 
 
 def _at_rest(parameters: PlantParameters) -> Array:
-    """Vented and hanging where gravity leaves it, valves at their exhaust."""
+    """The state at rest: muscles vented, valves at exhaust, joint where gravity holds it."""
     position = min(
         max(parameters["joint.gravity_angle"], parameters["joint.lower_limit"]),
         parameters["joint.upper_limit"],

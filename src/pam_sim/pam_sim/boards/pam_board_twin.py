@@ -1,9 +1,9 @@
-"""The twin of a `pam_board`: frames in, frames out, its own clock and its own latched faults.
+"""The simulated twin of a `pam_board`, with its own clock and its own latched faults.
 
-It keeps the rules of docs/can_protocol.md. Time is whatever monotonic seconds the caller hands
-in. The watchdog's default is the DBC's 100 ms: fifty cycles at 500 Hz, so that neither one lost
-frame nor a host that is busy for a moment vents the arm, while a muscle whose valve stays at a
-hold command drifts by little in that time.
+It obeys the rules of docs/can_protocol.md. The caller provides the monotonic time in seconds. The
+default of the watchdog is the DBC's 100 ms, which is fifty cycles at 500 Hz: neither one lost frame
+nor a host that is busy for a moment vents the arm, while a muscle whose valve is commanded to hold
+its pressure drifts only a little in that time.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 FIRMWARE_VERSION = 1
 CRC_LIMIT = 10  # frames with a wrong CRC within CRC_WINDOW, while active
 CRC_WINDOW = 1.0  # s
-# What the board's converters can show; readings are cut here, as a real one saturates.
+# The range of the board's converters; readings saturate at its ends.
 PRESSURE_RANGE = (-1e5, 1.2e6)
 POSITION_RANGE = (-8.38, 8.38)
 SUPPLY_RANGE = (0.0, 1.3e6)
@@ -48,11 +48,11 @@ class SimulatedPamBoard:
     number : int
         Its number on the bus.
     codec : BoardCodec
-        Meaning of the bytes.
+        Encodes and decodes the frames.
     settings : BoardSettings, optional
         Rates and watchdog.
     valves : sequence of BoardValve, optional
-        What is on its channels.
+        The valves on its channels.
     channels : sequence of int, optional
         The channel of each valve and of its pressure sensor.
     now : float, optional
@@ -106,12 +106,12 @@ class SimulatedPamBoard:
 
     @property
     def fault_names(self) -> tuple[str, ...]:
-        """What it has latched."""
+        """The names of its latched faults."""
         return tuple(str(fault.name) for fault in self.faults)
 
     @property
     def valve_commands(self) -> tuple[float, ...]:
-        """What the valves are driven with: spool -1..1 or gauge pressure [Pa]; vented if unsure."""
+        """The valves' commands: spool -1..1 or gauge pressure [Pa]; vented unless active."""
         active = self.state is BoardState.ACTIVE
         return tuple(
             valve.command(self._fractions[channel])
@@ -127,7 +127,7 @@ class SimulatedPamBoard:
         )
 
     def misbehave(self, fault: str, value: float) -> None:
-        """Let the counter of the measurements jump or stand still, as faulty firmware would."""
+        """Let the counter of the measurements jump or freeze, as faulty firmware would."""
         if fault == "counter_jump":
             self._samples = (self._samples + round(value)) & 0xFF
         elif fault == "counter_frozen":
@@ -136,7 +136,7 @@ class SimulatedPamBoard:
             self._counter_step = 1
 
     def on_frame(self, frame_id: int, data: bytes, now: float) -> None:
-        """Take a frame from the bus; one that is not for this board is not looked at."""
+        """Receive a frame from the bus; a frame for another board is ignored."""
         if frame_id not in self._own_ids:
             return
         try:
@@ -158,16 +158,16 @@ class SimulatedPamBoard:
         angles: Sequence[float],
         supply_pressure: float,
     ) -> list[Frame]:
-        """Look at the sensors and the clock; return the frames that are due.
+        """Check the sensors and the time; return the frames that are due.
 
         Parameters
         ----------
         now : float
-            [s], not going back.
+            Time [s], which never decreases.
         pressures : sequence of float
-            What the sensors read, one for each valve [Pa gauge]; NaN for a broken one.
+            Readings of the pressure sensors, one per valve [Pa gauge]; NaN for a defective one.
         angles : sequence of float
-            What the encoder reads [rad], nothing without one; NaN for a broken one.
+            Reading of the encoder [rad], empty without encoder; NaN for a defective one.
         supply_pressure : float
             [Pa absolute].
         """
@@ -192,14 +192,14 @@ class SimulatedPamBoard:
         return [self._codec.encode(self.number, message) for message in messages]
 
     def _is_due(self, kind: type[BoardMessage], now: float) -> bool:
-        # Counted, not added up: after an hour of sums the grid would have moved by a rounding
-        # error that costs a turn.
+        # The periods are counted and not summed up: after an hour, the rounding errors of a sum
+        # would shift the grid so far that a turn is lost.
         period = self._periods[kind]
         due = self._grid + self._turns[kind] * period
         if now < due - 1e-9:
             return False
-        # A late caller gets one frame, not a burst; the grid stays. A caller whose clock is a
-        # rounding error early must not get the same frame again in its next turn.
+        # A late caller gets one frame and not a burst; the grid does not change. A caller whose
+        # clock is early by a rounding error must not get the same frame again in its next turn.
         self._turns[kind] += math.floor(max(now - due, 0.0) / period + 1e-9) + 1
         return True
 
@@ -266,7 +266,7 @@ class SimulatedPamBoard:
 
 
 class PamBoardTwins:
-    """Makes the twins of the kind `pam_board`; takes the options of that kind."""
+    """Makes the twins of the kind `pam_board`; its options are those of the kind."""
 
     def __init__(self, options: KindOptions) -> None:
         self._codec = PamBoardKind(options).codec
@@ -284,5 +284,5 @@ class PamBoardTwins:
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:
-    """The value cut to a converter's range; NaN stays, for "not available"."""
+    """The value limited to a converter's range; NaN remains, for "not available"."""
     return value if math.isnan(value) else min(max(value, bounds[0]), bounds[1])

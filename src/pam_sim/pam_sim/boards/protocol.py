@@ -1,9 +1,10 @@
-"""What the simulation asks of the twin of a kind of board: frames in, frames out, valves, sensors.
+"""The protocol between the simulation and the twin of a kind of board.
 
-A twin stands for the firmware and its electronics: it keeps the rules of the real board, its own
-clock and its own latched faults. It is registered beside its kind (see `register`) and must pass
-the same conformance test. Muscles and joints are counted as in the `WiredBoard` that it is made
-of: the first valve is that of `wired.valves[0]`, the first angle that of `wired.angles[0]`.
+A twin represents the firmware and electronics of a board: it obeys the rules of the real board, and
+it has its own clock and its own latched faults. It is registered under the name of its kind (see
+`register`) and must pass the same conformance test. Its muscles and joints have the order of the
+`WiredBoard` from which it is made: the first valve is that of `wired.valves[0]`, the first angle
+that of `wired.angles[0]`.
 """
 
 from __future__ import annotations
@@ -17,21 +18,22 @@ from pam_driver.boards.protocol import Frame, KindOptions, WiredBoard
 from pam_model.errors import PamError, RigError
 from pam_model.rig import Muscle
 
-OVER_PRESSURE_SHARE = 1.1  # a board's own limit over the muscle's max_pressure
+OVER_PRESSURE_SHARE = 1.1  # ratio of a board's own limit to the muscle's max_pressure
 
 
 @dataclass(frozen=True, slots=True)
 class BoardSettings:
-    """How the simulated boards of a rig are set up.
+    """Settings of the simulated boards of a rig.
 
     Attributes
     ----------
     measurement_rate, status_rate, heartbeat_rate : float
         Frames per second [Hz].
     watchdog_period : float or None
-        Without a command that counts for so long while active: fault [s]. None: the kind's own.
+        An active board that receives no valid command for so long has a fault [s]. None: the
+        default of the kind.
     boot_time : float
-        Self test after power-up [s].
+        Duration of the self test after power-up [s].
     """
 
     measurement_rate: float = 500.0
@@ -51,14 +53,14 @@ class BoardSettings:
 
 @dataclass(frozen=True, slots=True)
 class BoardValve:
-    """What one valve does with a fraction of full scale, and when its board gives up.
+    """How a board converts a fraction of full scale for one valve, and its own pressure limit.
 
     Attributes
     ----------
     is_regulator : bool
-        A pressure regulator; otherwise a flow valve.
+        True for a pressure regulator, False for a flow valve.
     full_scale : float
-        Of a regulator [Pa gauge].
+        Full scale of a regulator [Pa gauge].
     max_pressure : float
         The board's own limit [Pa gauge].
     """
@@ -74,7 +76,7 @@ class BoardValve:
         Raises
         ------
         RigError
-            For a pressure regulator without full scale.
+            If a pressure regulator has no full scale.
         """
         limit = OVER_PRESSURE_SHARE * muscle.max_pressure
         if muscle.valve.kind == "flow":
@@ -98,26 +100,26 @@ class SimulatedBoard(Protocol):
 
     @property
     def valves(self) -> Sequence[BoardValve]:
-        """What is on its outputs."""
+        """The valves on its outputs."""
 
     @property
     def valve_commands(self) -> Sequence[float]:
-        """What the valves are driven with: spool -1..1 or gauge pressure [Pa]; vented if unsure."""
+        """The valves' commands: spool -1..1 or gauge pressure [Pa]; vented unless active."""
 
     @property
     def active(self) -> bool:
-        """Whether its valves follow set points; a board that knows no vent is always active."""
+        """Whether its valves follow set points; always True for a board without a vent state."""
 
     @property
     def fault_names(self) -> Sequence[str]:
-        """What it has latched, in capitals as the table of faults names it."""
+        """The names of its latched faults, in capitals as in the table of faults."""
 
     @property
     def rejected_frames(self) -> int:
-        """Frames to it that were no command."""
+        """The number of frames to this board that were not valid commands."""
 
     def on_frame(self, frame_id: int, data: bytes, now: float) -> None:
-        """Take a frame from its bus; one that is not for this board is not looked at."""
+        """Receive a frame from its bus; a frame for another board is ignored."""
 
     def poll(
         self,
@@ -126,14 +128,14 @@ class SimulatedBoard(Protocol):
         angles: Sequence[float],
         supply_pressure: float,
     ) -> list[Frame]:
-        """Look at the sensors and the clock; return the frames that are due.
+        """Check the sensors and the time; return the frames that are due.
 
         Parameters
         ----------
         now : float
-            [s], not going back.
+            Time [s], which never decreases.
         pressures, angles : sequence of float
-            What its sensors read [Pa gauge], [rad]; NaN for a broken one.
+            Readings of its sensors [Pa gauge], [rad]; NaN for a defective one.
         supply_pressure : float
             [Pa absolute].
         """
@@ -142,15 +144,15 @@ class SimulatedBoard(Protocol):
         """The board after a power-up at `now` [s]."""
 
     def misbehave(self, fault: str, value: float) -> None:
-        """Behave as faulty firmware would, until told `mended`.
+        """Behave as faulty firmware would, until the next call with "mended".
 
         Parameters
         ----------
         fault : str
-            "counter_jump" (by `value`), "counter_frozen" or "mended"; a board that has no such
-            counter goes on as before.
+            "counter_jump" (by `value`), "counter_frozen" or "mended"; no effect on a board that
+            has no such counter.
         value : float
-            What the fault needs.
+            Parameter of the fault.
         """
 
 
@@ -162,4 +164,4 @@ class TwinKind(Protocol):
 
 
 MakeTwin = Callable[[KindOptions], TwinKind]
-"""What is registered; takes the options that the kind takes."""
+"""The registered callable; its options are those of the kind."""

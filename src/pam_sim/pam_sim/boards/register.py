@@ -1,6 +1,6 @@
-"""The twins of the kinds of board by name: those of this package, and those that others install.
+"""The twins of the kinds of board by name: of this package, and of other installed packages.
 
-A package that adds a kind (`pam_driver.boards.register`) adds its twin under the same name, in the
+A package that adds a kind (`pam_driver.boards.register`) adds its twin under the same name in the
 entry point group `pam_sim.board_twins`; its value is a `MakeTwin` (see `protocol`).
 """
 
@@ -26,7 +26,7 @@ def board_twins() -> Mapping[str, MakeTwin]:
     Raises
     ------
     PamError
-        If an installed one cannot be loaded, or has the name of another.
+        If an installed twin cannot be loaded, or two have the same name.
     """
     return with_installed(_OWN, GROUP)
 
@@ -37,7 +37,7 @@ def twin_called(kind: str) -> MakeTwin:
     Raises
     ------
     PamError
-        If the kind has none.
+        If the kind has no twin.
     """
     twins = board_twins()
     if kind not in twins:

@@ -1,4 +1,4 @@
-"""What a board's converters make of a signal: noise, then rounding to the converter's step."""
+"""The readings of a board's converters: signal plus noise, rounded to the resolution."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from pam_model.errors import PamError
 
 @dataclass(frozen=True, slots=True)
 class SensorQuality:
-    """Noise and resolution of a board's inputs; 0 turns either off.
+    """Noise and resolution of a board's inputs; 0 switches the noise or the rounding off.
 
     Attributes
     ----------
     pressure_noise : float
-        Standard deviation [Pa].
+        Standard deviation of the noise [Pa].
     position_noise : float
-        [rad].
+        Standard deviation of the noise [rad].
     pressure_quantum : float
-        Step of the converter [Pa]; default 12 bits of 10 bar.
+        Resolution of the converter [Pa]; default 12 bits for 10 bar.
     position_quantum : float
-        Step of the encoder [rad]; default 14 bits a turn.
+        Resolution of the encoder [rad]; default 14 bits per turn.
     """
 
     pressure_noise: float = 200.0
@@ -46,7 +46,7 @@ class BoardSensors:
     quality : SensorQuality
         Noise and resolution.
     seed : sequence of int
-        Of the noise.
+        Seed of the noise.
     """
 
     BLOCK = 1024
@@ -68,7 +68,7 @@ class BoardSensors:
 
     def _draw(self) -> float:
         if not self._noise:
-            # A block at a time: one draw alone costs twenty times as much.
+            # Noise is drawn in blocks: a single draw takes twenty times as long.
             self._noise = self._random.standard_normal(self.BLOCK).tolist()
         return self._noise.pop()
 

@@ -1,1 +1,1 @@
-"""Faults of rigs, boards and frames: their list, and how each is brought about."""
+"""Faults of rigs, boards and frames: their list, and their simulation."""

@@ -1,7 +1,7 @@
-"""A CAN bus that loses, delays, repeats, reorders and spoils frames, in either direction.
+"""A CAN bus that loses, delays, repeats, reorders and corrupts frames, in either direction.
 
-Sits between a bus and those on it: `pass_on` takes one frame and gives what arrives in its place,
-`due` gives what was held back. Time is the caller's.
+It is placed between a bus and its user: `pass_on` takes one frame and returns the frames that
+arrive instead, `due` returns the frames whose delay has ended. The caller provides the time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ KINDS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class FrameFault:
-    """What happens to frames for a while.
+    """A fault of frames for a limited time.
 
     Attributes
     ----------
@@ -33,11 +33,11 @@ class FrameFault:
     direction : str
         "up" from the boards, "down" to them.
     share : float
-        Of the frames, 0 to 1; of foreign ones, how many for one of ours.
+        Share of the frames that are affected, 0 to 1; for foreign frames, their number per frame.
     delay : float
-        Of late frames, and of those that were overtaken [s].
+        Delay of late frames, and of frames that others overtake [s].
     until : float
-        When it ends [s].
+        When the fault ends [s].
     """
 
     kind: str
@@ -53,14 +53,14 @@ class FrameFaults:
     Parameters
     ----------
     seed : int
-        Which frames are hit.
+        Seed of the random choice of the affected frames.
 
     Attributes
     ----------
     faults : list of FrameFault
-        Append to it at any time.
+        The present faults; a fault may be appended at any time.
     hit : int
-        Frames that were.
+        Number of affected frames.
     """
 
     def __init__(self, seed: int = 0) -> None:
@@ -71,7 +71,7 @@ class FrameFaults:
         self._order = 0
 
     def pass_on(self, frame: Frame, direction: Direction, now: float) -> list[Frame]:
-        """What arrives now in place of a frame."""
+        """The frames that arrive now instead of a frame."""
         if not self.faults:
             return [frame]
         self.faults = [fault for fault in self.faults if now < fault.until]
@@ -83,7 +83,7 @@ class FrameFaults:
         return frames
 
     def due(self, direction: Direction, now: float) -> list[Frame]:
-        """What was held back until now."""
+        """The delayed frames that arrive now."""
         held, frames = self._held[direction], []
         while held and held[0][0] <= now:
             frames.append(heapq.heappop(held)[2])
@@ -113,7 +113,7 @@ class FrameFaults:
 
 
 class FaultyPort:
-    """A rig's end of a bus with faults on it; what `RigLoop` takes in place of a CanPort."""
+    """The rig's connection to a bus with faults; `RigLoop` uses it in place of a CanPort."""
 
     def __init__(self, port: CanPort, faults: FrameFaults) -> None:
         self._port = port
@@ -121,7 +121,7 @@ class FaultyPort:
         self.counts = port.counts
 
     def receive_all(self, now: float) -> Sequence[ReceivedFrame]:
-        """Frames that wait, spoilt."""
+        """The frames that have arrived, with faults."""
         frames = []
         for frame in self._port.receive_all(now):
             for identifier, data in self._faults.pass_on(frame[:2], "down", now):
@@ -130,7 +130,7 @@ class FaultyPort:
         return frames
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
-        """Send what the bus makes of a frame."""
+        """Send a frame, with faults."""
         for frame in self._faults.due("up", now):
             self._port.send(*frame, now)
         for frame in self._faults.pass_on((frame_id, data), "up", now):
@@ -138,5 +138,5 @@ class FaultyPort:
         return SendOutcome.SENT
 
     def close(self) -> None:
-        """Give the bus back."""
+        """Close the bus."""
         self._port.close()

@@ -1,7 +1,7 @@
-"""Every fault that is injected, as data: what it is, who notices, what must follow, how soon.
+"""Every fault that can be injected, as data: description, detection, required reaction, time limit.
 
-The table in docs/safety.md is written from this file (`python -m pam_sim
-fault-tables docs/safety.md`), and the campaign holds what it measures against the same numbers.
+The table in docs/safety.md is generated from this file (`python -m pam_sim fault-tables
+docs/safety.md`), and the fault campaign compares its measurements with the same numbers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from pam_model.errors import PamError
 
 _S: Final = DriverSettings()
 WATCHDOG: Final = 0.1  # s, WatchdogTimeout in the DBC
-# Detection to vented valves: a driver's cycle, a frame, a board's turn, and one of each spare [s].
+# From detection to vented valves: a cycle of the driver, a frame and a turn of the board, each
+# counted twice as a margin [s].
 VENT: Final = 0.012
 COMMANDS_STOP: Final = _S.command_timeout + VENT
 SENSOR_STOPS: Final = _S.sensor_timeout + VENT
@@ -28,12 +29,12 @@ MARK: Final = "<!-- {} -->"
 
 
 class Reaction(Enum):
-    """What must follow a fault; the value is what tables show."""
+    """The required reaction to a fault; tables show the value."""
 
     VENT = "vents, latched"
-    RIDE = "goes on, counted"
-    WARN = "goes on, warns"
-    EITHER = "goes on or vents"
+    RIDE = "continues, counted"
+    WARN = "continues, warns"
+    EITHER = "continues or vents"
     NOTICED = "warns or vents"
 
 
@@ -46,19 +47,19 @@ class FaultKind:
     name, layer, text : str
         Identifier; where it happens; what happens.
     parameters : mapping of str to (low, high)
-        Drawn evenly from these ranges, SI units.
+        Ranges from which values are drawn uniformly, SI units.
     detected_by : tuple of str
-        Any of these may name it: conditions and counters of the driver, faults of a board, kinds
-        of refused commands, "controller".
+        What may detect it: conditions and counters of the driver, faults of a board, kinds of
+        refused commands, "controller".
     reaction : Reaction
-        What must follow.
+        The required reaction.
     bound : float
-        From the fault to vented valves, at most [s]; for a fault that is ridden through, how long
-        the trial watches.
+        Largest time from the fault to vented valves [s]; if the fault must not vent, how long the
+        trial observes.
     reason : str
-        Why this bound, or why nobody can notice.
+        What determines this bound, or why the fault cannot be detected.
     bounds_driver : bool
-        Whether the bound holds for the driver's stop, since no frame can move the valves.
+        Whether the bound applies to the stop of the driver, since no frame can move the valves.
     to_the_limits : bool
         Whether the joint may leave its reference, within its position limits.
     """
@@ -84,7 +85,7 @@ _SHARE: Final = {"share": (0.05, 0.3), **_MOMENT}
 KINDS: Final = (
     # --- frames on the bus ---
     _K("frames_lost_down", "bus", "some commands to the boards are lost", _SHARE,
-       (), _R.RIDE, _WATCH, "the board's watchdog spans fifty commands; nobody need know"),
+       (), _R.RIDE, _WATCH, "the board's watchdog tolerates fifty lost commands"),
     _K("frames_lost_up", "bus", "some measurements are lost", _SHARE,
        ("frames_lost",), _R.RIDE, _WATCH),
     _K("all_frames_lost_down", "bus", "nothing reaches the boards", {"duration": (0.3, 1.0)},
@@ -100,7 +101,7 @@ KINDS: Final = (
        {"delay": (0.07, 0.3), "duration": (0.5, 1.0)}, ("stale_sensor",), _R.VENT, SENSOR_STOPS,
        "sensor_timeout"),
     _K("frames_repeated_down", "bus", "commands arrive twice", _SHARE, (), _R.RIDE, _WATCH,
-       "a repeated counter is merely old"),
+       "the board ignores a command whose counter repeats"),
     _K("frames_repeated_up", "bus", "measurements arrive twice", _SHARE,
        ("frames_repeated",), _R.RIDE, _WATCH),
     _K("frames_reordered_down", "bus", "commands overtake each other",
@@ -119,7 +120,8 @@ KINDS: Final = (
        ("frame_errors", "pressure_rate", "position_jump", "sensor_noise", "over_pressure",
         "frames_reordered", "frames_lost", "position_limit", "sensor_range", "board_fault",
         "board_not_active", "board_restarted", "protocol_version", "supply_low"),
-       _R.EITHER, _WATCH, "CAN's own checksum lets none through; by range, step and counter"),
+       _R.EITHER, _WATCH, "the checksum of CAN rejects such frames; otherwise range, step and "
+       "counter show them"),
     _K("frames_wrong_length_down", "bus", "commands of a wrong length", _SHARE, (), _R.RIDE,
        _WATCH, "the board counts and drops them"),
     _K("frames_wrong_length_up", "bus", "measurements of a wrong length", _SHARE,
@@ -127,13 +129,13 @@ KINDS: Final = (
     _K("frames_foreign", "bus", "another device floods the bus with random frames",
        {"share": (0.2, 0.9), **_MOMENT}, ("frame_errors", "board_fault", "board_not_active",
         "board_restarted", "protocol_version", "frames_lost"), _R.EITHER, _WATCH,
-       "frames that happen to be well-formed are believed: CAN knows no sender"),
-    _K("bus_off", "bus", "the controller goes bus-off and comes back",
+       "a random frame that is valid is accepted, since a CAN frame does not name its sender"),
+    _K("bus_off", "bus", "the CAN controller goes bus-off and recovers",
        {"duration": (0.05, 0.5)}, ("bus_off",), _R.VENT, BOARD_HEARS_NOTHING,
-       "seen at once; nothing can be sent, so the board's watchdog vents"),
+       "detected at once; nothing can be sent, so the board's watchdog vents"),
     _K("bus_down", "bus", "the interface goes down and up", {"duration": (0.05, 0.5)},
        ("bus_down",), _R.VENT, BOARD_HEARS_NOTHING,
-       "seen at once; nothing can be sent, so the board's watchdog vents"),
+       "detected at once; nothing can be sent, so the board's watchdog vents"),
     _K("error_frames", "bus", "error frames, up to error-passive", _MOMENT, ("error_frames",),
        _R.RIDE, _WATCH),
     _K("send_queue_full_short", "bus", "the transmit queue is full for a moment",
@@ -142,23 +144,24 @@ KINDS: Final = (
        ("send_blocked", "board_fault", "send_queue_full"), _R.VENT, BOARD_HEARS_NOTHING,
        "the board's watchdog"),
     _K("two_drivers", "bus", "a second driver starts on the same bus", {},
-       ("foreign_command",), _R.VENT, VENT, "one frame of it is enough"),
+       ("foreign_command",), _R.VENT, VENT, "one frame of the second driver"),
     # --- boards ---
     _K("board_restart", "board", "a board loses power for a moment", {},
-       ("board_not_active", "board_restarted", "board_fault"), _R.VENT, VENT, "it boots vented"),
+       ("board_not_active", "board_restarted", "board_fault"), _R.VENT, VENT,
+       "the board is vented after a restart"),
     _K("board_frozen", "board", "a board's processor hangs until its hardware watchdog resets it; "
-       "its valves stay as they are", {"reset_after": (0.02, 0.3)},
+       "until then its valves do not move", {"reset_after": (0.02, 0.3)},
        ("stale_sensor", "board_restarted", "board_not_active", "board_lost"), _R.VENT,
-       SENSOR_STOPS, "the driver stops by sensor_timeout; the valves vent with the reset, since no "
-       "frame can reach them before", bounds_driver=True),
+       SENSOR_STOPS, "the driver stops after sensor_timeout; the valves vent only with the reset, "
+       "since the board receives no frame before", bounds_driver=True),
     _K("counter_jump", "board", "the measurement counter jumps", {"by": (1, 255)},
        ("frames_lost", "frames_repeated", "frames_reordered"), _R.RIDE, _WATCH),
-    _K("counter_frozen", "board", "the measurement counter stands still", {},
+    _K("counter_frozen", "board", "the measurement counter no longer changes", {},
        ("counter_frozen", "stale_sensor"), _R.VENT, SENSOR_STOPS, "sensor_timeout"),
     # --- sensors ---
     _K("pressure_stuck", "sensor", "a pressure reading freezes", {},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 2.5,
-       "shows as the pressure ought to change"),
+       "detected when the pressure should change"),
     _K("pressure_noisy", "sensor", "a pressure sensor becomes very noisy",
        {"amplitude": (2e4, 1e5)},
        ("sensor_noise", "pressure_rate", "sensor_range", "over_pressure", "OVER_PRESSURE"),
@@ -167,63 +170,64 @@ KINDS: Final = (
        {"amplitude": (5.4e3, 6.2e3)}, ("suspected sensor_noise",), _R.WARN, _WATCH),
     _K("pressure_too_high", "sensor", "a pressure sensor is shorted",
        {"shown": (6.7e5, 1.2e6)}, ("over_pressure", "pressure_rate", "OVER_PRESSURE"), _R.VENT,
-       VENT, "one sample, on board and driver alike"),
+       VENT, "one sample, on the board and in the driver"),
     _K("pressure_too_low", "sensor", "a pressure sensor shows a vacuum",
        {"shown": (-1e5, -4e4)}, ("sensor_range", "pressure_rate"), _R.VENT, VENT, "one sample"),
-    _K("pressure_lost", "sensor", "a pressure sensor is torn off", {},
+    _K("pressure_lost", "sensor", "a pressure sensor is disconnected", {},
        ("board_fault", "SENSOR", "stale_sensor"), _R.VENT, VENT, "one sample, on the board"),
-    _K("pressure_drift", "sensor", "a pressure sensor runs away", {"rate": (3e4, 1.5e5)},
+    _K("pressure_drift", "sensor", "a pressure sensor drifts", {"rate": (3e4, 1.5e5)},
        ("torque_implausible", "pressure_implausible", "sensor_range", "over_pressure"), _R.VENT,
-       5.6, "once it amounts to the limit of torque"),
+       5.6, "detected when the error of the torque exceeds its limit"),
     _K("pressure_offset", "sensor", "a pressure reading jumps", {"by": (6e4, 3e5)},
        ("pressure_rate", "pressure_implausible", "over_pressure", "OVER_PRESSURE"), _R.VENT, VENT,
        "one sample"),
     _K("pressures_swapped", "sensor", "two pressure sensors are exchanged", {},
        ("pressure_rate", "pressure_implausible", "torque_implausible", "sensor_range"), _R.VENT,
-       0.5, "shows once the pressures differ"),
+       0.5, "detected when the two pressures differ"),
     _K("encoder_stuck", "sensor", "the angle freezes", {},
        ("torque_implausible", "pressure_implausible", "over_pressure"), _R.VENT, 1.0,
-       "shows once the pressures do not fit the angle"),
+       "detected when pressures and angle disagree"),
     _K("encoder_noisy", "sensor", "the encoder becomes noisy", {"amplitude": (0.05, 0.3)},
        ("sensor_noise", "position_jump", "position_limit", "torque_implausible"), _R.VENT, 0.08,
-       "25 samples, or sooner since the noise asks for torques that are not there"),
-    _K("encoder_jump", "sensor", "the angle jumps and stays", {"by": (0.25, 1.0)},
+       "25 samples, or sooner, since the noise implies torques that do not exist"),
+    _K("encoder_jump", "sensor", "the angle jumps and keeps the offset", {"by": (0.25, 1.0)},
        ("position_jump", "position_limit"), _R.VENT, VENT, "one sample"),
     _K("encoder_drift", "sensor", "the encoder slips", {"rate": (0.2, 1.0)},
        ("torque_implausible", "position_limit", "pressure_implausible"), _R.VENT, 4.0,
-       "once it amounts to the limit of torque"),
+       "detected when the error of the torque exceeds its limit"),
     _K("encoder_out_of_range", "sensor", "the encoder shows an impossible angle",
        {"shown": (1.5, 8.0)}, ("position_limit", "position_jump"), _R.VENT, VENT, "one sample"),
-    _K("encoder_lost", "sensor", "the encoder is torn off", {},
+    _K("encoder_lost", "sensor", "the encoder is disconnected", {},
        ("board_fault", "SENSOR", "stale_sensor"), _R.VENT, VENT, "one sample, on the board"),
     # --- valves and air ---
     _K("valve_stuck_open", "valve", "a valve stays open to the supply", {},
        ("pressure_implausible", "over_pressure", "torque_implausible", "OVER_PRESSURE"), _R.VENT,
-       0.15, "the board's output vents; the air itself needs a shut-off valve in the supply"),
+       0.15, "the board commands a vent; only a shut-off valve in the supply can stop the air"),
     _K("valve_stuck_shut", "valve", "a valve stays shut", {},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 1.0,
-       "shows as the pressure ought to change"),
+       "detected when the pressure should change"),
     _K("valve_stuck_exhausting", "valve", "a valve stays open to ambient", {},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 0.2,
-       "shows as the pressure falls"),
-    _K("muscle_burst", "valve", "a muscle or hose bursts, no narrower than the open valve",
-       {"conductance": (4e-9, 1e-8)}, ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4,
-       "shows as the pressure falls"),
+       "detected when the pressure falls"),
+    _K("muscle_burst", "valve", "a muscle or hose bursts; the hole is at least as large as "
+       "the fully open valve", {"conductance": (4e-9, 1e-8)}, ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4,
+       "detected when the pressure falls"),
     _K("muscle_leak", "valve", "a muscle leaks through a smaller hole",
        {"conductance": (1.2e-9, 4e-9)}, ("suspected pressure_implausible", "pressure_implausible"),
-       _R.NOTICED, 2.0, "below the limit it is a warning"),
+       _R.NOTICED, 2.0, "a deviation below the limit is a warning"),
     _K("muscle_leak_small", "valve", "a muscle leaks a little", {"conductance": (1e-10, 1.2e-9)},
-       (), _R.RIDE, 2.0, "the valve makes up for it; a diagnosis of a recording names it"),
-    _K("supply_lost", "valve", "the supply breaks down", {"share": (0.0, 0.4)},
+       (), _R.RIDE, 2.0, "the valve compensates the leak; the diagnosis of a recording finds it"),
+    _K("supply_lost", "valve", "the supply pressure is lost", {"share": (0.0, 0.4)},
        ("supply_low",), _R.VENT, 0.02 + VENT, "the next status"),
-    _K("supply_sags", "valve", "the supply sags", {"share": (0.6, 0.72)},
+    _K("supply_sags", "valve", "the supply pressure falls a little", {"share": (0.6, 0.72)},
        ("suspected supply_low",), _R.WARN, _WATCH),
     # --- host ---
-    _K("clock_step", "host", "the wall clock is set", {"by": (-3600.0, 3600.0)}, (), _R.RIDE,
-       _WATCH, "a command on its way may be refused by its stamp; every other age is monotonic"),
-    _K("host_stall_short", "host", "the host stands still for a moment",
+    _K("clock_step", "host", "the wall clock is changed", {"by": (-3600.0, 3600.0)}, (), _R.RIDE,
+       _WATCH, "a command in transit may be refused because of its stamp; all other ages are "
+       "measured with the monotonic clock"),
+    _K("host_stall_short", "host", "the host is stalled for a moment",
        {"duration": (0.005, 0.03)}, (), _R.RIDE, _WATCH, "shorter than every time-out"),
-    _K("host_stall", "host", "the host stands still", {"duration": (0.15, 0.6)},
+    _K("host_stall", "host", "the host is stalled", {"duration": (0.15, 0.6)},
        ("board_fault", "WATCHDOG", "command_timeout"), _R.VENT, BOARD_HEARS_NOTHING,
        "the board's watchdog"),
     _K("driver_stopped", "host", "the driver is stopped (SIGSTOP) and continued",
@@ -231,7 +235,7 @@ KINDS: Final = (
        BOARD_HEARS_NOTHING, "the board's watchdog"),
     _K("driver_killed", "host", "the driver is killed", {}, ("WATCHDOG",), _R.VENT,
        BOARD_HEARS_NOTHING, "the board's watchdog"),
-    _K("controller_stopped_short", "host", "the controller stands still for a moment",
+    _K("controller_stopped_short", "host", "the controller is stopped for a moment",
        {"duration": (0.01, 0.05)}, (), _R.RIDE, _WATCH, "shorter than command_timeout"),
     _K("controller_stopped", "host", "the controller is stopped and continued",
        {"duration": (0.15, 0.6)}, ("command_timeout",), _R.VENT, COMMANDS_STOP,
@@ -239,10 +243,10 @@ KINDS: Final = (
     _K("controller_killed", "host", "the controller is killed", {}, ("command_timeout",), _R.VENT,
        COMMANDS_STOP, "command_timeout"),
     _K("parameters_nonsense", "host", "the controller is given impossible parameters", {},
-       ("refused parameters",), _R.RIDE, 0.3, "each is refused, the present ones stay"),
+       ("refused parameters",), _R.RIDE, 0.3, "each is refused; the previous ones remain valid"),
     _K("references_nonsense", "host", "the controller is given impossible references", {},
-       ("refused references",), _R.RIDE, 0.3, "each is refused, the present ones stay"),
-    _K("measurements_nonsense", "host", "the controller hears impossible measurements",
+       ("refused references",), _R.RIDE, 0.3, "each is refused; the previous ones remain valid"),
+    _K("measurements_nonsense", "host", "the controller receives impossible measurements",
        {"duration": (0.15, 0.5)}, ("command_timeout", "controller"), _R.VENT, COMMANDS_STOP,
        "the controller stops, then command_timeout"),
     # --- commands ---
@@ -254,48 +258,48 @@ KINDS: Final = (
             ("nan", "commands are NaN", "not_finite"),
             ("infinite", "commands are infinite", "not_finite"),
             ("out_of_range", "commands are out of range", "out_of_range"),
-            ("wrong_size", "commands have a wrong number of values", "size"),
+            ("wrong_size", "commands have the wrong number of values", "size"),
             ("unknown_name", "commands name an unknown muscle", "name"),
             ("name_twice", "commands name a muscle twice", "name"),
-            ("wrong_field", "commands use another field", "field"),
+            ("wrong_field", "commands use the wrong field", "field"),
             ("stale", "commands are older than command_timeout", "old"),
             ("future", "commands are stamped in the future", "stamp"),
         )
     ),
     _K("command_some_bad", "command", "some commands are nonsense", _SHARE,
        ("not_finite",), _R.RIDE, _WATCH),
-    _K("command_old_between", "command", "old commands come out of a queue between new ones",
+    _K("command_old_between", "command", "old commands arrive from a queue between new ones",
        _SHARE, ("out_of_order",), _R.RIDE, _WATCH),
-    _K("command_flood", "command", "fifty times as many commands", _MOMENT, (), _R.RIDE, _WATCH,
-       "the latest counts; nothing is queued"),
+    _K("command_flood", "command", "fifty times as many commands arrive", _MOMENT, (), _R.RIDE,
+       _WATCH, "the latest command is used; there is no queue"),
     _K("command_two_publishers", "command", "a second node publishes commands", _MOMENT,
        ("pressure_implausible", "torque_implausible", "position_limit", "over_pressure"),
-       _R.EITHER, _WATCH, "both are valid, so the joint may go anywhere within its limits; "
+       _R.EITHER, _WATCH, "both are valid, so the joint may move anywhere within its limits; "
        "/diagnostics warns of the number of publishers", to_the_limits=True),
     _K("vent_called", "operator", "someone calls ~/vent", {}, ("vented",), _R.VENT, VENT,
-       "a frame to each board before the service returns"),
+       "each board receives a frame before the service returns"),
 )  # fmt: skip
 
 
 def kind_called(name: str) -> FaultKind:
-    """The kind of a name; KeyError if there is none."""
+    """The kind with this name; StopIteration if there is none."""
     return next(kind for kind in KINDS if kind.name == name)
 
 
 def kinds_called(names: Sequence[str] | None, kinds: Sequence[FaultKind]) -> list[FaultKind]:
-    """Those of the kinds that have these names; all without names.
+    """The kinds with these names; all kinds if no names are given.
 
     Raises
     ------
     PamError
-        For a name that none of them has.
+        If no kind has one of the names.
     """
     known = {kind.name: kind for kind in kinds}
     for name in names or ():
         if name not in known:
             close = get_close_matches(name, known, 1)
-            hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(known)}"
-            raise PamError(f"no fault {name!r} here; {hint}")
+            hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
+            raise PamError(f"unknown fault {name!r}; {hint}")
     return [kind for kind in kinds if not names or kind.name in names]
 
 
@@ -314,7 +318,7 @@ def bounds_as_markdown() -> str:
 
 
 def write_into(page: str) -> str:
-    """The page with diagram and tables brought up to date between their marks.
+    """The page with updated diagram and tables between their marks.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""What can be broken on a simulated rig: sensors, valves, boards. No bus, no clock of its own.
+"""Faults of sensors, valves and boards of a simulated rig. No bus, no clock of its own.
 
-A sensor fault changes what a converter shows, after noise and rounding; a valve fault changes what
-a valve does whatever its board says; a frozen board neither hears nor speaks, and its valves stay
-as they were until its hardware watchdog resets it.
+A sensor fault changes the reading of a converter, after noise and rounding. A valve fault changes
+the position of a valve regardless of its board's command. A frozen board neither receives nor
+sends, and its valves do not move until its hardware watchdog resets it.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from pam_driver.boards.protocol import Address
 from pam_sim.boards.protocol import BoardValve
 
 Reading = Callable[[float, float], float]
-"""(true reading, time) to what is shown."""
-POSITION = -1  # a board's first angle, beside its pressures, which are counted from 0
+"""Turns (true reading, time) into the faulty reading."""
+POSITION = -1  # number of a board's first angle; its pressures are numbered from 0
 
 
 def stuck() -> Reading:
-    """Shows the first reading for ever."""
+    """Repeats the first reading for ever."""
     kept: list[float] = []
 
     def show(value: float, time: float) -> float:
@@ -33,41 +33,41 @@ def stuck() -> Reading:
 
 
 def noisy(amplitude: float, seed: int = 0) -> Reading:
-    """Adds Gaussian noise of a standard deviation in the sensor's unit."""
+    """Adds Gaussian noise with the standard deviation `amplitude` in the sensor's unit."""
     draw = random.Random(seed)
     return lambda value, time: value + draw.gauss(0.0, amplitude)
 
 
 def constant(shown: float) -> Reading:
-    """Shows a number, NaN for "not available": shorted, torn off, out of range."""
+    """Always reads `shown`, NaN for "not available": shorted, disconnected, out of range."""
     return lambda value, time: shown
 
 
 def drifting(rate: float, start: float) -> Reading:
-    """Runs away by `rate` per second from `start` [s] on."""
+    """Drifts by `rate` per second, beginning at `start` [s]."""
     return lambda value, time: value + rate * (time - start)
 
 
 def offset(by: float) -> Reading:
-    """Jumps once and stays there."""
+    """Adds a constant offset."""
     return lambda value, time: value + by
 
 
 @dataclass(slots=True)
 class RigFaults:
-    """What is broken now.
+    """The present faults.
 
     Attributes
     ----------
     sensors : dict
-        By (board, input): the pressures from 0 on, `POSITION` the encoder.
+        Faulty readings by (board, input): pressures are numbered from 0, the encoder is `POSITION`.
     swapped : set of int or str
-        Boards whose pressure sensors are plugged the wrong way round.
+        Boards whose pressure sensors are exchanged.
     valves : dict
-        By (board, valve): the opening a valve is stuck at, -1 to 1, NaN to stay where it is.
+        By (board, valve): the opening at which a valve is stuck, -1 to 1, NaN for its present one.
     frozen : dict of int or str to float
-        Boards whose processor hangs, and when a hardware watchdog, apart from the one on commands,
-        resets them [s].
+        Boards whose processor hangs, with the time at which a hardware watchdog resets them [s];
+        it is not the watchdog that supervises commands.
     """
 
     sensors: dict[tuple[Address, int], Reading] = field(default_factory=dict)
@@ -76,7 +76,7 @@ class RigFaults:
     swapped: set[Address] = field(default_factory=set)
 
     def clear(self) -> None:
-        """Everything works again."""
+        """End all faults."""
         self.sensors.clear()
         self.valves.clear()
         self.frozen.clear()
@@ -85,7 +85,7 @@ class RigFaults:
     def readings(
         self, board: Address, pressures: Sequence[float], angles: Sequence[float], now: float
     ) -> tuple[list[float], list[float]]:
-        """What the sensors of a board show of their readings."""
+        """The readings of a board's sensors with their faults."""
         shown, turned = list(pressures), list(angles)
         if board in self.swapped:
             shown.reverse()
@@ -101,7 +101,7 @@ class RigFaults:
     def spools(
         self, board: Address, commands: Sequence[float], kinds: Sequence[BoardValve]
     ) -> Sequence[float]:
-        """What the valves of a board do with its commands."""
+        """The commands of a board's valves with their faults."""
         done = list(commands)
         for place, kind in enumerate(kinds):
             opening = self.valves.get((board, place))
@@ -114,7 +114,7 @@ class RigFaults:
         return tuple(done)
 
     def reset_by_watchdog(self, now: float) -> list[Address]:
-        """Boards whose hardware watchdog fires now; they are frozen no longer."""
+        """Boards that their hardware watchdog resets now; they are no longer frozen."""
         due = [board for board, until in self.frozen.items() if now > until]
         for board in due:
             del self.frozen[board]
