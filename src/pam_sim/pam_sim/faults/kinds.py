@@ -211,7 +211,8 @@ KINDS: Final = (
        "detected when the pressure falls"),
     _K("muscle_burst", "valve", "a muscle or hose bursts; the hole is at least as large as "
        "the fully open valve", {"conductance": (4e-9, 1e-8)},
-       ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4, "detected when the pressure falls"),
+       ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4,
+       "detected when the pressure falls"),
     _K("muscle_leak", "valve", "a muscle leaks through a smaller hole",
        {"conductance": (1.2e-9, 4e-9)}, ("suspected pressure_implausible", "pressure_implausible"),
        _R.NOTICED, 2.0, "a deviation below the limit is a warning"),
