@@ -1,7 +1,7 @@
-"""Every hand-set constant of the diagnosis that can change its answer, in one table.
+"""All hand-set constants that can change the answer of the diagnosis, in one table.
 
-`DEFAULT` holds the values in use. A `Rules` object with other values can be handed to a diagnosis;
-`table()` lists all of them with what they decide, what they trade and where they came from.
+`DEFAULT` holds the values in use. A diagnosis also accepts a `Rules` object with other values.
+`table()` lists each constant with its meaning, the effect of a change, and its origin.
 """
 
 from pam_gap.rules.table import DEFAULT, RuleEntry, Rules, changed, table

@@ -1,4 +1,4 @@
-"""Constants that decide which experiment is proposed; they change no verdict."""
+"""Constants that decide which experiment is proposed; they do not change a verdict."""
 
 from __future__ import annotations
 
@@ -14,28 +14,31 @@ class ExperimentRules:
     correlation: float = rule(
         50.0,
         unit="-",
-        decides="How much less information correlated residuals hold than white noise would.",
-        trades="Larger: survivors can imitate each other more freely, separations look smaller.",
+        decides="Factor by which correlated residuals carry less information than white ones.",
+        trades="Larger: hypotheses can imitate each other more freely, and separations look "
+        "smaller.",
         acts=PROPOSAL,
     )
     most_survivors: int = rule(
         4,
         unit="hypotheses",
-        decides="Hypotheses that are compared at most.",
-        trades="More: time.",
+        decides="Largest number of hypotheses that are compared.",
+        trades="More: the computation takes longer.",
         acts=PROPOSAL,
     )
     closest: int = rule(
         3,
         unit="hypotheses",
-        decides="Hypotheses that the experiment after `unknown` is to separate.",
-        trades="More: time, and a weaker experiment for the closest ones.",
+        decides="Number of hypotheses that the experiment after a verdict of `unknown` should "
+        "separate.",
+        trades="More: the computation takes longer, and the closest hypotheses are separated less "
+        "well.",
         acts=PROPOSAL,
     )
     decisive: float = rule(
         0.5,
         unit="level",
         decides="Expected difference of the levels that counts as separating two hypotheses.",
-        trades="Larger: more experiments come with the warning that they may be too weak.",
+        trades="Larger: more proposals carry the warning that the experiment may be too weak.",
         acts=PROPOSAL,
     )

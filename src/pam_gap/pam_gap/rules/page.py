@@ -1,4 +1,4 @@
-"""The table of constants as a page of the documentation: `python -m pam_gap rules`."""
+"""`python -m pam_gap rules`: the table of constants as a page of the documentation."""
 
 from __future__ import annotations
 
@@ -21,25 +21,30 @@ ACTS = {
 }
 _HEAD = """# Constants of the diagnosis
 
-Every hand-set constant that can change an answer of the diagnosis. The page is written by
+This page lists every hand-set constant that can change an answer of the diagnosis. It is written by
 `python -m pam_gap rules` from `pam_gap.rules`, where the code reads the values.
 
-*Acts on* tells from which step on a change has an effect:
+*Acts on* names the first step that a change of the constant affects:
 
 - *decision*: the verdict can be decided again from the evidence that a diagnosis keeps;
-- *diagnosis*: the recording has to be diagnosed again;
+- *diagnosis*: the recording must be diagnosed again;
 - *no verdict*: only notes, figures or the next experiment change.
 
-A *level* is the sum over channels of log (mean squared error / noise floor) on held-out data. A
-difference of levels is twice the log likelihood ratio per observation of two Gaussian models.
+*Decides* gives the meaning of the value. *Trades* says what happens when the value is made larger
+or smaller.
 
-What a change of each constant does to a check on withheld rigs is shown in the
+A *level* is the sum over channels of log (mean squared error / noise floor) on held-out data. A
+difference of levels is twice the log likelihood ratio per observation of two Gaussian models. A
+fall of the level by 1 in one channel divides its RMS error by 1.65. *RMS over floor* is the RMS
+error divided by the RMS value of the noise floor.
+
+How each constant affects a check on withheld rigs is shown in the
 [table of changes](how_often_right.md#how-much-the-verdicts-depend-on-the-constants).
 """
 
 
 def to_markdown() -> str:
-    """The page."""
+    """Return the page as Markdown."""
     parts = [_HEAD]
     for group, title in GROUPS.items():
         parts.append(

@@ -1,4 +1,4 @@
-"""One row of the table of rules, written where its value is declared."""
+"""How a constant is declared: its value together with the text of its row in the table."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import field
 from typing import Any
 
 DECISION = "decision"
-"""Acts after the search: the verdict can be decided again from the evidence that was kept."""
+"""The constant acts after the search; the verdict can be decided again from kept evidence."""
 DIAGNOSIS = "diagnosis"
-"""Acts on the noise, the predictions or the search: the recording has to be diagnosed again."""
+"""The constant acts on noise, prediction or search; the recording must be diagnosed again."""
 PROPOSAL = "proposal"
-"""Changes notes, figures or the next experiment, and no verdict."""
+"""The constant changes notes, figures or the next experiment, but no verdict."""
 
 FIRST = (
     "Hand-set in the first version of the diagnosis. It was tuned on withheld rigs of other seeds "
@@ -40,15 +40,15 @@ def rule(
     default : float or int
         The value in use.
     unit : str
-        Of the value; "-" for a plain number.
+        Unit of the value; "-" for a plain number.
     decides : str
-        What depends on it.
+        What the value means.
     trades : str
-        What happens when it is smaller or larger.
+        What happens when the value is smaller or larger.
     origin : str
-        Where the value came from.
+        Where the value comes from.
     acts : str
-        DECISION, DIAGNOSIS or PROPOSAL: from which step on a change has an effect.
+        DECISION, DIAGNOSIS or PROPOSAL: the first step that a change affects.
     """
     about = {"unit": unit, "decides": decides, "trades": trades, "origin": origin, "acts": acts}
     return field(default=default, metadata=about)

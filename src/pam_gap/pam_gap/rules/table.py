@@ -1,4 +1,4 @@
-"""All rules together: the values in use, other values, and the table of them."""
+"""All rules together: the values in use, copies with other values, and the table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pam_model.errors import PamError
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """Every hand-set constant of the diagnosis, in the order in which they act."""
+    """Every hand-set constant of the diagnosis, grouped by the step on which it acts."""
 
     recording: RecordingRules = field(default_factory=RecordingRules)
     prediction: PredictionRules = field(default_factory=PredictionRules)
@@ -35,13 +35,13 @@ class RuleEntry:
     Attributes
     ----------
     group, name : str
-        Where the value stands in `Rules`.
+        Where the value is found in `Rules`.
     value : float or int
-        In use.
+        The value in use.
     unit, decides, trades, origin : str
-        What it is; see `pam_gap.rules.rule.rule`.
+        Texts of the row; see `pam_gap.rules.rule.rule`.
     acts : str
-        From which step on a change has an effect.
+        The first step that a change affects.
     """
 
     group: str
@@ -55,11 +55,11 @@ class RuleEntry:
 
     @property
     def path(self) -> str:
-        """Group and name, as `changed` takes it."""
+        """Group and name in the form that `changed` expects."""
         return f"{self.group}.{self.name}"
 
     def scaled(self, factor: float) -> float:
-        """The value times a factor; a whole number stays whole, changes, and is at least 1."""
+        """The value times a factor; an integer stays an integer >= 1 and changes by at least 1."""
         if not isinstance(self.value, int):
             return self.value * factor
         moved = round(self.value * factor)
@@ -69,7 +69,7 @@ class RuleEntry:
 
 
 def table(rules: Rules = DEFAULT) -> tuple[RuleEntry, ...]:
-    """Every rule with its value and what there is to know of it."""
+    """Every rule with its value and its texts."""
     entries = []
     for group in fields(rules):
         part: Any = getattr(rules, group.name)
@@ -100,12 +100,12 @@ def changed(path: str, value: float, rules: Rules = DEFAULT) -> Rules:
     value : float
         The new value.
     rules : Rules
-        What is copied.
+        The rules that are copied.
 
     Raises
     ------
     PamError
-        When there is no rule of that name.
+        When there is no rule with that name.
     """
     entry = next((one for one in table(rules) if one.path == path), None)
     if entry is None:
