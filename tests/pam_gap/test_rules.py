@@ -39,6 +39,7 @@ NO_RULES = {
     "HARMONICS": "regressors of a figure that enters no verdict",
     "N_CHANNELS": "layout",
     "N_SENSORS": "layout",
+    "N_GAINS": "layout",
     "FOLLOW_MOTION": "code of a mode",
     "FOLLOW_PRESSURES": "code of a mode",
     "FOLLOW_BOTH": "code of a mode",

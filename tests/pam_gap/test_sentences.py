@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from pam_gap.answer.diagnosis import Diagnosis, ScoredCandidate
+from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, ScoredCandidate
 from pam_gap.answer.sentences import verdict_sentence
 from pam_gap.inference.confidence import Interval
 
@@ -16,15 +16,31 @@ FOUND = Diagnosis("named", "muscle", ("hysteresis",), (), (), {}, {}, CLOSED, ""
 
 def test_a_cause_is_named_with_what_it_explains() -> None:
     assert verdict_sentence(FOUND) == (
-        "The cause is hysteresis at the muscle stage. It closes 94 % of the gap on held-out data."
+        "The cause is hysteresis at the muscle stage. Modelling it closes 94 % of the gap on "
+        "held-out data."
+    )
+
+
+def test_two_causes_are_named_each_at_its_own_stage() -> None:
+    two = replace(FOUND, effects=("hysteresis", "coulomb_friction"))
+    assert verdict_sentence(two) == (
+        "The causes are hysteresis (muscle stage) and coulomb friction (joint stage). Modelling "
+        "them closes 94 % of the gap on held-out data."
     )
 
 
 @pytest.mark.parametrize(
     ("groups", "words"),
     [
-        ((("hysteresis", "coulomb_friction"),), "between hysteresis and coulomb friction."),
-        ((("a", "b", "c"), ("d", "e")), "between a, b and c; nor between d and e."),
+        (
+            (("hysteresis", "coulomb_friction"),),
+            "between hysteresis (muscle stage) and coulomb friction (joint stage).",
+        ),
+        (
+            (("hysteresis", "leakage", "creep"), ("payload", "coulomb_friction")),
+            "between hysteresis (muscle stage), leakage (muscle stage) and creep (muscle stage), "
+            "or between payload (joint stage) and coulomb friction (joint stage).",
+        ),
     ],
 )
 def test_sets_that_cannot_be_distinguished_are_listed(
@@ -34,17 +50,36 @@ def test_sets_that_cannot_be_distinguished_are_listed(
     assert f"this recording cannot distinguish {words}" in verdict_sentence(ambiguous)
 
 
+def test_a_cause_outside_every_set_is_named_beside_them() -> None:
+    ambiguous = replace(
+        FOUND,
+        verdict="ambiguous",
+        effects=("payload", "hysteresis", "coulomb_friction"),
+        indistinguishable=(("hysteresis", "coulomb_friction"),),
+    )
+    assert verdict_sentence(ambiguous).endswith(
+        "coulomb friction (joint stage). A further cause is payload (joint stage). The best "
+        "hypothesis closes 94 % of the gap on held-out data."
+    )
+
+
 def test_an_unknown_cause_says_what_the_best_known_effect_leaves() -> None:
     best = ScoredCandidate(
         ("dead_volume", "leakage"), 0.9, CLOSED, level=4.0, over_floor=(2.0, 7.3, 1.1)
     )
     unknown = replace(FOUND, verdict="unknown", effects=(), closed=None, ranking=(best,))
     assert verdict_sentence(unknown) == (
-        "Cause unknown at the muscle stage: the best known effect (dead volume with leakage) still "
-        "leaves an error of 7.3 times the noise floor, which is more than its law should leave."
+        "The cause of the gap at the muscle stage is unknown: the best known effects (dead volume "
+        "and leakage) still leave an RMS error of 7.3 times the noise floor in the worst channel, "
+        "which is more than these should leave."
     )
 
 
 def test_nothing_to_explain_is_said() -> None:
-    none = replace(FOUND, verdict="none", stage=None, effects=(), closed=None)
-    assert verdict_sentence(none).startswith("No effect is needed")
+    gap = {"a": ChannelGap(9.0, 1.2, 1.0, "Pa"), "b": ChannelGap(9.0, 2.0, 2.0, "rad")}
+    none = replace(FOUND, verdict="none", stage=None, effects=(), closed=None, gap=gap)
+    assert verdict_sentence(none) == (
+        "No effect is needed: the rig file, with its parameters re-tuned within their tolerance, "
+        "explains the recording down to the noise. The largest RMS error of a channel is 1.2 times "
+        "its noise floor."
+    )

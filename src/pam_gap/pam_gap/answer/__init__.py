@@ -1,1 +1,1 @@
-"""What a diagnosis says: JSON, the report page and the improved rig file."""
+"""The answer of a diagnosis: JSON, the report page and the improved rig file."""

@@ -1,4 +1,4 @@
-"""What a diagnosis answers: the machine-readable contract, and what a report needs beside it."""
+"""The answer of a diagnosis: the content of diagnosis.json, and what the report needs besides."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ class ChannelGap:
 
 @dataclass(frozen=True, slots=True)
 class ScoredCandidate:
-    """What one hypothesis leaves on held-out data.
+    """The error that remains with one hypothesis on held-out data.
 
     Attributes
     ----------
     effects : tuple of str
-        Of the hypothesis.
+        Effects of the hypothesis.
     weight : float
-        Share of bootstrap samples in which it leaves least.
+        Share of bootstrap samples in which the hypothesis has the smallest error.
     remaining : Interval
-        Share of the RMS gap that it leaves.
+        Share of the RMS gap that remains.
     note : str
-        What speaks against it.
+        Reasons to doubt the hypothesis.
     level : float
-        Sum over channels of log mean squared error over floor.
+        Sum over channels of the log of mean squared error over floor.
     over_floor : tuple of float
-        RMS error over floor of each channel that is there.
+        RMS error over floor of each recorded channel.
     """
 
     effects: tuple[str, ...]
@@ -74,19 +74,19 @@ class Diagnosis:
     stage : str or None
         valve, muscle, joint or sensing.
     effects : tuple of str
-        What the verdict names, strongest first.
+        Effects that the verdict names, strongest first.
     candidates : tuple of (str, float)
-        Every candidate tried with its weight, strongest first.
+        Every candidate with its weight, strongest first.
     indistinguishable : tuple of tuple of str
-        Sets that the data cannot tell apart.
+        Sets of effects between which the data cannot distinguish.
     parameters : mapping
         Effect -> parameter -> value, interval, unit.
     gap : mapping
-        Channel -> before, after, floor on held-out data.
-    closed : Interval
-        (before - after)/(before - floor), pooled.
+        Channel -> RMS error before and after, and its floor, on held-out data.
+    closed : Interval or None
+        (before - after)/(before - floor) of the pooled RMS error; None without named effects.
     next_experiment : str
-        In words.
+        Instruction for the next recording; empty if none is needed.
     """
 
     verdict: str

@@ -1,7 +1,8 @@
 """`python -m pam_gap effects`: the page of effects, each with its signature drawn from the plant.
 
-Every picture shows the same motion of the same rig under equal valve commands, once ideal and
-once with the effect at the size the caption gives; what differs is what a diagnosis sees.
+All pictures show the same rig under the same valve commands. Each picture shows the difference
+between the rig with the effect, of the size in the caption, and the ideal rig. This difference is
+what a diagnosis has to explain.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ DURATION = 12.0  # s
 
 
 def commands_of_a_motion(rig: Rig) -> tuple[Array, PlantParameters]:
-    """Valve commands that keep the ideal rig in a lively motion, and its parameters.
+    """Valve commands that keep the ideal rig in varied motion, and its parameters.
 
-    Found by a proportional pressure loop around the ideal plant, in chunks of one sample.
+    A proportional pressure loop around the ideal plant computes them sample by sample.
     """
     parameters = PlantParameters.from_rig(rig, with_effects=False)
     time = np.arange(round(DURATION / SAMPLE_TIME)) * SAMPLE_TIME
@@ -51,7 +52,7 @@ def commands_of_a_motion(rig: Rig) -> tuple[Array, PlantParameters]:
 
 
 def plant_changes(name: str) -> dict[str, float]:
-    """Plant parameters of the effect at the size its portrait has.
+    """Plant parameters of the effect at the size that its portrait states.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def plant_changes(name: str) -> dict[str, float]:
 
 
 def draw_signature(name: str, commands: Array, ideal: PlantParameters, path: Path) -> None:
-    """Draw angle and pressures with the effect against those without it."""
+    """Draw the change of angle and pressures that the effect causes."""
     shown = []
     for parameters in (ideal, ideal.replaced(plant_changes(name))):
         state = initial_state(parameters, pressures=(2.2e5, 2.2e5))
@@ -90,7 +91,7 @@ def draw_signature(name: str, commands: Array, ideal: PlantParameters, path: Pat
 
 
 def draw_motion(commands: Array, ideal: PlantParameters, path: Path) -> None:
-    """Draw the ideal rig's motion, which all signatures depart from."""
+    """Draw the motion of the ideal rig, with which all signatures are compared."""
     run = simulate(ideal, commands, SAMPLE_TIME, initial_state(ideal, pressures=(2.2e5, 2.2e5)))
     figure, (upper, lower) = plt.subplots(
         2, 1, figsize=(6.4, 3.4), sharex=True, layout="constrained"
@@ -107,14 +108,14 @@ def draw_motion(commands: Array, ideal: PlantParameters, path: Path) -> None:
 
 
 def page_text() -> str:
-    """Write the page in Markdown."""
+    """Return the page as Markdown."""
     lines = [
         "# The effects a diagnosis knows",
         "",
-        "Made by `python -m pam_gap effects`. Every picture shows the rig of `config/elbow.yaml` "
-        "under one and the same sequence of valve commands, and in it what the effect changes: "
-        "the measured angle above, the two measured pressures below. Without any effect the rig "
-        "moves like this:",
+        "This page is written by `python -m pam_gap effects`. All pictures show the rig of "
+        "`config/elbow.yaml` under the same sequence of valve commands. Each picture shows the "
+        "change that the effect causes: of the measured angle above, of the two measured pressures "
+        "below. The first picture shows the motion without any effect:",
         "",
         "![the motion of the ideal rig](images/effects/motion.png)",
         "",
@@ -136,8 +137,8 @@ def page_text() -> str:
             f"{effect.description[0].upper()}{effect.description[1:]}. {portrait.signature}",
             "",
             f"- Law: `{effect.law}` ({effect.source}).",
-            f"- Easily taken for: {portrait.easily_taken_for}",
-            f"- What tells them apart: {portrait.told_apart_by}",
+            f"- Easily confused with: {portrait.easily_taken_for}",
+            f"- How to distinguish them: {portrait.told_apart_by}",
             "",
             f"![{name}: {sizes}{where}](images/effects/{name}.png)",
             "",

@@ -1,4 +1,4 @@
-"""The rig file with what was found in it: effects and re-tuned nominal parameters."""
+"""The improved rig file: the rig with the effects found and the re-tuned nominal parameters."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def _merged(
 def _changed[Part: (Rig, Joint, Muscle, Valve)](
     part: Part, key: str, value: float, is_factor: bool
 ) -> Part:
-    """A copy of a part of the rig with one number set, or multiplied."""
+    """A copy of a part of the rig with one number set or multiplied."""
     changes: dict[str, Any] = {key: getattr(part, key) * value if is_factor else value}
     return replace(part, **changes)
 
 
 def _set(rig: Rig, joint: str, name: str, value: float, is_factor: bool) -> Rig:
-    """A copy of the rig with one plant parameter written to where a rig file keeps it."""
+    """A copy of the rig with one plant parameter written to its place in the rig file."""
     owner, place = rig.joint(joint), RIG_PLACES[name]
     if place.section == "effect":
         return _with_effect(rig, owner, place, value)
@@ -69,13 +69,13 @@ def improve_rig(
     Parameters
     ----------
     rig : Rig
-        As written.
+        The rig as its file describes it.
     joint : int
-        The joint diagnosed.
+        Number of the diagnosed joint.
     hypothesis : Hypothesis
-        What was found.
+        The fitted hypothesis.
     targets, is_factor : list
-        Where its parameters go, as `HypothesisFitter.problem_parts` tells.
+        Targets of its parameters, from `HypothesisFitter.problem_parts`.
     """
     name = rig.joints[joint].name
     improved = rig

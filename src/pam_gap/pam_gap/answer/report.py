@@ -1,6 +1,6 @@
 """The diagnosis as one self-contained HTML page for people; diagnosis.json is for machines.
 
-What comes from a recording or a rig file is escaped where it is shown (Jinja2 autoescape).
+Text from a recording or a rig file is escaped (Jinja2 autoescape).
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ STAGE_FLOW = {
     "sensing": "true → measured",
 }
 MAX_POINTS = 4000
-"""A trace longer than this is thinned for the picture, keeping each bin's extremes."""
+"""A longer trace is thinned for the picture; the extremes of each bin are kept."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One channel as measured and as predicted, on the same times."""
+    """One channel as measured and as predicted, at the same times."""
 
     channel: str
     unit: str
@@ -44,7 +44,7 @@ class Trace:
     nominal: Array
     improved: Array | None = None
     held_out: tuple[tuple[float, float], ...] = ()
-    """Spans of time [s] that took no part in fitting."""
+    """Time intervals [s] that were not used for fitting."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class RankedCandidate:
 
 @dataclass(frozen=True)
 class StageGap:
-    """Error of a stage that is given its measured inputs."""
+    """RMS error over floor of a stage that is simulated from its measured inputs."""
 
     stage: str
     gap_over_floor: float | None
@@ -70,15 +70,15 @@ class StageGap:
 
 @dataclass(frozen=True)
 class ReportData:
-    """Everything the page shows."""
+    """Everything that the page shows."""
 
     title: str
     verdict_sentence: str
     diagnosis: Mapping[str, Any]
-    """As written to diagnosis.json."""
+    """The content of diagnosis.json."""
     stages: Sequence[StageGap]
     regimes: Sequence[tuple[str, float]]
-    """Regime of the motion, and its squared error over the average."""
+    """Regime of the motion, and its squared error relative to the average."""
     traces: Sequence[Trace]
     ranking: Sequence[RankedCandidate]
     horizons: Sequence[tuple[str, str, float, float, float, str]]
@@ -97,7 +97,7 @@ def thinned(time: Array, values: Array, points: int = MAX_POINTS) -> tuple[Array
     time, values : (n,) ndarray
         A trace.
     points : int
-        At most so many are kept.
+        Largest number of values that are kept.
     """
     if time.size <= points:
         return time, values
@@ -126,7 +126,7 @@ def _png(figure: Figure) -> str:
 
 
 def draw_trace(trace: Trace) -> str:
-    """Draw a channel above its residuals; the picture as a data address."""
+    """Draw a channel and, below it, its residuals; return the picture as a data URL."""
     figure, (upper, lower) = plt.subplots(
         2, 1, figsize=(9.5, 4.2), sharex=True, layout="constrained", height_ratios=(2, 1)
     )
@@ -137,7 +137,7 @@ def draw_trace(trace: Trace) -> str:
         upper.plot(*thinned(trace.time, values), color=colour, lw=0.9, label=label)
         if label != "measured":
             left = thinned(trace.time, values - trace.measured)
-            lower.plot(*left, color=colour, lw=0.7, label=f"{label} less measured")
+            lower.plot(*left, color=colour, lw=0.7, label=f"{label} minus measured")
     for start, end in trace.held_out:
         for axis in (upper, lower):
             axis.axvspan(start, end, color="0.92", zorder=0)
@@ -150,7 +150,7 @@ def draw_trace(trace: Trace) -> str:
 
 
 def draw_stages(stages: Sequence[StageGap], named: str | None) -> str:
-    """Draw the chain of stages, each with its gap in floors; the named one marked."""
+    """Draw the chain of stages, each with its gap over floor; the named stage is marked."""
     figure, axis = plt.subplots(figsize=(9.5, 1.9), layout="constrained")
     axis.set_xlim(0, len(STAGES) * 2.4)
     axis.set_ylim(0, 1.5)
@@ -178,7 +178,7 @@ def draw_stages(stages: Sequence[StageGap], named: str | None) -> str:
 
 
 def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> str:
-    """Draw the share of the held-out gap that each candidate leaves, with intervals."""
+    """Draw the share of the held-out gap that remains with each candidate, with intervals."""
     shown = list(ranking)[:14]
     figure, axis = plt.subplots(figsize=(9.5, 0.6 + 0.3 * len(shown)), layout="constrained")
     for row, entry in enumerate(shown):
@@ -189,13 +189,15 @@ def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> st
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.set_xscale("log")
     axis.axvline(1.0, color="0.7", lw=1)
-    axis.set_xlabel("share of the gap that remains on held-out data (1: all of it; 90 % interval)")
+    axis.set_xlabel(
+        "share of the gap that remains on held-out data, with 90 % interval (1: the whole gap)"
+    )
     axis.grid(axis="x", color="0.9")
     return _svg(figure)
 
 
 def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]]) -> str:
-    """Draw the gap of each channel before and after, against its floor."""
+    """Draw the gap of each channel before and after the correction, relative to its floor."""
     figure, axis = plt.subplots(figsize=(9.5, 0.8 + 0.55 * len(gap)), layout="constrained")
     for row, entry in enumerate(gap.values()):
         floor = max(float(entry["floor"]), 1e-300)
@@ -208,7 +210,9 @@ def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]]) -> str:
     axis.invert_yaxis()
     axis.set_xscale("symlog", linthresh=1.0)
     axis.margins(x=0.25)
-    axis.set_xlabel("RMS error over noise floor (red: before, green: after; dashed: noise alone)")
+    axis.set_xlabel(
+        "RMS error over noise floor (red: before, green: after; dashed line: noise alone)"
+    )
     return _svg(figure)
 
 
@@ -247,7 +251,7 @@ the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %
 <td>{{ '%.4g' % p.low }} … {{ '%.4g' % p.high }}</td><td>{{ p.unit }}</td></tr>
 {% endfor %}{% endfor %}</table>{% endif %}
 
-{% if ranking %}<h2>Which effect explains it</h2>
+{% if ranking %}<h2>Which effect explains the gap</h2>
 <img alt="ranking of candidates" src="{{ ranking }}">
 {% endif %}
 {% if diagnosis.indistinguishable %}
@@ -270,12 +274,12 @@ the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %
 {% for picture in traces %}<img alt="trace" src="{{ picture }}">{% endfor %}
 
 <h2>What to do next</h2>
-<p>{{ diagnosis.next_experiment or 'Nothing more is needed for this verdict.' }}</p>
-{% if d.improved_rig %}<p>The improved rig file: <code>{{ d.improved_rig }}</code>. Simulation,
-model node and controller read it as they read yours.</p>{% endif %}
+<p>{{ diagnosis.next_experiment or 'This verdict needs no further experiment.' }}</p>
+{% if d.improved_rig %}<p>The improved rig file is <code>{{ d.improved_rig }}</code>. The simulation,
+the model node and the controller can read it in place of your rig file.</p>{% endif %}
 
 <h2>The data</h2>
-<ul>{% for r in d.repairs %}<li>{{ r }}</li>{% else %}<li>Nothing had to be repaired.</li>
+<ul>{% for r in d.repairs %}<li>{{ r }}</li>{% else %}<li>The recordings needed no repair.</li>
 {% endfor %}{% for r in d.left_out %}<li>Not available: {{ r }}</li>{% endfor %}</ul>
 <table>{% for key, value in d.facts.items() %}<tr><td>{{ key }}</td><td>{{ value }}</td></tr>
 {% endfor %}</table>
@@ -295,18 +299,18 @@ def _closed_sentence(closed: Mapping[str, float] | None) -> str:
     if not closed:
         return ""
     return (
-        f"It closes {100 * closed['value']:.0f} % of the gap on data that took no part in the "
-        f"fit (90 % interval {100 * closed['low']:.0f} to {100 * closed['high']:.0f} %)."
+        f"The improved rig file closes {100 * closed['value']:.0f} % of the gap on data that were "
+        f"not used for the fit (90 % interval {100 * closed['low']:.0f} to {100 * closed['high']:.0f} %)."
     )
 
 
 def render(data: ReportData) -> str:
-    """Write the page as text.
+    """Return the page as text.
 
     Parameters
     ----------
     data : ReportData
-        What to show.
+        The content of the page.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     diagnosis = dict(data.diagnosis)

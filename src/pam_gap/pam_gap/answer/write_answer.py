@@ -1,4 +1,4 @@
-"""From what a diagnosis decided to the answer that is written down, in the contract's form."""
+"""Turns the decision of a diagnosis into the answer with the fields of diagnosis.json."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class AnswerForm:
     Parameters
     ----------
     fitter : HypothesisFitter
-        Of the diagnosis.
+        The fitter of the diagnosis.
     folds : Folds
-        By which it was scored.
+        The folds on which hypotheses were scored.
     judge : Judge
-        Who decided.
+        The judge that took the decision.
     """
 
     def __init__(self, fitter: HypothesisFitter, folds: Folds, judge: Judge) -> None:
@@ -59,7 +59,7 @@ class AnswerForm:
         nominal: HeldOut,
         location: Location,
     ) -> Diagnosis:
-        """Put what was found into the contract's form.
+        """Return the answer with all fields that follow from the decision.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class AnswerForm:
         singles : sequence of str
             All effects in the order of what each explains alone.
         written, nominal : HeldOut
-            Of the plant as written and of the plant re-tuned without effects.
+            Scores of the plant in the rig file, as written and re-tuned without effects.
         location : Location
             Where the gap arises.
         """
@@ -144,7 +144,7 @@ class AnswerForm:
         }
 
     def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:
-        """Scored hypotheses, best first, with what each leaves of the gap."""
+        """Scored hypotheses, best first, with the share of the gap that remains with each."""
         entries = []
         ranked = sorted(tried, key=self.judge.level)
         shares: Array = (
@@ -168,14 +168,14 @@ class AnswerForm:
         return tuple(entries)
 
     def objections(self, score: HeldOut) -> str:
-        """What speaks against a hypothesis beside its error: bounds, folds that disagree."""
+        """Reasons to doubt a hypothesis: a parameter at its bound, or folds that disagree."""
         free, _, _ = self.fitter.problem_parts(score.hypothesis.members)
         notes = []
         for i in range(len(self.fitter.nuisances), len(free)):
             parameter, value = free[i], float(score.hypothesis.result.values[i])
             reach = self.rules.bound_reach * (parameter.high - parameter.low)
             if value >= parameter.high - reach:
-                notes.append(f"{parameter.name} at its upper bound")
+                notes.append(f"{parameter.name} is at its upper bound")
             first, second = (float(fold[i]) for fold in score.fold_values)
             half_sum = 0.5 * (abs(first) + abs(second))
             apart = 2.0 * self.rules.fold_disagreement * half_sum
@@ -184,7 +184,7 @@ class AnswerForm:
         return "; ".join(notes)
 
     def improved(self, h: Hypothesis) -> Rig:
-        """The rig with what was found written into it; how long messages take is not the rig's."""
+        """The rig with the fitted values, except the transport time, which belongs to the log."""
         _, targets, factor = self.fitter.problem_parts(h.members)
         for place, nuisance in enumerate(self.fitter.nuisances):
             if not nuisance.is_factor:
@@ -193,7 +193,7 @@ class AnswerForm:
 
 
 def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:
-    """What to record next, in words; empty where nothing more is needed."""
+    """Instruction for the next recording; empty if none is needed."""
     if proposal is not None:
         return proposal.sentence()
     if verdict == "ambiguous":

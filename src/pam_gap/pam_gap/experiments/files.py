@@ -1,9 +1,9 @@
-"""The proposed experiment as files: a trajectory that the controller plays, and what goes with it.
+"""The proposed experiment as files: a trajectory, the matching stiffness and pressures, and facts.
 
-`trajectory.yaml` is a trajectory_msgs/JointTrajectory; `commands.csv` has the stiffness [N m/rad]
-that keeps the wanted co-contraction, the pressures [Pa gauge] both amount to, and, where valve
-commands take the loop's place, those; `experiment.json` says the rest. docs/next_experiment.md
-tells how to play them.
+`trajectory.yaml` is a trajectory_msgs/JointTrajectory for the controller. `commands.csv` holds the
+stiffness [N m/rad] that keeps the wanted co-contraction, the resulting pressures [Pa gauge] of both
+muscles and, where valve commands replace the pressure loop, these commands. `experiment.json` holds
+the rest. docs/next_experiment.md describes how to play the files.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DETAILS, TRAJECTORY, COMMANDS = "experiment.json", "trajectory.yaml", "commands.
 
 
 def trajectory_message(joint: str, excitation: Excitation) -> dict[str, Any]:
-    """A trajectory_msgs/JointTrajectory as plain data, from the start to where the loop ends."""
+    """A trajectory_msgs/JointTrajectory as plain data, from the start to the end of the loop."""
     end = min(excitation.duration, excitation.open_from)
     times = np.linspace(0.0, end, round(end * POINTS_RATE) + 1)
     velocity = np.gradient(excitation.position, excitation.sample_time)
@@ -83,18 +83,18 @@ def commands_table(rig: Rig, joint: int, excitation: Excitation) -> pd.DataFrame
 def write_experiment(
     folder: Path, rig: Rig, joint: int, excitation: Excitation, facts: dict[str, Any]
 ) -> None:
-    """Write an excitation to a folder.
+    """Write an excitation and what is needed to play it to a folder.
 
     Parameters
     ----------
     folder : Path
-        Made if it is not there.
+        It is created if it does not exist.
     rig, joint : Rig, int
-        Whose.
+        The rig, and the number of the joint that moves.
     excitation : Excitation
-        What is done.
+        The experiment.
     facts : dict
-        Kept in experiment.json beside what playing needs.
+        Further entries of experiment.json.
     """
     folder.mkdir(parents=True, exist_ok=True)
     name = rig.joints[joint].name
@@ -120,25 +120,27 @@ def write_experiment(
 
 
 def read_experiment(folder: Path) -> Excitation:
-    """Read what `write_experiment` wrote.
+    """Read the files that `write_experiment` has written.
 
     Raises
     ------
     PamError
-        When a file is missing or not one of these.
+        When a file is missing or does not have the expected content.
     """
     try:
         details = json.loads((folder / DETAILS).read_text(encoding="utf-8"))
         table = pd.read_csv(folder / COMMANDS)
-        pressures = table[[c for c in table.columns if c.startswith("pressure.")]].to_numpy(float)
+        # `commands_table` writes the agonist's pressure before the antagonist's.
+        agonist_name, antagonist_name = (c for c in table.columns if c.startswith("pressure."))
+        agonist, antagonist = (table[c].to_numpy(float) for c in (agonist_name, antagonist_name))
         count = len(table)
         return Excitation(
             str(details["name"]),
             str(details["instruction"]),
             float(details["sample_time"]) * np.arange(count, dtype=np.float64),
             table["position"].to_numpy(float),
-            pressures.mean(axis=1),
-            0.5 * (pressures[:, 0] - pressures[:, 1]),
+            0.5 * (agonist + antagonist),
+            0.5 * (agonist - antagonist),
             float(details["position_gain"]),
             math.inf if details["open_from"] is None else float(details["open_from"]),
             (float(details["open_commands"][0]), float(details["open_commands"][1])),

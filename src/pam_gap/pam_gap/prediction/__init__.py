@@ -1,1 +1,1 @@
-"""The plant run along a recording, and how far the two differ."""
+"""Simulation of the plant along a recording, and the differences between the two."""

@@ -1,4 +1,4 @@
-"""Places of a joint's channels in every array of measurements or prediction errors."""
+"""Index of each channel of a joint in arrays of measurements and prediction errors."""
 
 from __future__ import annotations
 
@@ -9,4 +9,4 @@ BOTH_FORCES = slice(AGONIST_FORCE, ANTAGONIST_FORCE + 1)
 UNITS = ("Pa", "Pa", "rad", "N", "N")
 
 SPEED = 3
-"""In the values from which a prediction starts anew, the joint's speed follows the position."""
+"""Index of the joint's speed in the values to which the observer is reset (after POSITION)."""

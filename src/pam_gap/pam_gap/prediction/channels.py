@@ -1,4 +1,4 @@
-"""The channels of one joint: their order, and one recording picked apart into them."""
+"""The channels of one joint: their names, and their values taken from one recording."""
 
 from __future__ import annotations
 
@@ -25,24 +25,25 @@ from pam_model.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class Channels:
-    """One recording as the observer takes it.
+    """One recording in the form that the observer expects.
 
     Attributes
     ----------
     recording : Recording
-        Where it came from.
+        The recording from which the arrays were taken.
     commands : ndarray, shape (N, 2)
-        Valve commands, 0 where the recording has none.
+        Valve commands; 0 where the recording has none.
     measured, known : ndarray, shape (N, N_CHANNELS)
-        Pressures, position, forces; whether each is a true sample.
+        Pressures, position and forces, and whether each value is a true sample.
     deviation : ndarray, shape (N_CHANNELS,)
-        White noise of one sample, channel's unit; NaN for a channel that is not there.
+        Standard deviation of the white noise in the channel's unit; NaN if not recorded.
     block_deviation : ndarray, shape (N_CHANNELS,)
-        Noise of a block's mean: quantisation does not average out while the joint is at rest.
+        Standard deviation of the mean of a block. Quantisation errors are not averaged out,
+        because they are constant while the joint is at rest.
     has_commands : bool
         Whether valve commands were recorded, or are known since the valves were shut.
     external : ndarray, shape (N,) or None
-        Torque on the joint from outside [N m], where recorded.
+        External torque on the joint [N m]; None if it was not recorded.
     """
 
     recording: Recording
@@ -56,7 +57,7 @@ class Channels:
 
 
 def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:
-    """The N_CHANNELS channels of one joint by contract name, in the order of the arrays."""
+    """Contract names of the N_CHANNELS channels of one joint, in the order of the arrays."""
     entry = rig.joints[joint]
     return (
         *(f"{PRESSURES}{m}" for m in entry.muscles),
@@ -66,7 +67,7 @@ def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:
 
 
 def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DEFAULT) -> Channels:
-    """Pick one joint's channels out of a recording.
+    """Take the channels of one joint from a recording.
 
     Raises
     ------
@@ -109,7 +110,7 @@ def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DE
 
 
 def block_means(values: Array, block: int) -> Array:
-    """Means of `block` samples in a row, shape (N // block, ...); a rest is left out."""
+    """Means over `block` consecutive samples, shape (N // block, ...); a remainder is dropped."""
     rows = len(values) // block
     means: Array = values[: rows * block].reshape(rows, block, *values.shape[1:]).mean(axis=1)
     return means

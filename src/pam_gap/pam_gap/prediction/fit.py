@@ -1,11 +1,12 @@
-"""Least squares on prediction errors with bounds, priors and a per-channel unknown variance.
+"""Least squares on prediction errors with bounds, priors and an unknown variance per channel.
 
-Minimised is half of sum over channels of n_c log(S_c/n_c) plus the priors' squares, S_c being the
-sum of squared errors in units of the channel's noise: the likelihood of Gaussian errors whose
-variance per channel is not known, concentrated over it. So a channel in which every model leaves
-something is not allowed to drown the others. Steps are Gauss-Newton with Levenberg's damping on
-the errors weighted by the variances of the last iterate; steps of several lengths and dampings
-are run as lanes of one batch, columns of parameters that hardly bend are reused.
+The objective is half the sum over channels of n_c log(S_c/n_c) plus half the squares of the priors,
+where S_c is the sum of squared errors in units of the channel's noise. This is the negative log
+likelihood of Gaussian errors, concentrated over their unknown variance in each channel. A channel
+that no model explains well therefore does not dominate the others. The steps are Gauss-Newton steps
+with Levenberg damping; the errors are weighted by the variances of the last iterate. Steps with
+several dampings are evaluated as lanes of one batch. Given columns of the Jacobian are reused for
+parameters whose effect is nearly linear.
 
 Sources: Nocedal and Wright, Numerical Optimization, chapters 10 and 16;
 Seber and Wild, Nonlinear Regression, 2.2 (concentrated likelihood).
@@ -25,27 +26,27 @@ from pam_gap.rules.prediction_rules import PredictionRules
 
 Array = npt.NDArray[np.float64]
 Predictor = Callable[[Array], Array]
-"""(lanes, parameters) -> whitened errors (lanes, blocks, channels), NaN where nothing is known."""
+"""(lanes, parameters) -> whitened errors (lanes, blocks, channels); NaN without a measurement."""
 
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One number a fit may move.
+    """One parameter that a fit may change.
 
     Attributes
     ----------
     name : str
-        For reports.
+        Name in reports.
     low, high : float
-        Bounds, in the parameter's own unit.
+        Bounds in the parameter's own unit.
     size : float
-        What counts as a sizeable change; sets the difference step and the damping.
+        Typical change; it scales the difference step and the damping.
     prior : float
-        Standard deviation of the prior about `centre`; 0 for none.
+        Standard deviation of the Gaussian prior; 0 for no prior.
     centre : float
-        Where the prior sits.
+        Mean of the prior.
     is_logarithmic : bool
-        Moved in its logarithm (then low > 0).
+        Whether the fit works on the logarithm of the parameter; `low` must then be above 0.
     """
 
     name: str
@@ -59,18 +60,18 @@ class FreeParameter:
 
 @dataclass(slots=True)
 class FitResult:
-    """Where a fit ended.
+    """The result of a fit.
 
     Attributes
     ----------
     values : ndarray, shape (n,)
-        In the parameters' own units.
+        Parameters in their own units.
     errors : ndarray, shape (blocks, channels)
-        Whitened prediction errors there.
+        Whitened prediction errors at these values.
     objective : float
-        Half of sum n_c log J_c plus priors, on the rows fitted.
+        Half the sum of n_c log J_c plus the priors, over the rows that were fitted.
     jacobian : ndarray, shape (blocks, channels, n)
-        Derivative of the errors by the scaled parameters.
+        Derivative of the errors with respect to the scaled parameters.
     iterations : int
         Number of steps taken.
     """
@@ -101,7 +102,7 @@ def log_likelihood_gap(errors: Array, counts: Array, rows: npt.NDArray[np.bool_]
 
 
 class Scaling:
-    """Between the parameters' own units and the scaled space a fit works in."""
+    """Conversion between the parameters' own units and the scaled space of the fit."""
 
     def __init__(self, free: Sequence[FreeParameter]) -> None:
         self.log = np.array([p.is_logarithmic for p in free], dtype=bool)
@@ -115,7 +116,7 @@ class Scaling:
         self.centre = self.scaled(np.where(self.log & (centre <= 0.0), 1.0, centre))
 
     def scaled(self, values: Array) -> Array:
-        """Own units -> scaled."""
+        """Convert values in own units to scaled values."""
         with np.errstate(invalid="ignore", divide="ignore"):
             result: Array = np.where(
                 self.log, np.log(np.maximum(values, 1e-300)) / self.size, values / self.size
@@ -123,7 +124,7 @@ class Scaling:
         return result
 
     def own(self, scaled: Array) -> Array:
-        """Scaled -> own units."""
+        """Convert scaled values to own units."""
         with np.errstate(over="ignore"):
             result: Array = np.where(
                 self.log, np.exp(np.clip(scaled * self.size, -700, 700)), scaled * self.size
@@ -131,13 +132,13 @@ class Scaling:
         return result
 
     def penalty(self, scaled: Array) -> Array:
-        """Half the priors' squares of each lane."""
+        """Half the sum of the squared priors, for each lane."""
         value: Array = 0.5 * np.sum((self.weight * (scaled - self.centre)) ** 2, axis=-1)
         return value
 
 
 def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array:
-    """Minimiser of x.H.x/2 + g.x inside a box that holds 0 (H positive semidefinite).
+    """Minimiser of x.H.x/2 + g.x in a box that contains 0 (H positive semidefinite).
 
     Source: bounded-variable least squares, Stark and Parker, Computational Statistics 10 (1995).
     """
@@ -163,7 +164,7 @@ def numerical_jacobian(
     columns: npt.NDArray[np.intp],
     step: float,
 ) -> Array:
-    """Forward differences of the errors by the scaled parameters named in `columns`."""
+    """Forward differences of the errors with respect to the scaled parameters in `columns`."""
     lanes = np.repeat(at[None, :], columns.size, axis=0)
     steps = np.full(columns.size, step)
     for lane, column in enumerate(columns):
@@ -178,7 +179,7 @@ def numerical_jacobian(
 def normal_equations(
     errors: Array, jacobian: Array, rows: npt.NDArray[np.bool_], weights: Array
 ) -> tuple[Array, Array]:
-    """J'WJ and J'We over the chosen rows, weights per channel; NaN rows drop out."""
+    """J'WJ and J'We over the chosen rows with one weight per channel; rows with NaN are skipped."""
     n = jacobian.shape[-1]
     hessian, slope = np.zeros((n, n)), np.zeros(n)
     for channel in range(errors.shape[1]):
@@ -194,7 +195,7 @@ def normal_equations(
 def trial_lanes(
     hessian: Array, slope: Array, dampings: Sequence[Array], scaling: Scaling, at: Array
 ) -> Array:
-    """Points to try from `at`: a step for each damping (per parameter), a part of the first."""
+    """Trial points: `at` plus one step for each damping, and `at` plus a part of the first step."""
     low, high = scaling.low - at, scaling.high - at
     steps = [bounded_step(hessian + np.diag(d), slope, low, high) for d in dampings]
     lanes: Array = at + np.array([*steps, 0.3 * steps[0]])
@@ -213,26 +214,27 @@ def fit(
     tolerance: float | None = None,
     rules: PredictionRules = DEFAULT.prediction,
 ) -> FitResult:
-    """Fit from one start.
+    """Fit the parameters from one starting point.
 
     Parameters
     ----------
     predict : callable
-        Lanes of parameters in own units -> whitened errors.
+        Maps lanes of parameters in own units to whitened errors.
     free : sequence of FreeParameter
         The n parameters.
     start : ndarray, shape (n,)
-        Own units.
+        Starting values in own units.
     rows : ndarray of bool, shape (blocks,)
-        Blocks that take part.
+        Blocks that are fitted.
     floor : ndarray, shape (channels,)
-        J_c that noise alone leaves; weights do not rise beyond it.
+        J_c that noise alone causes; it limits the weights of the channels.
     cached : ndarray, shape (blocks, channels, m), optional
-        Jacobian of the first m parameters, reused instead of computed.
+        Jacobian of the first m parameters, which is reused instead of computed.
     max_iterations : int
-        Steps at most.
+        Largest number of steps.
     tolerance : float
-        Relative fall of the mean log J below which the fit ends; default `rules.fit_tolerance`.
+        Decrease of the mean log J in one step below which the fit ends; default
+        `rules.fit_tolerance`.
     rules : PredictionRules
         Difference step, dampings and weights.
     """

@@ -1,8 +1,8 @@
-"""How large the gap is: per channel in its unit, at one step, at half a second and in free run.
+"""How large the gap of each channel is: over one step, over 0.5 s and in a free run.
 
-A one-step prediction hides slow errors, and a free run adds up early ones, so that both are given
-with a horizon between them. The floor of each figure is the effect of sensor noise alone: the
-change of the same predictions when one more draw of that noise is added to the measurements.
+A one-step prediction hides slow errors, and a free run accumulates early ones. Therefore both are
+given, with a horizon between them. The floor of each figure is the effect of sensor noise alone:
+the change of the same predictions when one more draw of that noise is added to the measurements.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.problem import AS_FITTED, PredictionProblem, PredictionSettings
 
-ONE_STEP_BANDWIDTH = 200.0  # rad/s, of the position's pull
+ONE_STEP_BANDWIDTH = 200.0  # rad/s, of the correction of the position
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class GapFigure:
 def noise_level(
     problem: PredictionProblem, values: Array, settings: PredictionSettings = AS_FITTED
 ) -> Array:
-    """Mean square error that noise alone leaves in these predictions, shape (channels,)."""
+    """Mean squared error of these predictions due to noise alone, shape (channels,)."""
     plain = problem.errors(values[None], settings)[0]
     noisy = problem.errors(values[None], replace(settings, noise_seed=12345))[0]
     least = problem.rules.prediction.least_floor
@@ -65,9 +65,9 @@ def gap_figures(
     problem : PredictionProblem
         Rig and recordings.
     before, after : ndarray, shape (n_parameters,)
-        Full parameter vectors of the written and the improved plant.
+        Full parameter vectors of the plant in the rig file and of the improved plant.
     rows : ndarray of bool, optional
-        Rows that count; default all after the start.
+        Rows that are counted; default all after the settling time.
     """
     chosen = problem.counted if rows is None else rows
     scale = np.sqrt(np.mean([data.block_deviation**2 for data in problem.data], axis=0))

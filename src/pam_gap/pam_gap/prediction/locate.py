@@ -1,8 +1,10 @@
-"""Where the gap arises: each stage fed its measured inputs, and regimes of the motion.
+"""Where the gap arises: in which stage, with which delays, and in which regimes of the motion.
 
-Commands and measured motion -> pressures; measured pressures -> pulls where load cells are, and
-position; measured pulls -> motion; late channels from the slope of their errors on their own rate.
-Measured inputs bring their noise along, so each stage has its own floor.
+Each stage is simulated from its measured inputs. The valve stage maps commands and measured motion
+to pressures, the muscle stage maps measured pressures to pulls (where load cells were recorded),
+and the joint stage maps measured pulls or pressures to the position. A channel's delay is the slope
+of its errors over its own rate. The measured inputs contain noise, so that each stage has its own
+noise floor.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from pam_gap.rules import DEFAULT
 
 @dataclass(frozen=True, slots=True)
 class StageGap:
-    """Error of one stage on its measured inputs, RMS over its floor; None where not measured."""
+    """RMS error of one stage with measured inputs, over its floor; None if it was not measured."""
 
     stage: str
     inputs: str
@@ -46,13 +48,13 @@ class Location:
     Attributes
     ----------
     stages : tuple of StageGap
-        Each stage on its measured inputs.
+        The gap of each stage with measured inputs.
     delays : tuple of (str, float)
-        Channel, and how late it is against its prediction [s].
+        Channel, and its delay behind the prediction [s].
     regimes : tuple of (str, float)
         Regime of the motion, and its share of the squared error over its share of the time.
     stage_from : float
-        RMS over floor from which a stage counts as having a gap.
+        RMS over floor above which a stage counts as having a gap.
     """
 
     stages: tuple[StageGap, ...]
@@ -62,7 +64,7 @@ class Location:
 
     @property
     def worst(self) -> str | None:
-        """The stage with the largest gap over its floor, None when all are near theirs."""
+        """The stage with the largest gap over its floor, None when none exceeds `stage_from`."""
         return worst_stage(self.stages, self.stage_from)
 
 
@@ -85,7 +87,7 @@ def _ratio(
 
 
 def motion_from_pulls(problem: PredictionProblem) -> float | None:
-    """Torque -> motion: gap over floor of the position predicted from measured pulls."""
+    """Gap over floor of the position predicted from measured pulls; None if it diverges."""
     if not problem.present[POSITION:].all():
         return None
     base = problem.base
@@ -121,7 +123,7 @@ def motion_from_pulls(problem: PredictionProblem) -> float | None:
 
 
 def late_channels(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float], ...]:
-    """How late each measured channel is against its prediction [s], least squares on its rate."""
+    """Delay of each measured channel behind its prediction [s], by least squares on its rate."""
     found = []
     for c in (AGONIST_PRESSURE, ANTAGONIST_PRESSURE, POSITION):
         if not problem.present[c]:
@@ -141,10 +143,11 @@ def late_channels(problem: PredictionProblem, errors: Array) -> tuple[tuple[str,
 
 
 def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float], ...]:
-    """Share of the squared error in each regime over the share of time spent there, largest first.
+    """Share of the squared error in each regime over its share of the time, largest first.
 
-    Regimes: low and high mean pressure, position by thirds, direction, at rest, slow, fast, first
-    and last half; errors of all channels weigh by their own mean square.
+    The regimes are low and high mean pressure, thirds of the position range, direction of motion,
+    rest, fast motion, and the two halves of the time. The errors of each channel are divided by
+    their mean square.
     """
     mean = np.maximum(mean_squares(errors, problem.counted), 1e-9)
     weight = np.nansum((errors**2 / mean)[:, problem.present], axis=1)
@@ -188,16 +191,16 @@ def regimes(problem: PredictionProblem, errors: Array) -> tuple[tuple[str, float
 
 
 def locate(problem: PredictionProblem, values: Array, errors: Array) -> Location:
-    """Where the predictions of a plant differ from its recordings.
+    """Find where the predictions of a plant differ from its recordings.
 
     Parameters
     ----------
     problem : PredictionProblem
         Rig and recordings.
     values : ndarray, shape (n_parameters,)
-        The plant looked at: the written one re-tuned.
+        Parameters of the plant: those of the rig file, re-tuned.
     errors : ndarray, shape (n_rows, channels)
-        Its whitened prediction errors.
+        Whitened prediction errors of this plant.
     """
     stages: list[StageGap] = []
     if problem.has_commands:

@@ -1,13 +1,13 @@
-"""The plant run along a recording: commands in, measured pressures pulling the state back.
+"""Simulates the plant along a recording and corrects its pressures by the measured ones.
 
-A Luenberger observer with one small, fixed gain on the pressures and none on the motion. A muscle
-behind a shut valve integrates, so that a free run from the commands drifts away with any error;
-with the pull the prediction forgets within `horizon` and its errors show what the model does not
-know of the last fraction of a second, whatever the length of the recording. States that nothing
-measures (spool, creep, thread friction, gas temperature, reservoir) evolve by the model along the
-true history. Prediction errors of such an observer are what the diagnosis fits: the prediction
-error method, Ljung, System Identification, chapters 4 and 7; multiple shooting with exponentially
-fading windows.
+This is a Luenberger observer with one small, fixed gain on the pressures and none on the motion. A
+muscle behind a shut valve integrates, so that a free run from the commands drifts away after any
+error. With the correction, an error decays within `horizon`. The prediction errors then show what
+the model misses in the last fraction of a second, however long the recording is. States that are
+not measured (spool, creep, thread friction, gas temperature, reservoir) are integrated by the model
+along the measured history. The diagnosis minimises the prediction errors of this observer, which is
+the prediction error method (Ljung, System Identification, chapters 4 and 7). It resembles multiple
+shooting with windows that fade exponentially.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ from pam_model.plant.sensors import (
 
 Array = npt.NDArray[np.float64]
 FOLLOW_MOTION, FOLLOW_PRESSURES, FOLLOW_BOTH = -1, -2, -3
-# Gains towards the measurement: of the pressures, of the motion, of a motion that is caught first;
-# and the time for that [s].
+# Gains of the corrections: of the pressures, of the motion, and of the motion at the start of the
+# recording; and the duration of this start [s].
 FADE, HOLD_POSITION, HOLD_SPEED, CATCH_POSITION, CATCH_SPEED, CATCH_TIME = range(6)
 N_GAINS = 6
 
@@ -88,7 +88,7 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
     nothing: Any,
     no_pressures: Any,
 ) -> None:
-    """One lane; block sums of prediction errors go to `total`, NaN where a block has gaps."""
+    """Run one lane and add its prediction errors to the block sums in `total` (NaN with gaps)."""
     samples = len(commands)
     shown0 = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
     shown1 = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
@@ -149,7 +149,7 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
         error = measured[k, POSITION] - position
         if counted:
             total[at, POSITION] += error if known[k, POSITION] else np.nan
-        # A joint still swinging when the recording begins is caught first.
+        # The joint may still swing when the recording begins, so its motion is corrected at first.
         early = k * sample_time < gains[CATCH_TIME] and window in (0, FOLLOW_PRESSURES)
         if known[k, POSITION] and (early or gains[HOLD_POSITION] > 0.0):
             y[Y_POSITION] += (gains[CATCH_POSITION] if early else gains[HOLD_POSITION]) * error
@@ -193,39 +193,40 @@ def observe(
     Parameters
     ----------
     constants : ndarray, shape (lanes, N_CONSTANTS)
-        Of each plant.
+        Constants of each plant.
     sensors : ndarray, shape (lanes, N_SENSORS)
-        Of each plant, as pam_model.plant.sensors.sensor_constants gives them.
+        Sensor constants of each plant, from `pam_model.plant.sensors.sensor_constants`.
     tables : sequence of two ndarrays
-        Force tables, as the plant takes them.
+        Force tables in the form that the plant expects.
     commands : ndarray, shape (N, 2)
-        As logged, each held for one sample.
+        Valve commands as logged; each is held for one sample.
     measured, known : ndarray, shape (N, N_CHANNELS)
         Measurements, and whether they are true samples.
     initial : ndarray, shape (lanes, N_STATES)
         States at the first sample.
     sample_time, step : float
-        Of the recording and of the integration [s].
+        Step of the recording and longest step of the integration [s].
     horizon : float
-        Time in which the pressures' pull fades an error [s]; infinite for none.
+        Time constant of the correction of the pressures [s]; infinite for no correction.
     position_bandwidth : float
-        Above 0 the motion is pulled to the measured one too, with this bandwidth [rad/s].
+        If above 0, the motion is also corrected, with this bandwidth [rad/s].
     window : int
-        Samples after which the state starts anew from `restart`; 0 for never; or one of
-        FOLLOW_MOTION, FOLLOW_PRESSURES, FOLLOW_BOTH: these are the measured ones at all times.
+        Number of samples after which the state is reset to `restart`; 0 for never. With
+        FOLLOW_MOTION, FOLLOW_PRESSURES or FOLLOW_BOTH, these states are set to the measured ones in
+        every sample.
     restart : ndarray, shape (N, 4), optional
-        Measured pressures [Pa], position [rad] and its rate [rad/s] to start anew from.
+        Measured pressures [Pa], position [rad] and speed [rad/s] for such a reset.
     external : ndarray, shape (N,), optional
-        Torque on the joint from outside [N m].
+        External torque on the joint [N m].
     shut : bool
-        Valves are shut.
+        Whether the valves are shut.
     block : int
-        Samples averaged into one row of the result.
+        Number of samples averaged into one row of the result.
     catch_time, catch_bandwidth : float
-        Time at the start in which the motion is pulled to the measured one [s], and the
-        bandwidth of this pull [rad/s].
+        Time at the start in which the motion is corrected [s], and the bandwidth of this
+        correction [rad/s].
     threads : int
-        Lanes run at once.
+        Number of lanes that are simulated in parallel.
 
     Returns
     -------

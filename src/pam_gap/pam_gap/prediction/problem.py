@@ -1,7 +1,8 @@
 """Prediction errors of a rig's plant along its recordings, as a function of a few parameters.
 
-One `PredictionProblem` holds what never changes during a diagnosis: recordings as arrays, noise,
-written parameters. `predictor` turns a list of parameters into the function a fit calls.
+A `PredictionProblem` holds what does not change during a diagnosis: the recordings as arrays, their
+noise, and the parameters of the rig file. Its method `predictor` returns the function that a fit
+calls.
 """
 
 from __future__ import annotations
@@ -48,27 +49,28 @@ from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.sensors import K_BIAS, K_GAIN, K_OFFSET, N_MUSCLE_SENSORS, sensor_constants
 from pam_model.rig import Rig
 
-LOCKED_INERTIA = 1e9  # kg m^2, of a joint that does not move
-LOCKED_DECAY = 100.0  # 1/s, of the speed that catching its position leaves
+LOCKED_INERTIA = 1e9  # kg m^2, of a joint that is locked
+LOCKED_DECAY = 100.0  # 1/s, decay of the speed that the correction of the position causes
 
 
 @dataclass(frozen=True, slots=True)
 class PredictionSettings:
-    """How far a prediction is held to the measurements; as a fit sees it by default.
+    """How strongly a prediction is corrected by the measurements; the default is that of a fit.
 
     Attributes
     ----------
     horizon : float or None
-        Time in which a pressure error fades [s]; infinite for a free run, None for the problem's.
+        Time constant of the correction of the pressures [s]; infinite for a free run, None for the
+        horizon of the problem's rules.
     position_bandwidth : float
-        Above 0 the motion follows the measured one [rad/s].
+        If above 0, the motion is corrected towards the measured one with this bandwidth [rad/s].
     window_time : float
-        Above 0 the state starts anew from the measurements after this time [s].
+        If above 0, the state is reset to the measurements each time this time has passed [s].
     follow_motion, follow_pressures : bool
-        The motion, the pressures are the measured ones; pressures always where no commands tell
-        what they should do.
+        Whether the motion or the pressures are set to the measured ones in every sample. The
+        pressures always are where no valve commands were recorded.
     noise_seed : int or None
-        Adds one more draw of the channels' noise to the measurements.
+        If given, one more draw of the channels' noise is added to the measurements.
     """
 
     horizon: float | None = None
@@ -83,7 +85,7 @@ AS_FITTED = PredictionSettings()
 
 
 def as_mounted(values: Array, mounting: str) -> Array:
-    """Parameter vectors (lanes, n_parameters) of a rig mounted for one recording."""
+    """Parameter vectors (lanes, n_parameters), changed for the mounting during one recording."""
     if not mounting:
         return values
     mounted: Array = np.array(values)
@@ -96,7 +98,7 @@ def as_mounted(values: Array, mounting: str) -> Array:
 
 
 def initial_state(constants: Array, sensors: Array, tables: object, data: Channels) -> Array:
-    """The plant's state at the first sample: at rest, creep relaxed, thread friction free."""
+    """The plant's state at the first sample: at rest, without creep and thread friction."""
     start = slice(0, min(10, len(data.measured)))
     y = np.zeros(N_STATES)
     y[Y_RESERVOIR] = constants[C_SUPPLY]
@@ -118,7 +120,7 @@ def initial_state(constants: Array, sensors: Array, tables: object, data: Channe
 
 
 def restart_values(measured: Array, sample_time: float) -> Array:
-    """Pressures, position and its rate at every sample by local polynomials, shape (N, 4)."""
+    """Pressures, position and speed at every sample from local polynomials, shape (N, 4)."""
     width = max(3, round(0.012 / sample_time) // 2 * 2 + 1)
     wide = 3 * width
     pressures = savgol_filter(measured[:, BOTH_PRESSURES], wide, 2, axis=0)
@@ -135,15 +137,15 @@ class PredictionProblem:
     Parameters
     ----------
     rig : Rig
-        As written.
+        The rig as its file describes it.
     joint : int
-        Which of its joints.
+        Number of the joint.
     recordings : sequence of Recording
-        Of the same rig.
+        Recordings of this rig.
     rules : Rules
         Hand-set constants of the diagnosis.
     threads : int
-        Lanes run at once.
+        Number of lanes that are simulated in parallel.
     """
 
     def __init__(
@@ -170,7 +172,7 @@ class PredictionProblem:
         )
         self.recorded = self.present.copy()
         if not self.has_commands:
-            # Without commands the pressures are inputs: they follow the measured ones.
+            # Without commands the measured pressures are inputs, so they have no prediction error.
             self.present[BOTH_PRESSURES] = False
         rows = [len(data.measured) // self.block for data in self.data]
         self.offsets = np.concatenate(([0], np.cumsum(rows)))
@@ -185,7 +187,7 @@ class PredictionProblem:
 
     @property
     def n_rows(self) -> int:
-        """Rows of the error array."""
+        """Number of rows of the error array."""
         return int(self.offsets[-1])
 
     def errors(
@@ -193,19 +195,19 @@ class PredictionProblem:
         values: Array,
         settings: PredictionSettings = AS_FITTED,
     ) -> Array:
-        """Whitened prediction errors of plants given as full parameter vectors.
+        """Whitened prediction errors of plants that are given as full parameter vectors.
 
         Parameters
         ----------
         values : ndarray, shape (lanes, n_parameters)
-            In the order of `plant_parameters.NAMES`.
+            In the order of `pam_model.plant.parameters.NAMES`.
         settings : PredictionSettings
-            How far the predictions are held to the measurements.
+            How strongly the predictions are corrected by the measurements.
 
         Returns
         -------
         ndarray, shape (lanes, n_rows, N_CHANNELS)
-            In units of the block's noise; NaN where nothing is known, infinite never.
+            In units of the block's noise; NaN where nothing was measured, never infinite.
         """
         parts = []
         followed = settings.follow_pressures or not self.has_commands
@@ -263,16 +265,16 @@ class PredictionProblem:
     def predictor(
         self, base: Array, targets: Sequence[Sequence[str]], is_factor: Sequence[bool]
     ) -> Predictor:
-        """A function from lanes of free parameters to whitened errors.
+        """Return a function from lanes of free parameters to whitened errors.
 
         Parameters
         ----------
         base : ndarray, shape (n_parameters,)
-            Full vector that the free parameters are written into.
+            Full vector into which the free parameters are written.
         targets : sequence of sequence of str
-            Plant parameters of each free one.
+            Names of the plant parameters that each free parameter sets.
         is_factor : sequence of bool
-            Whether it multiplies the base's value instead of replacing it.
+            Whether a free parameter multiplies the value in `base` instead of replacing it.
         """
         places = [np.array([INDEX[name] for name in group]) for group in targets]
 
@@ -288,7 +290,7 @@ class PredictionProblem:
         is_factor: Sequence[bool],
         lanes: Array,
     ) -> Array:
-        """Full parameter vectors of lanes of free parameters."""
+        """Full parameter vectors for lanes of free parameters."""
         values = np.repeat(base[None, :], len(lanes), axis=0)
         for column, (place, factor) in enumerate(zip(places, is_factor, strict=True)):
             if factor:
