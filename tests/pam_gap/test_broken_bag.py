@@ -114,7 +114,7 @@ def test_a_spoilt_chunk_is_left_out_and_counted(bags, tmp_path) -> None:
     storage.write_bytes(data)
     recording = import_recording(folder)
     assert 0.3 * COUNT < recording.values[POSITION].size < COUNT
-    assert "1 chunks cannot be read and are left out" in recording.repairs[0]
+    assert "1 chunks cannot be read and are not used" in recording.repairs[0]
 
 
 @pytest.mark.parametrize("kind", ["mcap", "packed", "db3"])

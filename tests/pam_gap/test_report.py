@@ -47,7 +47,7 @@ def data(title: str = "elbow", **changes: object) -> ReportData:
         ranking=[RankedCandidate("coulomb_friction", 0.93, 0.05, 0.04, 0.07),
                  RankedCandidate("hysteresis", 0.04, 0.4, 0.3, 0.5)],
         horizons=[("0.5 s", CHANNEL, 0.03, 0.002, 0.0004, "rad")],
-        repairs=["3 samples of pressure_states.elbow_flexor were missing: left out"],
+        repairs=["pressure_states.elbow_flexor: 3 missing samples were removed"],
         left_out=["muscle stage: no load cell"],
         improved_rig="improved_rig.yaml",
     )  # fmt: skip

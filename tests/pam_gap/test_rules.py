@@ -40,6 +40,7 @@ NO_RULES = {
     "N_CHANNELS": "layout",
     "N_SENSORS": "layout",
     "N_GAINS": "layout",
+    "SPEED": "layout",
     "FOLLOW_MOTION": "code of a mode",
     "FOLLOW_PRESSURES": "code of a mode",
     "FOLLOW_BOTH": "code of a mode",

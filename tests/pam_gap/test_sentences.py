@@ -38,7 +38,7 @@ def test_two_causes_are_named_each_at_its_own_stage() -> None:
         ),
         (
             (("hysteresis", "leakage", "creep"), ("payload", "coulomb_friction")),
-            "between hysteresis (muscle stage), leakage (muscle stage) and creep (muscle stage), "
+            "between hysteresis (muscle stage), leakage (valve stage) and creep (muscle stage), "
             "or between payload (joint stage) and coulomb friction (joint stage).",
         ),
     ],

@@ -275,8 +275,8 @@ the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %
 
 <h2>What to do next</h2>
 <p>{{ diagnosis.next_experiment or 'This verdict needs no further experiment.' }}</p>
-{% if d.improved_rig %}<p>The improved rig file is <code>{{ d.improved_rig }}</code>. The simulation,
-the model node and the controller can read it in place of your rig file.</p>{% endif %}
+{% if d.improved_rig %}<p>The improved rig file is <code>{{ d.improved_rig }}</code>. Simulation,
+model node and controller can read it in place of your rig file.</p>{% endif %}
 
 <h2>The data</h2>
 <ul>{% for r in d.repairs %}<li>{{ r }}</li>{% else %}<li>The recordings needed no repair.</li>
@@ -300,7 +300,8 @@ def _closed_sentence(closed: Mapping[str, float] | None) -> str:
         return ""
     return (
         f"The improved rig file closes {100 * closed['value']:.0f} % of the gap on data that were "
-        f"not used for the fit (90 % interval {100 * closed['low']:.0f} to {100 * closed['high']:.0f} %)."
+        f"not used for the fit (90 % interval {100 * closed['low']:.0f} to "
+        f"{100 * closed['high']:.0f} %)."
     )
 
 

@@ -1,1 +1,1 @@
-"""What to record next, and playing it on the rig."""
+"""The next experiment: its choice, its files, and the node that plays it on the rig."""

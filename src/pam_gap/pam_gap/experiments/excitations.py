@@ -1,10 +1,10 @@
 """The menu of safe excitations from which the next experiment is chosen.
 
-Each is something that any antagonistic joint with its controller can do without new hardware: a
-position reference and a co-contraction (mean of both pressures) over time, perhaps ended by valve
-commands that take the loop's place, perhaps with the joint mounted turned over or locked. All stay
-within the position limits and within 80 % of the pressure that the rig allows, start at rest at
-position 0, and move no faster than the smooth steps written here.
+Every excitation can be played on any antagonistic joint with its controller and without new
+hardware. It consists of a position reference and a co-contraction (mean of both pressures) over
+time. Some end with valve commands that replace the pressure loop, and some need the joint mounted
+upside down or locked. All stay within the position limits and within 80 % of the pressure that the
+rig allows, start at rest at position 0, and move no faster than the smooth steps defined here.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ POSITION_GAIN = 0.1  # of the highest pressure, per rad of position error
 LOOP_RATE = 6.0  # 1/s, of the pressure loop at the supply's flow
 SETTLE = 2.0  # s at rest before anything moves
 GRID = 0.05  # s, on which static pressures are solved
-HIGHEST = 0.79  # of the highest pressure: what a reference never exceeds
-LOWEST = 0.03  # of the highest pressure: what a reference never goes below
+HIGHEST = 0.79  # of the highest pressure: upper limit of a reference
+LOWEST = 0.03  # of the highest pressure: lower limit of a reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,21 +38,21 @@ class Excitation:
     Attributes
     ----------
     name : str
-        Identifier, also of the folder it is written to.
+        Identifier.
     instruction : str
-        What to do, for people.
+        Instruction for people.
     time : ndarray, shape (n,)
-        From 0 [s].
+        Time from 0 [s].
     position : ndarray, shape (n,)
         Reference [rad].
     level, difference : ndarray, shape (n,)
         Mean and half the difference of the pressure references [Pa gauge], agonist first.
     position_gain : float
-        Of a position error on `difference` [Pa/rad]; 0 where the pressures alone are driven.
+        Gain from the position error to `difference` [Pa/rad]; 0 without feedback of the position.
     open_from : float
-        From when `open_commands` take the loop's place [s]; infinite for never.
+        Time from which `open_commands` replace the pressure loop [s]; infinite for never.
     open_commands : tuple of float
-        Agonist's and antagonist's valve.
+        Commands of the agonist's and the antagonist's valve.
     mounting : str
         Empty, `recording.TURNED_OVER` or `recording.LOCKED`.
     """
@@ -80,16 +80,16 @@ class Excitation:
 
 
 def smooth_path(time: Array, knots: Sequence[tuple[float, float]], move: float) -> Array:
-    """Levels reached by quintic moves.
+    """A path of constant levels that are connected by quintic polynomials.
 
     Parameters
     ----------
     time : ndarray
         [s].
     knots : sequence of (float, float)
-        When a move begins [s] and where it ends; the first is the start.
+        Time at which a move begins [s] and level at which it ends; the first is the start.
     move : float
-        Time that a move takes [s].
+        Duration of a move [s].
     """
     result = np.full(time.shape, knots[0][1])
     for (_, before), (start, value) in pairwise(knots):
@@ -99,7 +99,7 @@ def smooth_path(time: Array, knots: Sequence[tuple[float, float]], move: float) 
 
 
 def stairs(values: Sequence[float], dwell: float) -> list[tuple[float, float]]:
-    """Knots of values held for `dwell` seconds each, after the settling time."""
+    """Knots for values that are held for `dwell` seconds each, after the settling time."""
     return [(0.0, values[0])] + [(SETTLE + i * dwell, value) for i, value in enumerate(values[1:])]
 
 
@@ -118,11 +118,11 @@ class Menu:
     Parameters
     ----------
     rig : Rig
-        As written.
+        The rig as its file describes it.
     joint : int
-        Which joint.
+        Number of the joint.
     sample_time : float
-        Of the recordings to come [s].
+        Sample time of the excitations [s].
     """
 
     def __init__(self, rig: Rig, joint: int, sample_time: float) -> None:
@@ -192,7 +192,7 @@ class Menu:
         )
 
     def entries(self) -> tuple[Excitation, ...]:
-        """The menu; what the rig's valves cannot do is left out."""
+        """The menu without the excitations that the rig's valves cannot do."""
         a = self.reach
         still = self._time(20.0)
         slow = self._time(24.0)

@@ -1,7 +1,7 @@
-"""The loop that plays an excitation: pressures follow their references, the angle corrects them.
+"""The proportional loop that plays an excitation: pressure control with a correction by the angle.
 
-One proportional loop, the same in the simulation that chose the experiment and on the rig, so that
-what was expected is what is played.
+The simulation that chooses the experiment and the rig use the same loop, so that the rig does what
+was simulated.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ GAS_CONSTANT = 287.05  # J/(kg K)
 
 
 def loop_gain(rig: Rig, joint: int) -> float:
-    """Spool per pressure error of a loop that closes with LOOP_RATE [1/Pa]."""
+    """Gain from pressure error to spool opening for a loop with the bandwidth LOOP_RATE [1/Pa]."""
     muscle = rig.muscle(rig.joints[joint].agonist)
     volume = muscle.dead_volume + muscle.neutral_length * (
         muscle.thread_length**2 - muscle.neutral_length**2
@@ -28,25 +28,25 @@ def loop_gain(rig: Rig, joint: int) -> float:
 
 
 def _full_scale(muscle: Muscle) -> float:
-    """The highest set point that the muscle's valve takes, if it takes one at all [Pa gauge]."""
+    """Highest set point of the muscle's regulator [Pa gauge]; infinite for a flow valve."""
     return math.inf if muscle.valve.full_scale is None else muscle.valve.full_scale
 
 
 def holding_commands(rig: Rig, pressures: Mapping[str, float]) -> list[float]:
-    """Commands under which every muscle of a rig keeps the air that it has.
+    """Commands with which every muscle of a rig keeps its air.
 
     Parameters
     ----------
     rig : Rig
-        Whose muscles.
+        The rig.
     pressures : mapping
-        Muscle -> measured pressure [Pa gauge]; a muscle whose pressure is not known and whose valve
-        is a regulator is vented.
+        Muscle -> measured pressure [Pa gauge]. A muscle with a regulator is vented if its pressure
+        is not known.
 
     Returns
     -------
     list of float
-        In the order of the rig: 0 shuts a flow valve, a regulator is asked for what it has.
+        In the order of the rig: 0 for a flow valve, the measured pressure for a regulator.
     """
     commands = []
     for muscle in rig.muscles:
@@ -65,9 +65,9 @@ class ExperimentLoop:
     Parameters
     ----------
     rig, joint : Rig, int
-        Whose.
+        The rig, and the number of the joint.
     excitation : Excitation
-        What is played.
+        The excitation to play.
     """
 
     def __init__(self, rig: Rig, joint: int, excitation: Excitation) -> None:
@@ -85,7 +85,7 @@ class ExperimentLoop:
 
     @property
     def start_pressures(self) -> tuple[float, float]:
-        """Where the excitation begins [Pa gauge]."""
+        """Pressures at which the excitation begins [Pa gauge]."""
         return (
             self._levels[0] + self._differences[0],
             self._levels[0] - self._differences[0],
@@ -94,16 +94,16 @@ class ExperimentLoop:
     def commands(
         self, time: float, position: float, pressures: Sequence[float]
     ) -> tuple[float, float]:
-        """What the valves are told.
+        """Valve commands of one sample.
 
         Parameters
         ----------
         time : float
-            Since the excitation began [s]; before 0 its first references hold.
+            Time since the excitation began [s]; before 0 the first references apply.
         position : float
-            Measured [rad].
+            Measured position [rad].
         pressures : sequence of two floats
-            Measured [Pa gauge], agonist first.
+            Measured pressures [Pa gauge], agonist first.
         """
         e = self._excitation
         if time >= e.open_from:

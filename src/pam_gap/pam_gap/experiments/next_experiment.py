@@ -1,12 +1,12 @@
-"""The experiment to run next: the one that best separates what the data could not tell apart.
+"""The next experiment: the one that best separates hypotheses that the data do not distinguish.
 
 Every excitation of the menu is simulated with the leading hypothesis. Every other hypothesis then
 predicts that recording as a diagnosis would. Its free parameters and nuisance parameters are moved
 as far as the recordings so far allow, so that it imitates the simulated recording as closely as a
 linearised fit can. The difference that remains after this re-fit, in units of what the leading
-hypothesis itself leaves unexplained, is the separation. The excitation with the largest smallest
-pairwise separation is proposed: T-optimality (Atkinson and Fedorov, Biometrika 62, 1975), for more
-than two rivals in its max-min form (Hunter and Reiner, Technometrics 7, 1965).
+hypothesis itself leaves unexplained, is the separation. The excitation whose smallest pairwise
+separation is largest is proposed. This is T-optimality (Atkinson and Fedorov, Biometrika 62, 1975),
+for more than two rivals in its max-min form (Hunter and Reiner, Technometrics 7, 1965).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Separation:
     Attributes
     ----------
     excitation : Excitation
-        Of the menu.
+        Excitation of the menu.
     smallest : float
         Smallest expected difference of the levels of two hypotheses (sum over channels of the log
         mean square, both recordings together).
@@ -76,13 +76,13 @@ def simulate_excitation(
     Parameters
     ----------
     problem : PredictionProblem
-        Rig, and recordings whose channels and noise the new one will have.
+        Rig, and recordings that determine the channels and the noise of the new one.
     values : ndarray, shape (n_parameters,)
-        The plant.
+        Parameters of the plant.
     excitation : Excitation
-        What is done.
+        The excitation.
     seed : int
-        Of the noise.
+        Seed of the noise.
     """
     mounted = as_mounted(values[None], excitation.mounting)[0]
     parameters = replace(problem.base, values=mounted)
@@ -140,7 +140,7 @@ class ExperimentPlanner:
         self.known = [self._information(h) for h in self.survivors]
 
     def _information(self, h: Hypothesis) -> Array:
-        """Information of the recordings so far about the fitted (scaled) parameters."""
+        """Fisher information of the recordings about the fitted (scaled) parameters."""
         free, _, _ = self.fitter.problem_parts(h.members)
         curvature, _ = normal_equations(
             np.nan_to_num(h.result.errors), h.result.jacobian, self.problem.counted, self.weights
@@ -150,7 +150,7 @@ class ExperimentPlanner:
         return result
 
     def separation(self, excitation: Excitation) -> Separation:
-        """How well an excitation separates the closest pair of survivors."""
+        """How well an excitation separates the two closest surviving hypotheses."""
         leading = self.survivors[0]
         recording = simulate_excitation(
             self.problem, self.fitter.vector(leading.members, leading.result.values), excitation
@@ -191,7 +191,7 @@ class ExperimentPlanner:
     def _after_imitation(
         self, apart: Array, jacobian: Array, rows: np.ndarray, known: Array
     ) -> Array:
-        """What is left of a difference after the imitating survivor is re-fitted (linearised)."""
+        """Remaining difference after a linearised re-fit of the imitating hypothesis."""
         apart = np.where(np.isfinite(apart), apart, np.nan)
         hessian, slope = normal_equations(apart, jacobian, rows, self.weights)
         total = hessian / self.rules.correlation + known
@@ -200,7 +200,7 @@ class ExperimentPlanner:
         return left
 
     def choose(self, menu: Sequence[Excitation]) -> tuple[Separation, ...]:
-        """Every excitation with its separation, the best first; those that fail are left out."""
+        """Every excitation that can be simulated, with its separation, best first."""
         found = []
         for excitation in menu:
             separation = self.separation(excitation)
@@ -243,7 +243,7 @@ class Proposal:
         return words
 
     def write(self, folder: Path) -> None:
-        """Write the files to play it, and the ranking of the menu."""
+        """Write the files that play the experiment, and the ranking of the menu."""
         ranking = [
             {
                 "name": s.excitation.name,
@@ -259,7 +259,7 @@ class Proposal:
 
 
 def propose(fitter: HypothesisFitter, survivors: Sequence[Hypothesis]) -> Proposal | None:
-    """The experiment of the menu with the largest smallest separation; None for one survivor.
+    """The experiment whose smallest separation is largest; None for fewer than two survivors.
 
     Parameters
     ----------

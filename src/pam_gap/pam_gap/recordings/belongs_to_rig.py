@@ -1,7 +1,7 @@
-"""Whether recordings are of the rig that a file describes: names, and the unit of valve commands.
+"""Checks that recordings belong to the rig: by names, and by the unit of the valve commands.
 
-Asked before any prediction. A recording of another rig would otherwise be searched for minutes,
-and what is found would be nonsense.
+The check comes before any prediction. Otherwise a recording of another rig would be diagnosed for
+minutes with a meaningless result.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from pam_gap.recordings.recording import (
 from pam_model.rig import Rig
 
 LARGEST_OPENING = 10.0
-"""A flow valve's command is from -1 to 1; one far above is a pressure [Pa]."""
+"""The command of a flow valve is from -1 to 1; a much larger one is a pressure [Pa]."""
 SMALLEST_PRESSURE = 1.0
-"""A regulator's commands that all lie below are the openings of a flow valve [Pa]."""
+"""If all commands are below this, they are spool openings and not set points [Pa]."""
 
 
 def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
-    """Numbers of the joints whose pressures all recordings hold.
+    """Numbers of the joints whose pressures are in all recordings.
 
     Raises
     ------
     RecordingError
-        When there is none; it names what is recorded and what the rig file has.
+        When there is none; the message names the recorded muscles and those of the rig file.
     """
     found = [
         number
@@ -53,22 +53,22 @@ def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
 def refuse_other_rig(rig: Rig, joint: int, recordings: Sequence[Recording]) -> None:
     """Refuse recordings that name other joints and muscles, or command valves of another kind.
 
-    A channel that is missing altogether is no reason: what it leaves undecided is said in the
-    answer.
+    A channel that is missing altogether is no reason to refuse: the answer states what cannot be
+    judged without it.
 
     Parameters
     ----------
     rig : Rig
-        What its owner believes.
+        The rig as its file describes it.
     joint : int
         Number of the joint to be diagnosed.
     recordings : sequence of Recording
-        That hold the pressures of its muscles.
+        Recordings with the pressures of its muscles.
 
     Raises
     ------
     RecordingError
-        Naming the recording, the channel and what differs.
+        The message names the recording, the channel and the difference.
     """
     entry = rig.joints[joint]
     for recording in recordings:
@@ -83,7 +83,7 @@ def refuse_other_rig(rig: Rig, joint: int, recordings: Sequence[Recording]) -> N
             if missing and strangers:
                 raise RecordingError(
                     f"{recording.source}: {prefix}{_listed(missing)} is not recorded, but "
-                    f"{prefix}{_listed(strangers)}, which the rig file does not know; "
+                    f"{prefix}{_listed(strangers)} is, which the rig file does not know; "
                     f"expected the rig file of the recorded robot"
                 )
         for name in entry.muscles:
@@ -95,7 +95,7 @@ def _refuse_other_valve(rig: Rig, muscle: str, recording: Recording) -> None:
     if not recording.has(channel):
         return
     kind = rig.muscle(muscle).valve.kind
-    # a lone nonsense value is no pressure
+    # A single wrong value among the openings must not make them pressures.
     share = 0.99 if kind == "flow" else 1.0
     largest = float(np.quantile(np.abs(recording.values[channel]), share))
     if kind == "flow" and largest > LARGEST_OPENING:
@@ -108,7 +108,7 @@ def _refuse_other_valve(rig: Rig, muscle: str, recording: Recording) -> None:
 
 
 def _named(recording: Recording, prefix: str) -> list[str]:
-    """Joints or muscles that a recording has channels of, in alphabetical order."""
+    """Names of the joints or muscles with a recorded channel, in alphabetical order."""
     return sorted({c.removeprefix(prefix).split(".")[0] for c in recording.values
                    if c.startswith(prefix)})  # fmt: skip
 

@@ -1,8 +1,8 @@
-"""Recordings that were never finished, or lost their end: what is whole in them, as a bag again.
+"""Salvages recordings that were never finished or are cut short.
 
 A recorder that is killed leaves a bag without index and metadata; a copy that is cut short may end
-in the middle of a chunk. What is whole is written into a new bag that any reader opens, and what is
-missing is said.
+in the middle of a chunk. The intact messages are written into a new bag that any reader can open,
+and remarks say what is missing.
 
 Formats: MCAP specification (mcap.dev/spec), SQLite database file format (sqlite.org/fileformat2).
 """
@@ -30,7 +30,7 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05
 _SQLITE: Final = b"SQLite format 3\0"
 _TABLES: Final = ("schema", "metadata", "message_definitions", "topics", "messages")
 STORAGES: Final = (".mcap", ".db3")
-_FARTHEST: Final = 10  # times its size, that a file with a wrong head does not fill the disk
+_FARTHEST: Final = 10  # times its size; limits the disk space used for a file with a wrong header
 _BESIDE: Final = ("-journal", "-wal")  # what a killed recorder leaves beside an SQLite file
 
 
@@ -41,13 +41,13 @@ class Salvage:
     Attributes
     ----------
     messages : int
-        Whole ones.
+        Number of intact messages.
     start, end : int
-        Times of the first and last of them [ns].
+        Times of the first and the last intact message [ns].
     known_end : int
-        How far the file says it went [ns]; 0 if it does not say.
+        Time of the last message according to the file [ns]; 0 if the file does not state it.
     damage : list of str
-        What is wrong with it, in words.
+        Description of the damage.
     """
 
     messages: int = 0
@@ -62,12 +62,12 @@ def storage_files(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     found = [child for child in path.iterdir() if child.suffix in STORAGES and child.is_file()]
-    # bag_2 before bag_10
+    # Sort by length first, so that bag_2 comes before bag_10.
     return sorted(found, key=lambda child: (len(child.name), child.name))
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a recorder was killed while it wrote to a database: a plain reader misses that."""
+    """Whether a recorder was killed while writing a database; a plain reader does not notice."""
     return any(
         source.with_name(source.name + ending).is_file()
         for source in storage_files(path)
@@ -76,24 +76,24 @@ def is_unfinished(path: Path) -> bool:
 
 
 def salvage(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
-    """Write what is whole of a rosbag2 into new storage files.
+    """Write the intact messages of a rosbag2 into new storage files.
 
     Parameters
     ----------
     path : Path
         A bag's folder or storage file.
     folder : Path
-        Where to write; exists and is empty.
+        Folder to write to; it must exist and be empty.
 
     Returns
     -------
     tuple of list of Path, list of str
-        New storage files, and what is missing, in words.
+        New storage files, and remarks on what is missing.
 
     Raises
     ------
     RecordingError
-        When nothing whole is in it.
+        When the bag holds no intact message.
     """
     files = storage_files(path)
     expected = _end_by_metadata(path)
@@ -115,16 +115,16 @@ def salvage(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
 def _in_words(found: Salvage, expected: int) -> str:
     damage = " and ".join(found.damage or ["is whole, but the bag was never finished"])
     if not found.messages:
-        return f"{damage}: no whole message in it"
+        return f"{damage}: no intact message in it"
     read = 1e-9 * (found.end - found.start)
     end = max(found.known_end, expected)
     if end > found.end:
         return f"{damage}: {read:.1f} s of {1e-9 * (end - found.start):.1f} s read"
-    return f"{damage}: {read:.1f} s read, what came after them is lost"
+    return f"{damage}: {read:.1f} s read, the rest is lost"
 
 
 def _end_by_metadata(path: Path) -> int:
-    """When a bag ends by its metadata [ns]; 0 if there is none to read."""
+    """End of a bag according to its metadata [ns]; 0 without readable metadata."""
     page = path / "metadata.yaml" if path.is_dir() else path.parent / "metadata.yaml"
     try:
         bag = yaml.safe_load(page.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
@@ -135,7 +135,7 @@ def _end_by_metadata(path: Path) -> int:
 
 
 def _records(data: memoryview) -> Iterator[tuple[int, memoryview, bool]]:
-    """Code and content of each record, and whether it is whole; the last may not be."""
+    """Code and content of each record, and whether it is complete; the last may be incomplete."""
     place = 0
     while place < len(data):
         if len(data) - place < 9:
@@ -164,7 +164,7 @@ def _salvage_mcap(source: Path, target: Path) -> Salvage:
 
 
 class _McapContent:
-    """Definitions and messages of one file, in or out of chunks."""
+    """Definitions and messages of one file, inside and outside of chunks."""
 
     def __init__(self) -> None:
         self.found = Salvage(damage=[])
@@ -178,23 +178,23 @@ class _McapContent:
         damage: list[str] = []
         for code, content, whole in _records(body):
             if code == _DATA_END:
-                finished = True  # a summary follows, with every definition again
+                finished = True  # a summary follows, which repeats every definition
             elif code == _CHUNK:
                 try:
                     self._take_chunk(content, whole)
-                except Exception:  # each compression has its own kinds
+                except Exception:  # each compression raises other exceptions
                     broken_chunks += whole
             elif whole:
                 self._take(code, content)
             if code == _FOOTER:
-                break  # what follows is no record
+                break  # no record follows the footer
             if not whole:
                 part = "chunk" if code == _CHUNK else "record"
                 damage.append(f"recording ends in the middle of a {part}")
         if not finished and not damage:
             damage.append("recording was never finished")
         if broken_chunks:
-            damage.append(f"{broken_chunks} chunks cannot be read and are left out")
+            damage.append(f"{broken_chunks} chunks cannot be read and are not used")
         self.found.damage = damage
 
     def _take_chunk(self, content: memoryview, whole: bool) -> None:
@@ -241,11 +241,11 @@ class _McapContent:
 
 
 def _salvage_sqlite(source: Path, target: Path) -> Salvage:
-    """Row by row until a branch of the tree is missing; some MB before a cut may hang on it."""
+    """Copy rows until a branch of the B-tree is missing; it can hold some MB before the cut."""
     copy = target.with_name(f"copy_of_{target.name}")
     shutil.copyfile(source, copy)
     damage: list[str] = []
-    for ending in _BESIDE:  # SQLite takes it from there
+    for ending in _BESIDE:  # SQLite recovers the data from these files
         beside = source.with_name(source.name + ending)
         if beside.is_file():
             shutil.copyfile(beside, copy.with_name(copy.name + ending))
@@ -259,7 +259,7 @@ def _salvage_sqlite(source: Path, target: Path) -> Salvage:
         full = page * struct.unpack(">I", head[28:32])[0]
         left = copy.stat().st_size
         if full > left and page:
-            # SQLite wants all pages; ones of 0xFF are no part of a tree, and NaN in a message
+            # SQLite needs all pages. Pages of 0xFF are part of no B-tree; in a message they are NaN.
             file.truncate(left - left % page)
             file.seek(0, 2)
             for _ in range(min(full, _FARTHEST * left) // page - left // page):
@@ -278,7 +278,7 @@ def _salvage_sqlite(source: Path, target: Path) -> Salvage:
 
 
 def _copy_table(old: sqlite3.Connection, new: sqlite3.Connection, table: str) -> bool:
-    """Copy row by row as far as it goes; whether that is to the end."""
+    """Copy a table row by row until an error; return whether all rows were copied."""
     try:
         columns = [row[1] for row in old.execute(f"PRAGMA table_info({table})")]
         if not columns:
@@ -286,7 +286,7 @@ def _copy_table(old: sqlite3.Connection, new: sqlite3.Connection, table: str) ->
         names = ", ".join('"' + name.replace('"', '""') + '"' for name in columns)
         new.execute(f"CREATE TABLE {table} ({names})")
         marks = ", ".join("?" * len(columns))
-        # by row number: an index may be what is broken
+        # Rows are read by number, because an index may be damaged.
         for row in old.execute(f"SELECT {names} FROM {table} NOT INDEXED ORDER BY rowid"):
             new.execute(f"INSERT INTO {table} VALUES ({marks})", row)
     except sqlite3.Error:

@@ -1,4 +1,4 @@
-"""Channels that look measured but were computed by a node from pressures and positions.
+"""Removes channels that look measured but were computed by a node from pressure and position.
 
 The model node publishes `muscle_states` too. A force that equals the nominal force at the measured
 pressure and position in every sample carries no information, but would count as a load cell.
@@ -22,7 +22,7 @@ from pam_model.rig import Rig
 def without_computed(
     recording: Recording, rig: Rig, rules: RecordingRules = DEFAULT.recording
 ) -> Recording:
-    """The recording without forces that are the nominal model's own answer."""
+    """The recording without forces that the nominal model computed."""
     computed = []
     for joint in rig.joints:
         position_name = f"{JOINTS}{joint.name}.position"
@@ -41,7 +41,7 @@ def without_computed(
             pull = recording.values[channel]
             span = float(np.ptp(pull))
             off = np.maximum(np.asarray(force, dtype=np.float64), 0.0) - pull
-            # A load cell has noise of its own; a computed force has that of its inputs.
+            # A load cell has its own noise; a computed force only has the noise of its inputs.
             own_noise = channel_noise(off, rules=rules).deviation
             noise = channel_noise(pull, rules=rules).deviation
             is_equal = float(np.median(np.abs(off))) < rules.computed_difference * span
@@ -49,7 +49,7 @@ def without_computed(
                 computed.append(channel)
     if not computed:
         return recording
-    note = f"{', '.join(computed)}: computed from pressure and position, not measured; left out"
+    note = f"{', '.join(computed)}: computed from pressure and position, not measured; not used"
     return replace(
         recording,
         values={k: v for k, v in recording.values.items() if k not in computed},

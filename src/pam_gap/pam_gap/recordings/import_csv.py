@@ -1,4 +1,4 @@
-"""Recordings kept as tables: CSV, optionally compressed, and Parquet."""
+"""Reads recordings that are tables: CSV, optionally compressed, and Parquet."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ TABLES = (".csv", ".csv.gz", ".csv.bz2", ".csv.xz", ".csv.zst", ".parquet", ".pq
 
 
 def is_table(path: Path) -> bool:
-    """Whether the file's name is that of a table this module reads."""
+    """Whether the file has an ending that this module can read."""
     return path.is_file() and path.name.lower().endswith(TABLES)
 
 
 def known_channel(name: str) -> bool:
-    """Whether a column bears a name of the rig contract."""
+    """Whether the name of a column is a channel of the rig contract."""
     return name == SUPPLY or (
         name.startswith((COMMANDS, PRESSURES))
         or (name.startswith(JOINTS) and name.endswith((".position", ".effort")))
@@ -42,7 +42,7 @@ def read_table(path: Path) -> RawRecording:
     Raises
     ------
     RecordingError
-        When the file cannot be read, has no `time`, or holds text where numbers belong.
+        When the file cannot be read, has no usable `time`, or holds no channel of the contract.
     """
     try:
         frame: Any = (
@@ -61,14 +61,14 @@ def read_table(path: Path) -> RawRecording:
     columns: dict[str, Any] = {}
     for name in frame.columns:
         if name != "time" and not known_channel(name):
-            remarks.append(f"{name}: not a channel of the rig contract, left out")
+            remarks.append(f"{name}: not a channel of the rig contract, so it is not used")
             continue
         numbers = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
         text = int(np.isnan(numbers).sum() - frame[name].isna().sum())
         if text:
             remarks.append(f"{name}: {text} entries are not numbers")
         if not np.isfinite(numbers).any():
-            remarks.append(f"{name}: holds no number, left out")
+            remarks.append(f"{name}: the column holds no number and is not used")
             continue
         columns[name] = numbers
     if "time" not in columns:

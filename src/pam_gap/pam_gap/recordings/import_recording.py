@@ -1,4 +1,4 @@
-"""Opens a recording of any known kind."""
+"""Reads a recording of any supported format."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from pam_gap.recordings.recording import Recording, RecordingError, resample
 
 
 def import_recording(path: str | Path, step: float | None = None) -> Recording:
-    """Read a rosbag2 (MCAP, SQLite), CSV or Parquet recording onto an even grid.
+    """Read a rosbag2 (MCAP, SQLite), CSV or Parquet recording onto a uniform time grid.
 
     Parameters
     ----------
     path : str or Path
         A bag's folder or file, a table, or a folder that holds one `recording.*` table.
     step : float, optional
-        Grid step [s]; default from the fastest channel.
+        Step of the grid [s]; default is the period of the fastest channel.
 
     Raises
     ------
     RecordingError
-        When there is no such file, its kind is not known, or it holds too little.
+        When the file does not exist, its format is not supported, or it holds too few samples.
     """
     place = Path(path)
     if not place.exists():

@@ -1,8 +1,8 @@
-"""Recordings kept as rosbag2 folders (MCAP or SQLite), read without a ROS installation.
+"""Reads recordings that are rosbag2 folders (MCAP or SQLite), without a ROS installation.
 
-The stamp of a value is its header's, the time of measurement; where a publisher leaves that at
-zero, the time of recording is taken and said so. A bag that was never finished or lost its end is
-read as far as it is whole, and what is missing is a remark.
+The time of a value is the stamp of its header, which is the time of measurement. If a publisher
+leaves the stamp at zero, the time of recording is used, with a remark. A bag that was never
+finished or is cut short is read as far as it is intact; a remark says what is missing.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pam_ros.valve_command import commands_of_any_kind
 
 _COMMANDS = "valve_commands"
 _SENT = "sent_valve_commands"
-"""What the driver told the boards and when: where it was recorded, it stands for the commands."""
+"""Commands that the driver sent to the boards; where recorded, they replace `valve_commands`."""
 
 _FIELDS = {
     "pressure_states": ("effort",),
@@ -34,10 +34,10 @@ _FIELDS = {
 _TOPICS = (_SENT, _COMMANDS, *_FIELDS)
 
 GROUND_TRUTH = "ground_truth"
-"""Namespace of what a simulated rig tells about itself: no measurement, so never read."""
+"""Namespace of the true state of a simulated rig; it is no measurement and is never read."""
 
 ESTIMATES = "joint_estimates"
-"""Topic of the model node; where it is, `muscle_states` is its answer, not a load cell's."""
+"""Topic of the model node; if present, `muscle_states` is computed, not measured."""
 
 
 def is_rosbag(path: Path) -> bool:
@@ -58,8 +58,8 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
     if any(c.topic.rsplit("/", 1)[-1] == ESTIMATES for c in reader.connections):
         found.pop("muscle_states", None)
     sent = found.get(_SENT, set())
-    told = any(c.topic in sent and c.msgcount for c in reader.connections)
-    found.pop(_COMMANDS if told else _SENT, None)
+    has_sent = any(c.topic in sent and c.msgcount for c in reader.connections)
+    found.pop(_COMMANDS if has_sent else _SENT, None)
     for leaf, topics in found.items():
         if len(topics) > 1:
             raise RecordingError(
@@ -72,7 +72,7 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
 
 
 def _commands(message: Any) -> tuple[list[tuple[str, float]], tuple[str, ...]]:
-    """Rows of a message with valve commands, and the muscles whose command cannot be told."""
+    """Commands in a message as rows, and the muscles whose command is ambiguous."""
     read = commands_of_any_kind(message.name, message.position, message.effort)
     return [(f"{COMMANDS}{name}", value) for name, value in read.values.items()], read.ambiguous
 
@@ -98,14 +98,14 @@ def read_rosbag(path: Path) -> RawRecording:
     Raises
     ------
     RecordingError
-        When nothing of the bag can be read or it holds none of the topics.
+        When nothing in the bag can be read, or it holds none of the topics.
     """
     if not is_unfinished(path):
         try:
             return _read([path], path)
         except RecordingError:
             raise
-        except Exception as error:  # damage shows in every layer of the reader, each in its own way
+        except Exception as error:  # each layer of the reader reports damage with other exceptions
             reason = " ".join(str(error).split()) or type(error).__name__
     else:
         reason = "not finished"
@@ -116,8 +116,8 @@ def read_rosbag(path: Path) -> RawRecording:
         except RecordingError as error:
             raise RecordingError(f"{error} ({'; '.join(remarks)})") from None
         except Exception as error:
-            said = f"{reason}; {'; '.join(remarks)}"
-            raise RecordingError(f"{path}: not a readable rosbag2 ({said})") from error
+            reasons = f"{reason}; {'; '.join(remarks)}"
+            raise RecordingError(f"{path}: not a readable rosbag2 ({reasons})") from error
     recording.remarks[:0] = remarks
     return recording
 
@@ -169,16 +169,16 @@ def _read(files: Sequence[Path], path: Path) -> RawRecording:
     if not channels:
         raise RecordingError(f"{path}: the topics {', '.join(topics)} hold no messages")
     remarks = [
-        f"{topic}: {count} messages without a stamp; time of recording taken instead"
+        f"{topic}: {count} messages have no stamp; the time of recording is used instead"
         for topic, count in unstamped.items()
     ]
     remarks += [
-        f"{topic}: {count} messages cannot be read and are left out"
+        f"{topic}: {count} messages cannot be read and are not used"
         for topic, count in spoilt.items()
     ]
     remarks += [
-        f"{topic}: {count} commands of {muscle} stand in position and in effort, which no valve "
-        "takes; left out"
+        f"{topic}: {count} commands of {muscle} have a position and an effort, which no valve "
+        "accepts; they are not used"
         for (topic, muscle), count in ambiguous.items()
     ]
     return RawRecording(path, channels, remarks)

@@ -1,8 +1,8 @@
-"""How noisy each channel is, from the recording alone.
+"""Estimates the noise of each channel from the recording alone.
 
 Motion is smooth at the sampling rate and noise is not, so that high-order differences remove the
-motion and keep the noise. Their mean square is taken over short stretches, and the median of the
-stretches is not raised by single events. The result is never below the quantisation noise.
+motion and keep the noise. Their mean square is computed over short segments. Single events do not
+raise the median over the segments. The result is never below the quantisation noise.
 Source: von Neumann, Kent, Bellinson and Hart (1941) on mean square successive differences, here
 of third order; quantisation noise is one step over the square root of twelve.
 """
@@ -24,7 +24,7 @@ _FIFTH = np.array([1.0, -5.0, 10.0, -10.0, 5.0, -1.0])
 
 @dataclass(frozen=True, slots=True)
 class ChannelNoise:
-    """White noise of one channel: standard deviation and quantisation step, channel's unit."""
+    """White noise of one channel: standard deviation and quantisation step, in its unit."""
 
     deviation: float
     resolution: float
@@ -32,7 +32,7 @@ class ChannelNoise:
 
 
 def quantisation(values: Array, rules: RecordingRules = DEFAULT.recording) -> float:
-    """The step of which every value is a whole multiple, or 0 when there is none."""
+    """The quantisation step, of which every change is a multiple; 0 if there is none."""
     steps = np.abs(np.diff(values))
     steps = steps[steps > 1e-12 * (float(np.max(np.abs(values))) + 1e-300)]
     if steps.size < 20:
@@ -44,7 +44,7 @@ def quantisation(values: Array, rules: RecordingRules = DEFAULT.recording) -> fl
     step = float(np.median(steps[steps < 1.5 * step]))
     near = steps[steps < 8.5 * step]
     whole = np.round(near / step)
-    # Rounded decimals of a table move each value by up to half their last digit.
+    # A table with rounded decimals changes each value by up to half of its last digit.
     is_whole = np.abs(near / step - whole) < rules.whole_step
     if float(np.mean(is_whole)) < rules.whole_step_share:
         return 0.0
@@ -59,9 +59,9 @@ def channel_noise(
     Parameters
     ----------
     values : ndarray, shape (N,)
-        The channel, any unit.
+        Values of the channel, in any unit.
     valid : ndarray of bool, shape (N,), optional
-        True samples; differences across others are left out.
+        Whether a value is a true sample; differences that include others are not used.
     rules : RecordingRules
         Constants of the estimate.
     """
@@ -82,7 +82,7 @@ def channel_noise(
     scale = 1e-9 * (float(np.ptp(series)) if series.size else 0.0)
     lower, upper = float(np.median(np.abs(difference))), float(np.median(np.abs(higher)))
     span = float(np.subtract(*np.percentile(series, [95, 5]))) if series.size else 0.0
-    # White noise shows alike in differences of any order; a filter makes the higher ones smaller.
+    # White noise gives equal normalised differences of any order; a filter reduces higher orders.
     is_coarse = resolution >= rules.visible_resolution * deviation
     is_filtered = not is_coarse and upper < rules.smoothed_ratio * lower
     if is_filtered or deviation < rules.cleanest_share * span:
@@ -94,7 +94,7 @@ def channel_noise(
 def noise_floor(
     recording: Recording, rules: RecordingRules = DEFAULT.recording
 ) -> Mapping[str, ChannelNoise]:
-    """Noise of every measured channel of a recording (commands are known, not measured)."""
+    """Noise of every measured channel of a recording; commands have no noise."""
     samples = recording.samples
     return {
         name: channel_noise(samples[name], rules=rules)

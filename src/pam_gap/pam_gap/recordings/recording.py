@@ -1,9 +1,9 @@
-"""A recording on one even time grid, and how uneven logs are brought onto it.
+"""A recording on one uniform time grid, and the resampling of logs onto it.
 
-Nothing here low-passes: a filtered channel would look like a lag of the rig. Commands are held
-(that is what a valve does between two messages) and count for the part of a step in which they
-held; measurements are interpolated linearly to the grid and count only near true samples, where no
-gap is bridged. Every repair is written down in words.
+Nothing is low-pass filtered here, because a filtered channel would look like a lag of the rig. A
+command is held until the next one, as a valve holds it, and each step of the grid gets the mean
+command during the step. Measurements are interpolated linearly to the grid. They are valid only
+near true samples and outside gaps. Every repair is noted in words.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ MUSCLES = "muscle_states."
 SUPPLY = "supply_pressure"
 
 TURNED_OVER = "turned_over"
-"""Mounting: the joint upside down, gravity_angle half a turn on."""
+"""Mounting: the joint is upside down, so that `gravity_angle` is turned by pi."""
 LOCKED = "locked"
-"""Mounting: the joint held still where the recording begins."""
+"""Mounting: the joint is locked at the position at which the recording begins."""
 SHUT = "shut"
-"""Both valves shut all the time."""
+"""Mounting: both valves are shut all the time."""
 
-GAP_PERIODS = 5.0  # a hole longer than this many of the channel's periods is not bridged
+GAP_PERIODS = 5.0  # a gap longer than this many periods of the channel is not bridged
 MOST_ROWS = 1e7
 """Rows of the grid; more than five hours at 500 Hz."""
-SPIKE = 25.0  # one sample this many noise widths off both neighbours is a fault of the log
+SPIKE = 25.0  # a sample this many noise widths from both neighbours is an error of the log
 SAME_TIME = 1e-3
-"""Of a step: a stamp this close to a point of the grid is on it."""
+"""Share of a step: a stamp this close to a grid point counts as on the grid point."""
 _EPOCH = 1e8  # a time stamp above this is an absolute one
 
 
@@ -48,7 +48,7 @@ class RecordingError(PamError):
 
 @dataclass(frozen=True, slots=True)
 class RawChannel:
-    """One channel as logged: stamps [s] and values [SI], of one length."""
+    """One channel as logged: time stamps [s] and values [SI] of equal length."""
 
     time: Array
     value: Array
@@ -56,18 +56,19 @@ class RawChannel:
 
 @dataclass(slots=True)
 class RawRecording:
-    """What a file holds before any repair.
+    """The content of a file before any repair.
 
     Attributes
     ----------
     source : Path
         The file.
     channels : dict of str to RawChannel
-        By contract name.
+        Channels by contract name.
     remarks : list of str
-        Of the reader.
+        Remarks of the reader.
     one_clock : bool
-        Whether all channels share their stamps, as in a table, or each message brings its own.
+        Whether all channels share their time stamps, as in a table. In a bag, each message has its
+        own stamp.
     """
 
     source: Path
@@ -78,7 +79,7 @@ class RawRecording:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """Channels on one even grid.
+    """Channels on one uniform time grid.
 
     Attributes
     ----------
@@ -87,20 +88,20 @@ class Recording:
     sample_time : float
         Step of the grid [s].
     time : ndarray, shape (N,)
-        Grid from 0 [s].
+        Grid points, from 0 [s].
     values : mapping of str to ndarray, shape (N,)
-        By contract name, SI; finite everywhere (bridged where not valid).
+        Values by contract name, SI; finite everywhere (interpolated where not valid).
     valid : mapping of str to ndarray of bool, shape (N,)
-        Where a value rests on a true sample.
+        Whether a value is supported by a true sample.
     repairs : tuple of str
         What was done to the data, in words.
     mounting : str
-        Empty as the rig file says, `TURNED_OVER`, `LOCKED`, or `SHUT` (valves shut all the time).
+        `TURNED_OVER`, `LOCKED`, `SHUT`, or empty for the mounting in the rig file.
     samples : mapping of str to ndarray, shape (any,)
-        Measurements as logged, whose noise interpolation has not averaged out; empty where no
-        value was interpolated.
+        Measurements as logged, whose noise is not reduced by interpolation; only for channels that
+        were interpolated.
     one_clock : bool
-        Whether all channels share their stamps.
+        Whether all channels share their time stamps.
     """
 
     source: Path
@@ -124,22 +125,26 @@ class Recording:
 
 
 def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
-    """Drop what is not a sample: NaN, stamps that run back or repeat, lone spikes."""
+    """Remove NaN, repeated stamps and single spikes, and sort stamps that run backwards."""
     time, value = raw.time, raw.value
     finite = np.isfinite(time) & np.isfinite(value)
     if not finite.all():
-        repairs.append(f"{name}: {int((~finite).sum())} missing samples left out")
+        repairs.append(f"{name}: {int((~finite).sum())} missing samples were removed")
         time, value = time[finite], value[finite]
     if time.size == 0:
         return RawChannel(time, value)
     if np.any(np.diff(time) < 0.0):
         count = int((np.diff(time) < 0.0).sum())
-        repairs.append(f"{name}: stamps ran back {count} times; sorted by stamp")
+        repairs.append(
+            f"{name}: stamps ran backwards {count} times; the samples were sorted by stamp"
+        )
         order = np.argsort(time, kind="stable")
         time, value = time[order], value[order]
     repeated = np.concatenate(([False], np.diff(time) <= 0.0))
     if repeated.any():
-        repairs.append(f"{name}: {int(repeated.sum())} repeated stamps, first value kept")
+        repairs.append(
+            f"{name}: {int(repeated.sum())} repeated stamps; the first value of each was kept"
+        )
         time, value = time[~repeated], value[~repeated]
     if name.startswith(COMMANDS) or value.size < 16:
         return RawChannel(time, value)
@@ -148,7 +153,7 @@ def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
     width = max(float(np.median(np.abs(before - after))), float(np.ptp(value)) * 1e-4) + 1e-300
     spike = (np.minimum(np.abs(before), np.abs(after)) > SPIKE * width) & (before * after < 0.0)
     if spike.any():
-        repairs.append(f"{name}: {int(spike.sum())} lone spikes left out")
+        repairs.append(f"{name}: {int(spike.sum())} single spikes were removed")
         keep = np.concatenate(([True], ~spike, [True]))
         time, value = time[keep], value[keep]
     return RawChannel(time, value)
@@ -159,9 +164,9 @@ def _periods(channels: Mapping[str, RawChannel]) -> dict[str, float]:
 
 
 def _mean_command(raw: RawChannel, grid: Array, step: float) -> Array:
-    """What was commanded from each point of the grid to the next, on average.
+    """Mean command from each grid point to the next.
 
-    To take the command that is there at each point would delay the others by half a step.
+    To take only the command at each grid point would delay commands by half a step on average.
     """
     place = (raw.time - grid[0]) / step
     near = np.round(place)
@@ -188,7 +193,9 @@ def _onto_grid(
         valid = (age >= -0.5 * step) & (age < GAP_PERIODS * max(period, step))
         missing = int((~valid).sum())
         if missing:
-            repairs.append(f"{name}: no command for {missing * step:.3g} s in all; last one held")
+            repairs.append(
+                f"{name}: no command for {missing * step:.3g} s in total; the last one was held"
+            )
         return held, valid
     width = raw.time[following] - raw.time[last]
     nearest = np.minimum(np.abs(age), np.abs(raw.time[following] - grid))
@@ -199,8 +206,8 @@ def _onto_grid(
     holes = np.diff(raw.time) > GAP_PERIODS * max(period, step)
     if holes.any():
         repairs.append(
-            f"{name}: {int(holes.sum())} gaps, {float(np.diff(raw.time)[holes].sum()):.3g} s in "
-            "all, left out of every comparison"
+            f"{name}: {int(holes.sum())} gaps of {float(np.diff(raw.time)[holes].sum()):.3g} s in "
+            "total, which are excluded from every comparison"
         )
     return value, valid
 
@@ -211,31 +218,34 @@ def _is_on_grid(raw: RawChannel, start: float, step: float) -> bool:
 
 
 def resample(raw: RawRecording, step: float | None = None) -> Recording:
-    """Bring a raw recording onto one even grid.
+    """Resample a raw recording onto one uniform time grid.
 
     Parameters
     ----------
     raw : RawRecording
         Channels as logged.
     step : float, optional
-        Grid step [s]; default is the shortest median period of any channel, rounded to 1 us.
+        Step of the grid [s]; default is the shortest median period of a channel, rounded to 1 us.
 
     Returns
     -------
     Recording
-        Grid from the first to the last instant at which every channel is known.
+        The recording from the first to the last instant at which every channel is known.
 
     Raises
     ------
     RecordingError
-        When a channel holds too few samples or the channels do not overlap in time.
+        When no channel has enough samples, the channels do not overlap in time, or the recording
+        is too long.
     """
     repairs = list(raw.remarks)
     channels: dict[str, RawChannel] = {}
     for name, channel in raw.channels.items():
         cleaned = _clean(name, channel, repairs)
         if cleaned.time.size < 8:
-            repairs.append(f"{name}: only {cleaned.time.size} samples; channel left out")
+            repairs.append(
+                f"{name}: the channel has only {cleaned.time.size} samples and is not used"
+            )
         else:
             channels[name] = cleaned
     if not channels:
@@ -243,13 +253,13 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
     periods = _periods(channels)
     chosen = step if step is not None else round(min(periods.values()), 6)
     if not chosen > 0.0:
-        raise RecordingError(f"{raw.source}: time does not advance; expected seconds, rising")
+        raise RecordingError(f"{raw.source}: time does not advance; expected increasing seconds")
     for name, channel in channels.items():
         spread = float(np.percentile(np.abs(np.diff(channel.time) / periods[name] - 1.0), 99))
         if spread > 0.05:
             repairs.append(
-                f"{name}: stamps jitter by {100 * spread:.0f} % of a period (99th percentile); "
-                "resampled by stamp"
+                f"{name}: stamps jitter by {100 * spread:.0f} % of a period (99th percentile); the "
+                "channel was resampled by stamp"
             )
     start = max(channel.time[0] for channel in channels.values())
     end = min(channel.time[-1] for channel in channels.values())
@@ -267,8 +277,8 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
     slow = sorted({f"{1 / p:.4g} Hz" for p in periods.values() if p > 1.5 * chosen})
     if slow:
         repairs.append(
-            f"grid of {1 / chosen:.4g} Hz; slower channels ({', '.join(slow)}) "
-            "are compared at their own samples only"
+            f"the grid has {1 / chosen:.4g} Hz; slower channels ({', '.join(slow)}) "
+            "are compared only at their own samples"
         )
     grid = start + chosen * np.arange(int((end - start) / chosen + 1e-6) + 1, dtype=np.float64)
     values: dict[str, Array] = {}
@@ -289,7 +299,7 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
 def from_columns(
     source: Path, time: Array, columns: Mapping[str, Array], remarks: list[str] | None = None
 ) -> RawRecording:
-    """A raw recording of columns that share one `time` column [s]."""
+    """A raw recording made of columns that share one `time` column [s]."""
     if float(np.nanmax(np.abs(time), initial=0.0)) > _EPOCH:
         time = time - np.nanmin(time)  # keeps microseconds in a double
     return RawRecording(
