@@ -115,7 +115,7 @@ def test_a_search_that_would_have_gone_on_is_told() -> None:
 def test_a_file_that_is_no_evidence_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "evidence.npz"
     path.write_bytes(b"nothing")
-    with pytest.raises(PamError, match="no evidence of a diagnosis"):
+    with pytest.raises(PamError, match="not the evidence of a diagnosis"):
         KeptEvidence.load(path)
-    with pytest.raises(PamError, match="no evidence of a diagnosis"):
+    with pytest.raises(PamError, match="not the evidence of a diagnosis"):
         KeptEvidence.load(tmp_path / "missing.npz")

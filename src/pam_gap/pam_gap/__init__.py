@@ -2,9 +2,9 @@
 
 The public names, without ROS:
 
-- `import_recording`, `Recording`, `RecordingError`: a rosbag2, CSV or Parquet as channels.
-- `diagnose`, `Diagnosis`: what causes the gap, from recordings and a rig, without writing anything.
-- `diagnose_files`: the same from files to files: report, diagnosis.json and improved rig file.
+- `import_recording`, `Recording`, `RecordingError`: read a rosbag2, CSV or Parquet recording.
+- `diagnose`, `Diagnosis`: find the cause of the gap from recordings and a rig; nothing is written.
+- `diagnose_files`: the same from files; writes report, diagnosis.json and improved rig file.
 
 The names are imported when they are first used, so that importing the package takes no time.
 """
@@ -58,5 +58,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """All names, those that were not used yet among them."""
+    """All names, including those that were not imported yet."""
     return sorted({*globals(), *__all__})

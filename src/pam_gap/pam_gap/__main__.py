@@ -41,9 +41,9 @@ def _declare_diagnose(parser: Parser) -> None:
     parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
     parser.add_argument("--joint", help="only this joint")
     for name, text in (
-        ("--turned-over", "with the joint mounted turned over (gravity the other way)"),
-        ("--locked", "with the joint held still at one angle"),
-        ("--shut", "with both valves shut and the joint moved from outside"),
+        ("--turned-over", "with the joint mounted upside down (reversed gravity)"),
+        ("--locked", "with the joint locked at one angle"),
+        ("--shut", "with both valves shut and the joint moved by an external torque"),
     ):
         parser.add_argument(
             name,
@@ -60,7 +60,9 @@ def _declare_diagnose(parser: Parser) -> None:
         metavar="N",
         help="simulations at once (default: 0, one per processor)",
     )
-    parser.add_argument("--no-progress", action="store_true", help="no bar on a terminal either")
+    parser.add_argument(
+        "--no-progress", action="store_true", help="show no progress bar, not even on a terminal"
+    )
     parser.add_argument(
         "--keep-evidence",
         action="store_true",
@@ -107,10 +109,10 @@ def _play(arguments: Sequence[str]) -> int:
 
 DIAGNOSE = Command(
     "diagnose",
-    "find what a rig does beside its rig file",
+    "find where a rig differs from its rig file, and why",
     _declare_diagnose,
     _diagnose,
-    bad_news="if a joint's verdict is another than none",
+    bad_news="if a joint's verdict is not `none`",
     examples=(
         "python -m pam_gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report",
         "python -m pam_gap diagnose A B --locked C --rig RIG.yaml --out OUT",
@@ -127,7 +129,7 @@ COMMANDS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
-    description = "What a rig does beside its rig file, found in recordings of it."
+    description = "Find where a rig differs from its rig file, from recordings of it."
     return run_program("python -m pam_gap", description, COMMANDS, arguments, moved=MOVED)
 
 

@@ -1,4 +1,4 @@
-"""From recordings in memory to a diagnosis, without files: what a script or a notebook calls."""
+"""A diagnosis from recordings in memory, without files, for scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pam_model.rig import Rig
 
 
 class UnknownJointError(PamError):
-    """A joint that the rig does not have."""
+    """The rig has no joint with this name."""
 
 
 def diagnose(
@@ -32,20 +32,20 @@ def diagnose(
     progress: Progress = silent,
     rules: Rules = DEFAULT,
 ) -> list[Diagnosis]:
-    """Find what a rig does beside its description, from recordings of it; nothing is written.
+    """Find where a rig differs from its rig file, from recordings of it; nothing is written.
 
     Parameters
     ----------
     recordings : Recording or sequence of Recording
-        Of one rig, from `import_recording`. `Recording.mounting` tells how the joint was mounted.
+        Recordings of one rig, from `import_recording`. `Recording.mounting` states the mounting.
     rig : Rig
-        What its owner believes, from `load_rig`.
+        The rig as its file describes it, from `load_rig`.
     joint : str, optional
-        Only this one; default every joint that the recordings hold.
+        Name of the only joint to diagnose; default is every joint in the recordings.
     threads : int
-        Simulations run at once; 0 for as many as there are processors, at most 4.
+        Number of simulations that run in parallel; 0 for one per processor, at most 4.
     progress : callable
-        Told what is being done and the share done, 0 to 1.
+        Called with the current task and the completed share, 0 to 1.
     rules : Rules
         Hand-set constants of the diagnosis.
 
@@ -53,12 +53,12 @@ def diagnose(
     -------
     list of Diagnosis
         One for each joint: verdict, effects, parameters with intervals, how far the gap closes on
-        data that took no part in the fit, and the improved rig where something was found.
+        data that were not used for the fit, and the improved rig if an effect was found.
 
     Raises
     ------
     RecordingError
-        For recordings that are not of this rig, or that hold too little of it.
+        For recordings of another rig, or without the necessary channels.
     UnknownJointError
         For a joint that the rig does not have.
     """
@@ -73,12 +73,12 @@ def diagnose(
 def joints_to_diagnose(
     rig: Rig, recordings: Sequence[Recording], joint: str | None = None
 ) -> list[int]:
-    """The numbers of the joints that recordings hold, or of the one that is asked for.
+    """Numbers of the joints in the recordings, or of the given joint.
 
     Raises
     ------
     RecordingError
-        When there is no recording, or the recordings are not of this rig.
+        When there is no recording, or the recordings are of another rig.
     UnknownJointError
         For a joint that the rig does not have.
     """
@@ -107,18 +107,18 @@ def diagnose_joint(
     progress: Progress = silent,
     rules: Rules = DEFAULT,
 ) -> tuple[JointDiagnosis, Diagnosis]:
-    """Diagnose the joint of this number; the engine with all it has tried, and the answer.
+    """Diagnose the joint with this number; return the engine with all its trials, and the answer.
 
     Parameters
     ----------
     rig : Rig
-        As written.
+        The rig as its file describes it.
     number : int
-        Of the joint, from `joints_to_diagnose`.
+        Number of the joint, from `joints_to_diagnose`.
     recordings : sequence of Recording
-        Without computed channels.
+        Recordings without computed channels.
     threads, progress, rules
-        As of `diagnose`.
+        As in `diagnose`.
     """
     workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
     engine = JointDiagnosis(
@@ -138,7 +138,7 @@ def diagnose_joint(
 def what_is_missing(
     rig: Rig, joint: int, recording: Recording, rules: RecordingRules = DEFAULT.recording
 ) -> list[str]:
-    """What the channels a recording lacks leave undecided, in words."""
+    """For each channel that is missing or filtered, what cannot be judged or is assumed."""
     entry = rig.joints[joint]
     notes = []
     for name, consequence in (
@@ -146,15 +146,15 @@ def what_is_missing(
          "joint and sensing effects on the position cannot be judged"),
         *((f"valve_commands.{m}", "the valve stage cannot be judged") for m in entry.muscles),
         *((f"muscle_states.{m}.effort",
-           "no load cell: force effects and joint effects are told apart by the motion alone")
+           "force effects and joint effects can be distinguished only by the motion")
           for m in entry.muscles),
     ):  # fmt: skip
         shut_valve = recording.mounting == SHUT and name.startswith(COMMANDS)
         if not recording.has(name) and not shut_valve:
             notes.append(f"{name}: not recorded; {consequence}")
     notes += [
-        f"{name}: filtered before it was recorded; its noise cannot be seen and is "
-        f"taken as {100 * rules.smoothed_share:g} % of its span"
+        f"{name}: filtered before it was recorded; its noise cannot be estimated and is "
+        f"assumed to be {100 * rules.smoothed_share:g} % of its span"
         for name, noise in noise_floor(recording, rules).items()
         if noise.is_smoothed
     ]

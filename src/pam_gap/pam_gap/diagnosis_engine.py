@@ -1,4 +1,4 @@
-"""One joint from recordings to a diagnosis: search, score, choose, tell apart, propose."""
+"""The diagnosis of one joint: search, held-out scores, decision, next experiment."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ from pam_model.rig import Rig
 
 
 class JointDiagnosis:
-    """The diagnosis of one joint, step by step; `run` does them all.
+    """The diagnosis of one joint; `run` performs all steps.
 
     Parameters
     ----------
     rig : Rig
-        As written.
+        The rig as its file describes it.
     joint : int
-        Which of its joints.
+        Number of the joint.
     recordings : sequence of Recording
-        Of this rig.
+        Recordings of this rig.
     rules : Rules
         Hand-set constants.
     threads : int
-        Simulations run at once.
+        Number of simulations that run in parallel.
     progress : callable
-        Told what is being done and the share done.
+        Called with the current task and the completed share.
     """
 
     def __init__(
@@ -79,12 +79,12 @@ class JointDiagnosis:
         self.evidence: KeptEvidence | None = None
         if not self.present.any():
             raise RecordingError(
-                f"{recordings[0].source}: neither valve commands nor position nor pulls beside "
-                "the pressures; a diagnosis needs at least one of them"
+                f"{recordings[0].source}: only pressures are recorded; a diagnosis also needs "
+                "valve commands, the joint position or muscle forces"
             )
 
     def written(self) -> HeldOut:
-        """The plant as written, which was fitted to nothing."""
+        """Score of the plant as written in the rig file, without any fit."""
         errors = self.problem.errors(self.problem.base.values[None])[0]
         both = self.folds.rows[0] | self.folds.rows[1]
         sums, counts = block_sums(errors, self.folds, both)
@@ -93,7 +93,7 @@ class JointDiagnosis:
         return HeldOut.of(Hypothesis((), result, mean), sums, counts)
 
     def search(self) -> SearchResult:
-        """Singles, and more effects while they pay."""
+        """Search single effects, then further effects while they improve the fit enough."""
         present = self.present
         candidates = [
             candidate
@@ -115,7 +115,7 @@ class JointDiagnosis:
         return result
 
     def _goes_on(self, search: Search, result: SearchResult) -> bool:
-        """Whether one more effect is sought; kept as evidence."""
+        """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
         worst = float(np.sqrt(best.mean_square / self.floor)[self.present].max())
         size = len(result.by_size)
@@ -129,7 +129,7 @@ class JointDiagnosis:
         return goes_on
 
     def finalists(self, result: SearchResult) -> list[Hypothesis]:
-        """The hypotheses worth a held-out score."""
+        """The best hypotheses of each size, which get a held-out score."""
         rules = self.rules.search
         shares = (rules.finalists_one, rules.finalists_two, rules.finalists_three)
         chosen: list[Hypothesis] = []
@@ -138,12 +138,12 @@ class JointDiagnosis:
         return chosen
 
     def settled(self, score: HeldOut) -> HeldOut:
-        """The score of a hypothesis that is fitted to its end.
+        """Complete the fit of a hypothesis and return its score.
 
-        Every search starts from the nominal plant re-tuned without effects. Its parameters may
-        stand at the ends of their tolerance, where they imitate the effect, and a fit that begins
-        there can stay there. Here the nominal parameters begin at their written values and the
-        effects at what was found.
+        Every search starts from the nominal plant re-tuned without effects. Its parameters may be
+        at the ends of their tolerance, where they imitate the effect, and a fit from there can be
+        trapped. Here the nominal parameters start from the values of the rig file, and the
+        parameters of the effects start from the values found so far.
         """
         rules = self.rules.search
         best = score.hypothesis
@@ -165,7 +165,7 @@ class JointDiagnosis:
         return settled if self.judge.level(settled) < self.judge.level(score) else score
 
     def run(self) -> Diagnosis:
-        """Diagnose."""
+        """Perform the diagnosis."""
         started = time.monotonic()
         result = self.search()
         self.progress("held-out scores", 0.86)

@@ -1,7 +1,7 @@
-"""`python -m pam_gap diagnose RECORDING... --rig RIG --out DIR`: from a recording to an answer.
+"""`python -m pam_gap diagnose RECORDING... --rig RIG --out DIR`: a diagnosis from files to files.
 
-Writes diagnosis.json, report.html and, where something was found, rig_improved.yaml, which
-simulation, model node and controller read in place of the rig file.
+It writes diagnosis.json, report.html and, where an effect was found, rig_improved.yaml, which
+simulation, model node and controller can read in place of the rig file.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ def import_as_mounted(
     shut: Sequence[str | Path],
     rules: Rules = DEFAULT,
 ) -> list[Recording]:
-    """Read recordings, each with how the joint was mounted for it.
+    """Read recordings and note the mounting of the joint for each.
 
     Raises
     ------
     RecordingError
-        When one that cannot be read is among them.
+        When one of them cannot be read.
     """
     read = []
     for path, mounting in (
@@ -89,14 +89,14 @@ def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
 
 
 def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name: str) -> ReportData:
-    """What the page shows of a diagnosis."""
+    """The content of the report page for a diagnosis."""
     location = diagnosis.location
     stages = [] if location is None else list(location.stages)
     shown = [StageGap(s.stage, s.gap_over_floor, s.note) for s in stages]
     late = "" if location is None else "; ".join(
         f"{name} {1e3 * delay:.1f} ms" for name, delay in location.delays
     )  # fmt: skip
-    shown.append(StageGap("sensing", None, f"late against the nominal plant: {late}"))
+    shown.append(StageGap("sensing", None, f"delays behind the nominal plant: {late}"))
     return ReportData(
         title=f"Diagnosis of {diagnosis.joint}",
         verdict_sentence=diagnosis.sentence,
@@ -144,26 +144,26 @@ def diagnose_files(
     rules: Rules = DEFAULT,
     keep_evidence: bool = False,
 ) -> list[Diagnosis]:
-    """Diagnose every joint that the recordings hold, or one, and write the results to `out`.
+    """Diagnose every joint in the recordings, or one, and write the results to `out`.
 
     Parameters
     ----------
     recordings : sequence of str or Path
-        Of one rig.
+        Recordings of one rig.
     rig_path : str or Path
-        What its owner believes.
+        Rig file of this rig.
     out : str or Path
         Folder for diagnosis.json, report.html and rig_improved.yaml; with several joints, one
         folder in it for each.
     joint : str, optional
-        Only this one.
+        Name of the only joint to diagnose.
     threads : int
-        Simulations run at once; 0 for as many as there are processors.
+        Number of simulations that run in parallel; 0 for one per processor, at most 4.
     show_progress : bool
         Show a progress bar where standard error is a terminal.
     turned_over, locked, shut : sequence of str or Path
-        More recordings, made with the joint mounted turned over, held still, or with both valves
-        shut all the time (moved from outside; the torque is `joint_states.<joint>.effort`).
+        Further recordings with the joint mounted upside down, with the joint locked, or with both
+        valves shut all the time (an external torque, `joint_states.<joint>.effort`, moves it).
     rules : Rules
         Hand-set constants of the diagnosis.
     keep_evidence : bool

@@ -2,9 +2,9 @@
 
 `ros2 run pam_gap play --ros-args --params-file RIG -p experiment:=OUT/next_experiment`
 
-The driver is active and no controller runs. The joint is first brought to where the experiment
-begins; at the end both muscles are vented and the node ends. The muscles of other joints keep the
-air that they have at the beginning.
+The driver must be active and no controller may run. First the joint moves to the state in which the
+experiment begins. At the end both muscles are vented and the node ends. The muscles of other joints
+keep their air.
 """
 
 from __future__ import annotations
@@ -31,18 +31,20 @@ from pam_ros.spin import spin_node
 from pam_ros.valve_command import ValveCommandFormat
 
 PARAMETERS = (
-    Parameter("experiment", "", "-", 0, 0, "folder that a diagnosis has written"),
-    Parameter("joint", "", "-", 0, 0, "which joint; empty for the rig's first"),
-    Parameter("rate", 200.0, "Hz", 50.0, 1000.0, "how often the valves are commanded"),
-    Parameter("approach", 3.0, "s", 1.0, 30.0, "time to get to where the experiment begins"),
-    Parameter("max_age", 0.1, "s", 0.001, 1.0, "with an older measurement the play ends"),
+    Parameter("experiment", "", "-", 0, 0, "folder of an experiment that a diagnosis has written"),
+    Parameter("joint", "", "-", 0, 0, "name of the joint; empty for the first joint of the rig"),
+    Parameter("rate", 200.0, "Hz", 50.0, 1000.0, "rate of the valve commands"),
+    Parameter("approach", 3.0, "s", 1.0, 30.0, "time for the move to the start of the experiment"),
+    Parameter(
+        "max_age", 0.1, "s", 0.001, 1.0, "age of a measurement above which the experiment ends"
+    ),
 )
 _SENSED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 VENT_TIME = 1.0  # s, of venting at the end
 
 
 class PlayNode(Node):  # type: ignore[misc]
-    """Measurements in, valve commands out, around an ExperimentLoop."""
+    """Connects measurements and valve commands to an ExperimentLoop."""
 
     def __init__(self) -> None:
         super().__init__("pam_play", automatically_declare_parameters_from_overrides=True)
@@ -97,7 +99,7 @@ class PlayNode(Node):  # type: ignore[misc]
             self.get_logger().info(f"{self._excitation.name}: {self._excitation.instruction}")
         time = now - self._begin
         if not known and not self._problem:
-            self._problem = "measurements are missing or too old; vented"
+            self._problem = "measurements are missing or too old; the muscles were vented"
             self._begin = now - self._excitation.duration
             time = self._excitation.duration
         if time < self._excitation.duration and not self._problem:
@@ -109,7 +111,7 @@ class PlayNode(Node):  # type: ignore[misc]
             self.done = True
 
     def _send(self, commands: Sequence[float]) -> None:
-        """Command the joint's muscles; those of other joints keep their air."""
+        """Send commands for the joint's muscles; those of other joints keep their air."""
         whole = list(self._held)
         for muscle, value in zip(self._joint.muscles, commands, strict=True):
             whole[self._muscle_names.index(muscle)] = value
@@ -119,12 +121,12 @@ class PlayNode(Node):  # type: ignore[misc]
         self._commands.publish(message)
 
     def check(self) -> None:
-        """End the process when the play has ended.
+        """End the process when the experiment has ended.
 
         Raises
         ------
         PamError
-            When it ended early.
+            When the experiment ended early.
         """
         self.loop.check()
         if self.done:
@@ -157,7 +159,7 @@ HELP = NodeHelp(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Play until the experiment's end or a signal."""
+    """Play the experiment until it ends or a signal arrives."""
     return spin_node(PlayNode, HELP, arguments, lambda node: node.check(), mistake=PamError)
 
 

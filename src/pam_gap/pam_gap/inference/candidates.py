@@ -1,10 +1,10 @@
-"""What a diagnosis tries: every effect of the registry with its free numbers and sensible starts.
+"""The candidates: every effect of the registry with its free parameters, bounds and starts.
 
-An effect that belongs to the muscles has a magnitude for each of them and shapes they share;
-effects of one sensor or one valve are tried on either muscle. Each effect's file tells where its
-search begins and how far it goes, by the scales of this rig. Many effects are not smooth at their
-neutral value (dead zone, dry friction, thread friction), so that every search starts at a size an
-ordinary rig shows.
+An effect of the muscles has a magnitude for each muscle and shape parameters that both share. An
+effect of one sensor or one valve is tried on each muscle separately. The file of each effect
+defines the starts and bounds of its search in terms of the scales of the rig. Many effects are not
+smooth at their neutral value (dead zone, dry friction, thread friction), so that every search
+starts at a size that is common on ordinary rigs.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ SIDES = ("agonist", "antagonist")
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One explanation on trial: an effect, on the muscles it touches.
+    """One possible explanation: an effect and the muscles on which it acts.
 
     Attributes
     ----------
     effect : str
-        As in `pam_model.effects.EFFECTS`.
+        Name in `pam_model.effects.EFFECTS`.
     side : str
         "agonist" or "antagonist" for a one-sided effect, else empty.
     free : tuple of FreeParameter
-        What the fit moves.
+        Parameters that the fit changes.
     targets : tuple of tuple of str
-        For each of them, the plant parameters it is written to.
+        For each of them, the plant parameters that it sets.
     starts : tuple of ndarray
-        Where searches begin.
+        Starting values of the search.
     """
 
     effect: str
@@ -51,12 +51,12 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """Effect, with the side where there is one."""
+        """Name of the effect, with the side of a one-sided effect."""
         return f"{self.effect} ({self.side})" if self.side else self.effect
 
 
 def rig_scales(rig: Rig, joint: Joint) -> RigScales:
-    """Quantities that set how large an effect is on this rig."""
+    """Quantities by which the size of an effect is measured on this rig."""
     muscle = rig.muscle(joint.agonist)
     area = (3.0 * muscle.neutral_length**2 - muscle.thread_length**2) / (
         4.0 * math.pi * muscle.turns**2
@@ -109,14 +109,14 @@ def _candidate(effect: Effect, sizes: Mapping[str, Range], side: str) -> Candida
 
 
 def richer_starts(rich: Candidate, simple: Candidate, values: Array) -> tuple[Array, ...]:
-    """Where to begin a richer law, given where the simple one that it contains ended.
+    """Starting values of a richer law, given the fitted values of the simpler law it contains.
 
     Parameters
     ----------
     rich, simple : Candidate
-        Of one pair of `selection.NESTED`.
+        One pair of `selection.NESTED`.
     values : ndarray
-        Of the simple one, in the order of its `free`.
+        Fitted values of the simpler law, in the order of its `free`.
     """
     richer = EFFECTS[rich.effect].search.richer
     assert richer is not None
@@ -137,7 +137,7 @@ def richer_starts(rich: Candidate, simple: Candidate, values: Array) -> tuple[Ar
 def candidates_for(rig: Rig, joint: Joint) -> tuple[Candidate, ...]:
     """Every effect of the table as a candidate for one joint of a rig.
 
-    Effects that the rig file already states are candidates too: what is fitted replaces them.
+    Effects in the rig file are candidates too; the fitted values replace those of the file.
     """
     scales = rig_scales(rig, joint)
     return tuple(
@@ -155,7 +155,7 @@ def applicable(
     Parameters
     ----------
     effect : str
-        As in `EFFECTS`.
+        Name in `EFFECTS`.
     commands, position, pulls : bool
         Whether valve commands, joint position and load cells were recorded.
     shut : bool
@@ -170,16 +170,16 @@ def applicable(
 
 @dataclass(frozen=True, slots=True)
 class Nuisance:
-    """A number that may be off without being an effect, and where it goes.
+    """A nuisance parameter: a number that may deviate without being an effect.
 
     Attributes
     ----------
     free : FreeParameter
-        Starts at its centre.
+        The parameter; its fit starts at its centre.
     targets : tuple of str
-        The plant parameters it sets, or scales.
+        The plant parameters that it sets or scales.
     is_factor : bool
-        Whether it multiplies the written values.
+        Whether it multiplies the values of the rig file.
     """
 
     free: FreeParameter
@@ -190,7 +190,7 @@ class Nuisance:
 def nuisances_for(
     rig: Rig, joint: Joint, rules: SearchRules = DEFAULT.search
 ) -> tuple[Nuisance, ...]:
-    """The nuisance parameters: nominal values that may be off within the tolerance; none for 0."""
+    """One nuisance parameter for each nominal value, within the tolerance; none for tolerance 0."""
     tolerance = rig.parameter_tolerance
     if tolerance <= 0.0:
         return ()
@@ -225,17 +225,17 @@ def nuisances_for(
 def transport_time(
     sample_time: float, written: float, rules: SearchRules = DEFAULT.search
 ) -> Nuisance:
-    """The transport time of a command, which the stamps of messages do not show.
+    """The transport time of a command as a nuisance parameter; the message stamps do not show it.
 
     Commands are stamped when they are sent and measurements when they arrive, so that a command may
-    act up to one sample later than its stamp says. That is a property of the log and no effect.
+    act up to one sample later than its stamp says. This is a property of the log and not an effect.
 
     Parameters
     ----------
     sample_time : float
-        Of the recording [s].
+        Sample time of the recording [s].
     written : float
-        Delay of commands that the rig file has already [s].
+        Delay of commands in the rig file [s].
     rules : SearchRules
         Constants.
     """

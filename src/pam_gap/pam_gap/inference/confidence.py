@@ -1,4 +1,4 @@
-"""Intervals that allow for correlated errors: block bootstraps of parameters and of the gap closed.
+"""Block-bootstrap intervals of parameters and of the closed gap, valid for correlated errors.
 
 For parameters, the share of each score block in the normal equations is computed once. A bootstrap
 sample of blocks then moves the estimate by one Newton step (the linearised, or one-step, bootstrap;
@@ -111,20 +111,20 @@ def for_another_motion(
 ) -> Interval:
     """Widen the interval of a gap closed so that it holds for another motion of the same kind.
 
-    The blocks of one recording share its motion, so that resampling them says nothing about the
-    next motion. The share that an approximate law leaves differs by a factor from one motion to
-    another, and the noise floor is known only to within a share of itself.
+    The blocks of one recording share its motion, so that resampling them does not show the
+    variation between motions. The share that an approximate law leaves differs by a factor from
+    one motion to another, and the relative uncertainty of the noise floor must be included.
 
     Parameters
     ----------
     closed : Interval
         From `gap_closed`.
     before : Score
-        Of the rig as written.
+        Score of the plant as written in the rig file.
     floor : ndarray, shape (channels,)
-        Mean square that noise alone leaves.
+        Mean squared error due to noise alone.
     present : ndarray of bool, shape (channels,)
-        Channels that count.
+        Channels that are judged.
     rules : DecisionRules
         Constants.
     """

@@ -1,7 +1,7 @@
-"""The decision from held-out scores: which hypothesis, which rivals beside it, which verdict.
+"""The decision from held-out scores: the accepted hypothesis, its rivals, and the verdict.
 
-Everything here is a function of scores and rules alone, so that a diagnosis can be decided again
-with other rules from the scores it kept.
+Everything here depends only on scores and rules, so that a diagnosis can be decided again with
+other rules from the scores that it kept.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from pam_gap.rules.decision_rules import DecisionRules
 
 @dataclass(frozen=True, slots=True)
 class Decision[S: Score]:
-    """What was decided.
+    """The result of a decision.
 
     Attributes
     ----------
@@ -38,9 +38,9 @@ class Decision[S: Score]:
     chosen : Score or None
         The accepted hypothesis.
     rivals : tuple of Score
-        Those that the data cannot tell from it.
+        Hypotheses that the data do not distinguish from it.
     tried : tuple of Score
-        All scores as they stood in the end.
+        All final scores.
     """
 
     verdict: str
@@ -55,14 +55,14 @@ class Decision[S: Score]:
 
 
 class Judge:
-    """Decides by one set of rules.
+    """Takes decisions with one set of rules.
 
     Parameters
     ----------
     floor : ndarray, shape (channels,)
-        Mean square that noise alone leaves.
+        Mean squared error due to noise alone.
     present : ndarray of bool, shape (channels,)
-        Channels that count.
+        Channels that are judged.
     rules : DecisionRules
         Constants.
     """
@@ -77,7 +77,7 @@ class Judge:
         return score.level(self.floor, self.present)
 
     def priced_level(self, score: Score) -> float:
-        """Level with what the free numbers cost: of two that leave the same, the simpler leads."""
+        """Level plus a penalty per free parameter, which prefers the simpler of two equal laws."""
         return self.level(score) + self.rules.price * score.free_numbers
 
     def choose[S: Score](self, nominal: Score, scores: Sequence[S]) -> S | None:
@@ -105,10 +105,10 @@ class Judge:
         return accepted
 
     def rivals[S: Score](self, chosen: S, scores: Sequence[S], nominal: Score) -> list[S]:
-        """Hypotheses of the chosen one's size that the data cannot tell from it.
+        """Hypotheses of the same size that the data do not distinguish from the chosen one.
 
-        A rival must bring a fair part of what the chosen one's last effect brings. A richer law
-        that the chosen one is a form of is a rival where it leaves less, though not clearly.
+        A rival must achieve a fair share of the improvement by the chosen one's last effect. A
+        richer law that contains the chosen one is a rival if its level is slightly lower.
         """
         level = self.level(chosen)
         smaller: list[Score] = [nominal, *(s for s in scores if s.size < chosen.size)]
@@ -136,16 +136,16 @@ class Judge:
     def decide[S: Score](
         self, nominal: Score, tried: Sequence[S], settle: Callable[[S], S]
     ) -> Decision[S]:
-        """Choose, settle what is close, choose again, and give the verdict.
+        """Choose a hypothesis, complete the fits of close ones, choose again, and give the verdict.
 
         Parameters
         ----------
         nominal : Score
-            Of the re-tuned plant without effects.
+            Score of the re-tuned plant without effects.
         tried : sequence of Score
-            Of the hypotheses.
+            Scores of the hypotheses.
         settle : callable
-            Gives the score of a hypothesis that is fitted to its end.
+            Completes the fit of a hypothesis and returns its score.
         """
         chosen = self.choose(nominal, tried)
         if chosen is not None:
@@ -180,9 +180,9 @@ class Judge:
         Parameters
         ----------
         decision : Decision
-            Whose effects come first where it names any.
+            The decision; effects that it names come first.
         singles : sequence of str
-            All effects in the order of what each explains alone.
+            All effects, in the order of their levels as single effects.
         """
         chosen = decision.chosen if decision.is_named else None
         size = chosen.size if chosen is not None else 1
@@ -205,14 +205,14 @@ class Judge:
 
 
 def strongest_first(effects: Sequence[str], singles: Sequence[str]) -> tuple[str, ...]:
-    """Effects in the order of what each explains alone."""
+    """Effects in the order of their levels as single effects."""
     return tuple(sorted(dict.fromkeys(effects), key=list(singles).index))
 
 
 def named_effects[S: Score](
     decision: Decision[S], singles: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """The effects that a decision names, and the sets that the data cannot tell apart."""
+    """The effects that a decision names, and the sets within which the data do not distinguish."""
     if decision.chosen is None or not decision.is_named:
         return (), ()
     own = strongest_first(decision.chosen.effects, singles)
@@ -227,7 +227,7 @@ def named_effects[S: Score](
 
 
 def merged_groups(groups: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
-    """Sets that share a member, joined."""
+    """Groups with a common member merged into one."""
     merged: list[list[str]] = []
     for group in groups:
         home = next((m for m in merged if set(m) & set(group)), None)

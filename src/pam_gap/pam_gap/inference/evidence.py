@@ -1,9 +1,9 @@
-"""What a diagnosis keeps so that its verdict can be decided again with other rules.
+"""The evidence that a diagnosis keeps, from which its verdict can be decided with other rules.
 
-The evidence holds the held-out scores of every finalist, as they came from the search and as they
-stood after the last fit, but no recording. Constants that act after the search can be changed and
-the decision repeated in milliseconds. Where the other decision would have needed a fit that was
-never made, the repeated decision says that it is not exact.
+The evidence holds the held-out scores of every finalist after the search and after the last fit,
+but no recording. With changed constants that act after the search, the decision can be repeated in
+milliseconds. If the repeated decision would need a fit that was never made, it is marked as not
+exact.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ class KeptEvidence:
     Attributes
     ----------
     floor : ndarray, shape (channels,)
-        Mean square that noise alone leaves.
+        Mean squared error due to noise alone.
     present : ndarray of bool, shape (channels,)
-        Channels that count.
+        Channels that are judged.
     written, nominal : Score
-        Of the plant as written and of the plant re-tuned without effects.
+        Scores of the plant in the rig file, as written and re-tuned without effects.
     tried : tuple of Score
-        Of the finalists, as they came from the search.
+        Scores of the finalists after the search.
     settled : mapping
-        Place in `tried` -> score after the last fit, for the hypotheses that had one.
+        Index in `tried` -> score after the last fit, for the hypotheses that had one.
     singles : tuple of str
-        All effects in the order of what each explains alone.
+        All effects, in the order of their levels as single effects.
     stages : tuple of StageGap
-        Where the gap arises.
+        The gap of each stage.
     growth : tuple of (GrowthStep, bool)
-        Each time the search asked whether to seek one more effect, and whether it did.
+        State at each decision to seek one more effect, and whether it was sought.
     """
 
     floor: Array
@@ -64,7 +64,7 @@ class KeptEvidence:
     growth: tuple[tuple[GrowthStep, bool], ...]
 
     def save(self, path: Path) -> None:
-        """Write the evidence to one NPZ file (arrays and one JSON text, no pickles)."""
+        """Write the evidence to one NPZ file (arrays and one JSON text, no pickled objects)."""
         places = sorted(self.settled)
         scores = [self.written, self.nominal, *self.tried, *(self.settled[k] for k in places)]
         about = {
@@ -100,7 +100,7 @@ class KeptEvidence:
                 floor, present = file["floor"], file["present"]
                 sums, counts = file["sums"], file["counts"]
         except (OSError, KeyError, ValueError) as error:
-            raise PamError(f"{path}: no evidence of a diagnosis ({error})") from error
+            raise PamError(f"{path}: not the evidence of a diagnosis ({error})") from error
         if about.get("format") != FORMAT:
             raise PamError(
                 f"{path}: evidence of format {about.get('format')}; expected {FORMAT}: run the "
@@ -134,7 +134,7 @@ class DecidedAgain:
         The part of diagnosis.json that the decision determines.
     is_exact : bool
         Whether a diagnosis with these rules would have used the same scores: the search would have
-        stopped at the same size, and every hypothesis that is close was fitted to its end.
+        stopped at the same size, and the fit of every close hypothesis was completed.
     """
 
     answer: Mapping[str, Any]
@@ -190,5 +190,5 @@ def decide_again(evidence: KeptEvidence, rules: Rules) -> DecidedAgain:
 
 
 def _place(score: Score, scores: Sequence[Score]) -> int:
-    """Which of the scores this very one is."""
+    """Index of this score object among the scores."""
     return next(k for k, one in enumerate(scores) if one is score)

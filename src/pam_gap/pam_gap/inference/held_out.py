@@ -1,9 +1,9 @@
-"""Scores on data that took no part in a fit: two folds of alternating blocks with guards between.
+"""Scores on data that were not used for the fit: two folds of alternating blocks with guards.
 
-Each fold is fitted on its own blocks and scored on those of the other fold. Rows that are nearer to
-a border than the guard belong to neither fold. The observer forgets an error within its horizon,
-and slower states (creep, temperature) follow the true history in both folds, so that a guard of a
-few horizons is enough to separate them.
+The parameters are fitted on one fold and scored on the other. Rows that are nearer to a border than
+the guard belong to neither fold. An error of the observer decays within its horizon, and slower
+states (creep, temperature) follow the measured history in both folds. A guard of a few horizons is
+therefore enough to separate the folds.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pam_gap.prediction.problem import PredictionProblem
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """Rows of either fold, and the score block each counted row belongs to (-1: none)."""
+    """Rows of each fold, and the score block of each counted row (-1 for none)."""
 
     rows: tuple[Rows, Rows]
     score_block: np.ndarray
@@ -30,14 +30,14 @@ class Folds:
 
 @dataclass(frozen=True, slots=True)
 class HeldOut(Score):
-    """The score of one hypothesis on data it was not fitted to, with the fit itself.
+    """The score of one hypothesis on data that were not used for its fit, with the fit itself.
 
     Attributes
     ----------
     hypothesis : Hypothesis
-        As fitted to everything.
+        The fit to all data.
     fold_values : tuple of ndarray
-        Parameters found by either fold.
+        Parameters fitted on each fold.
     """
 
     hypothesis: Hypothesis
@@ -95,7 +95,7 @@ def block_sums(errors: Array, folds: Folds, rows: Rows) -> tuple[Array, Array]:
 
 
 def score_held_out(fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis) -> HeldOut:
-    """Fit either fold from where the whole fit ended and score it on the other."""
+    """Continue the fit to all data on each fold, and score it on the other fold."""
     sums = np.zeros((folds.n_blocks, hypothesis.result.errors.shape[1]))
     counts = np.zeros_like(sums)
     values: list[Array] = []

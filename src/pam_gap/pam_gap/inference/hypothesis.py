@@ -18,12 +18,12 @@ Rows = npt.NDArray[np.bool_]
 
 @dataclass(slots=True)
 class Hypothesis:
-    """Effects that are tried together, and the result of their fit.
+    """Effects that are fitted together, and the result of the fit.
 
     Attributes
     ----------
     members : tuple of Candidate
-        The effects; none for the re-tuned nominal plant.
+        The effects; empty for the re-tuned nominal plant.
     result : FitResult
         Nuisance parameters first, then the parameters of each effect in order.
     mean_square : ndarray, shape (channels,)
@@ -41,7 +41,7 @@ class Hypothesis:
 
     @property
     def label(self) -> str:
-        """Names with sides."""
+        """Names of the effects with their sides."""
         return " + ".join(member.label for member in self.members) or "re-tuned nominal"
 
 
@@ -53,7 +53,7 @@ class HypothesisFitter:
     problem : PredictionProblem
         The rig and its recordings.
     floor : ndarray, shape (channels,)
-        Mean square that noise alone leaves.
+        Mean squared error due to noise alone.
     """
 
     def __init__(self, problem: PredictionProblem, floor: Array) -> None:
@@ -65,7 +65,7 @@ class HypothesisFitter:
         )
         stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
         written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}
-        # Two different delays in the rig file were measured and include the transport time.
+        # Different delays in the rig file must be measured ones, which include the transport time.
         if stamped and problem.has_commands and len(written) == 1:
             self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
         self.nominal: Hypothesis | None = None
@@ -73,7 +73,7 @@ class HypothesisFitter:
     def problem_parts(
         self, members: Sequence[Candidate]
     ) -> tuple[list[FreeParameter], list[tuple[str, ...]], list[bool]]:
-        """Free parameters of a hypothesis, their targets, whether each is a factor."""
+        """Free parameters of a hypothesis, their targets, and whether each is a factor."""
         free = [nuisance.free for nuisance in self.nuisances]
         targets = [nuisance.targets for nuisance in self.nuisances]
         factor = [nuisance.is_factor for nuisance in self.nuisances]
@@ -102,7 +102,7 @@ class HypothesisFitter:
         max_iterations: int,
         tolerance: float | None = None,
     ) -> Hypothesis:
-        """Fit one hypothesis from one start: nuisance parameters, then those of the effects."""
+        """Fit one hypothesis from one start: nuisance parameters first, then those of the effects."""
         problem = self.problem
         free, targets, factor = self.problem_parts(members)
         chosen = problem.counted if rows is None else rows
@@ -125,7 +125,7 @@ class HypothesisFitter:
         return Hypothesis(tuple(members), result, mean)
 
     def fit_nominal(self) -> Hypothesis:
-        """Re-tune the nuisance parameters alone; every other fit starts from the result."""
+        """Fit the nuisance parameters alone; every other fit starts from the result."""
         if self.nominal is None:
             start = np.array([nuisance.free.centre for nuisance in self.nuisances])
             self.nominal = self.fit((), start, max_iterations=self.rules.search.nominal_steps)

@@ -1,4 +1,4 @@
-"""The Model Confidence Set: which models the data cannot tell from the best one.
+"""The Model Confidence Set: the models that the data do not distinguish from the best one.
 
 Starting from all models, the hypothesis that the remaining ones are equally good is tested by the
 range statistic T_R = max |t_ij|, where t_ij is the mean difference of the losses of models i and j
@@ -28,10 +28,10 @@ def circular_blocks(count: int, length: int, generator: np.random.Generator) -> 
     count : int
         Number of observations in time order, and of indices returned.
     length : int
-        Observations in a row that are drawn together; a block that reaches the end goes on at the
-        beginning.
+        Number of consecutive observations that are drawn together; a block that reaches the end
+        continues at the beginning.
     generator : numpy.random.Generator
-        Draws where the blocks begin.
+        Draws the starts of the blocks.
 
     Returns
     -------
@@ -50,11 +50,11 @@ def mcs_p_values(losses: Array, *, block_length: int, draws: int, seed: int = 0)
     losses : ndarray, shape (observations, models)
         Loss of each model at each observation, in time order; any unit that all models share.
     block_length : int
-        Observations that the bootstrap draws together; at least the memory of the losses.
+        Observations that the bootstrap draws together; at least the correlation time of the losses.
     draws : int
         Number of bootstrap samples.
     seed : int
-        Of the bootstrap.
+        Seed of the bootstrap.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def mcs_p_values(losses: Array, *, block_length: int, draws: int, seed: int = 0)
     difference = mean[:, None] - mean[None, :]
     spread = (sampled - mean)[:, :, None] - (sampled - mean)[:, None, :]
     deviation = np.sqrt(np.mean(spread**2, axis=0))
-    # Differences at the level of rounding are none: two spellings of one model are equally good.
+    # Differences of the size of rounding errors count as zero: the models are equally good.
     rounding = 1e-12 * (np.abs(losses).mean() + 1e-300)
     deviation = np.maximum(deviation, rounding)
     difference = np.where(np.abs(difference) > rounding, difference, 0.0)
@@ -94,7 +94,7 @@ def mcs_p_values(losses: Array, *, block_length: int, draws: int, seed: int = 0)
         among = np.ix_(left, left)
         observed = float(statistic[among].max())
         range_drawn = simulated[:, left][:, :, left].max(axis=(1, 2))
-        # Where none is worse than another, nothing speaks against their being equally good.
+        # If no model is worse than another, the hypothesis of equal models is not rejected.
         p_value = float(np.mean(range_drawn > observed)) if observed > 0.0 else 1.0
         largest = max(largest, p_value)
         worst = left[int(np.argmax(statistic[among].max(axis=1)))]

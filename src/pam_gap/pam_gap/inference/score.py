@@ -1,4 +1,4 @@
-"""The held-out score of a hypothesis: all that a decision needs to know of it.
+"""The held-out score of a hypothesis, which is all that a decision needs.
 
 The level of a score is the sum over channels of the logarithm of the mean squared error over the
 noise floor, never below 0 in a channel. A difference of levels is twice the log likelihood ratio
@@ -23,18 +23,18 @@ def levels(sums: Array, counts: Array, floor: Array, present: np.ndarray) -> Arr
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What one hypothesis leaves on data it was not fitted to.
+    """The remaining error of one hypothesis on data that were not used for its fit.
 
     Attributes
     ----------
     effects : tuple of str
-        Of the hypothesis; none for the nominal plant.
+        Effects of the hypothesis; empty for the nominal plant.
     label : str
-        The effects with the side where they have one.
+        The effects, with the side of one-sided effects.
     free_numbers : int
-        Numbers that the effects let the fit move.
+        Number of free parameters of the effects.
     sums, counts : ndarray, shape (n_blocks, channels)
-        Sum of squared whitened errors of each score block, and number of rows.
+        Sum of squared whitened errors, and number of rows, of each score block.
     """
 
     effects: tuple[str, ...]
@@ -55,7 +55,7 @@ class Score:
         return mean
 
     def over_floor(self, floor: Array, present: np.ndarray) -> Array:
-        """RMS error over floor of each channel that is there."""
+        """RMS error over floor of each recorded channel."""
         ratio: Array = np.sqrt(self.mean_square / floor)[present]
         return ratio
 

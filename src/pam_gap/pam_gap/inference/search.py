@@ -1,9 +1,9 @@
-"""The search for the effects that explain a recording: singles first, then one more at a time.
+"""The search for the effects that explain a recording: single effects first, then one more each.
 
-Every candidate gets a few Gauss-Newton steps. Those that fall behind are dropped, and the leaders
-are fitted to the end. A further effect is sought on top of the best hypothesis. Since the strongest
-first effect need not belong to the best pair, the effects chosen before are then challenged again:
-each is taken out, and the others are tried in its place.
+Every candidate gets a few Gauss-Newton steps. The worst are dropped, and the fits of the best are
+completed. Then a further effect is sought in addition to the best hypothesis. The strongest single
+effect need not belong to the best pair. Therefore each effect that was chosen before is removed in
+turn, and the others are tried in its place.
 Forward selection with backward checks: Miller, Subset Selection in Regression (2002), chapter 3.
 """
 
@@ -20,11 +20,11 @@ from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.fit import Array
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the share of the whole that is done."""
+"""Called with the current task and the completed share of the whole work."""
 
 
 def silent(task: str, share: float) -> None:
-    """Report nothing."""
+    """Progress function that reports nothing."""
 
 
 def level(mean_square: Array, floor: Array, present: Array) -> float:
@@ -39,7 +39,7 @@ class SearchResult:
     Attributes
     ----------
     nominal : Hypothesis
-        Re-tuned, without effects.
+        The plant re-tuned without effects.
     by_size : list of list of Hypothesis
         Entry k holds the hypotheses of k + 1 effects, best first.
     """
@@ -54,11 +54,11 @@ class Search:
     Parameters
     ----------
     fitter : HypothesisFitter
-        Of the problem.
+        Fitter of the problem.
     candidates : sequence of Candidate
         The effects that may be added.
     progress : callable, optional
-        Called with the task and the share done.
+        Called with the task and the completed share.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Search:
         self._last: dict[str, tuple[Array, ...]] = {}
 
     def level(self, hypothesis: Hypothesis) -> float:
-        """Level that a hypothesis leaves."""
+        """Level of a hypothesis."""
         return level(hypothesis.mean_square, self.fitter.floor, self.present)
 
     def _leaders(self, found: list[Hypothesis], count: int, behind: float) -> list[Hypothesis]:
@@ -89,7 +89,7 @@ class Search:
         return [h for h in ranked[:count] if self.level(h) <= limit]
 
     def refine(self, h: Hypothesis, iterations: int, *, reuse: Array | None = None) -> Hypothesis:
-        """Continue the fit of a hypothesis; kept only if it leaves less."""
+        """Continue the fit of a hypothesis; the result is kept only if it has a lower level."""
         again = self.fitter.fit(h.members, h.result.values, cached=reuse, max_iterations=iterations)
         return again if self.level(again) <= self.level(h) else h
 
@@ -103,9 +103,9 @@ class Search:
         shares: tuple[float, float],
         warm: bool = False,
     ) -> list[Hypothesis]:
-        """Every hypothesis with one more effect than `base`; the leaders are fitted to the end.
+        """Every hypothesis with one more effect than `base`; the fits of the best are completed.
 
-        With `warm`, the fit of an effect begins at the values of its last trial.
+        With `warm`, the fit of an effect starts from the values of its last trial.
         """
         reuse = base.result.jacobian
         values = base.result.values
@@ -150,7 +150,7 @@ class Search:
         return sorted(best_of.values(), key=self.level)
 
     def _richer(self, h: Hypothesis) -> list[Hypothesis]:
-        """Richer laws of the newest effect, fitted from the end of the simple one's fit."""
+        """Richer laws of the newest effect, fitted from the result of the simpler law."""
         newest, others = h.members[-1], h.members[:-1]
         at = len(h.result.values) - len(newest.free)
         found: list[Hypothesis] = []
@@ -181,7 +181,7 @@ class Search:
         return SearchResult(nominal, [found])
 
     def without(self, h: Hypothesis, member: int) -> Hypothesis:
-        """The hypothesis with one effect taken out and all other values kept (not fitted)."""
+        """The hypothesis with one effect removed and all other values kept, without a new fit."""
         start = len(self.fitter.nuisances) + sum(len(m.free) for m in h.members[:member])
         cut = np.arange(start, start + len(h.members[member].free))
         result = replace(
@@ -193,18 +193,18 @@ class Search:
         return Hypothesis(members, result, h.mean_square)
 
     def grow(self, result: SearchResult, shares: tuple[float, float]) -> None:
-        """Add the hypotheses with one more effect, and challenge each effect of the best one.
+        """Add the hypotheses with one more effect, and try others for each effect of the best one.
 
         Parameters
         ----------
         result : SearchResult
-            Its last size is extended.
+            The result so far; its largest hypotheses are extended.
         shares : tuple of float
-            Progress before and after.
+            Completed share before and after.
         """
         low, high = shares
         middle = 0.5 * (low + high)
-        # What a longer fit of the base would gain must not be credited to the effect added to it.
+        # An improvement by a longer fit of the base must not be credited to the added effect.
         base = self.refine(result.by_size[-1][0], self.rules.settled_steps)
         result.by_size[-1][0] = base
         size = len(base.members) + 1
@@ -218,7 +218,7 @@ class Search:
         )
         best = found[0]
         if self.level(base) - self.level(best) > self.rules.challenge_gain:
-            # The newest effect was chosen given the others; the others were chosen without it.
+            # The newest effect was chosen given the others, but the others were chosen without it.
             for member in range(size - 1):
                 found += self.extend(
                     self.without(best, member),
@@ -235,7 +235,7 @@ class Search:
         self._check_backwards(result)
 
     def _check_backwards(self, result: SearchResult) -> None:
-        """Fit the best hypothesis without each of its effects: the rest may explain everything."""
+        """Fit the best hypothesis without each of its effects, which may be unnecessary now."""
         best, smaller = result.by_size[-1][0], result.by_size[-2]
         for member in range(len(best.members)):
             start = self.without(best, member)

@@ -1,4 +1,4 @@
-"""Whether the search seeks one more effect: a question of levels alone."""
+"""Decides from levels alone whether the search seeks one more effect."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from pam_gap.rules.search_rules import SearchRules
 
 @dataclass(frozen=True, slots=True)
 class GrowthStep:
-    """Where the search stands after a size.
+    """State of the search after all hypotheses of one size.
 
     Attributes
     ----------
     size : int
-        Effects of the hypotheses found last.
+        Number of effects of the hypotheses found last.
     worst_channel : float
-        RMS error over floor of the worst channel that the best of them leaves.
+        RMS error over floor of the worst channel of the best of them.
     nominal, best : float
         Levels of the re-tuned nominal plant and of the best hypothesis found last.
     previous, runner_up : float or None
-        Levels of the best hypothesis with one effect less, and of the next best in the last
-        effect's place; None for the first effect.
+        Levels of the best hypothesis with one effect less, and of the hypothesis with the next best
+        effect in place of the last one; None for the first effect.
     """
 
     size: int
@@ -41,7 +41,7 @@ class GrowthStep:
 def grows(step: GrowthStep, search: SearchRules, decision: DecisionRules) -> bool:
     """Whether one more effect is sought.
 
-    It is while something is left to explain, and while the effect added last paid for itself.
+    It is sought while an error is left to explain and the last effect was worth accepting.
     """
     if step.size >= search.most_effects:
         return False

@@ -1,8 +1,8 @@
-"""Which hypotheses the held-out data cannot tell apart, and how strongly it speaks for each.
+"""Which hypotheses the held-out data do not distinguish, and the weight of each.
 
 Losses of score blocks are compared by the Model Confidence Set with a block bootstrap over time;
-weights are the shares of bootstrap samples in which a hypothesis leaves least. A hypothesis that
-contains a simpler one has to beat it clearly.
+the weight of a hypothesis is the share of bootstrap samples in which it has the lowest level. A
+hypothesis that contains a simpler one must be clearly better.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ NESTED = {
     for effect in EFFECTS.values()
     if effect.search.richer is not None
 }
-"""(simple, rich): the rich effect takes the simple one's form for some of its values."""
+"""Pairs (simple, rich): for some parameter values, the rich law equals the simple one."""
 
 
 def resampled_blocks(
@@ -40,7 +40,7 @@ def bootstrap_weights(
     rules: DecisionRules,
     seed: int = 0,
 ) -> Array:
-    """Share of bootstrap samples in which each hypothesis leaves least; sums to 1."""
+    """Share of bootstrap samples in which each hypothesis has the lowest level; the sum is 1."""
     generator = np.random.default_rng(seed)
     sums = np.array([s.sums for s in scores])
     counts = np.array([s.counts for s in scores])
@@ -48,7 +48,7 @@ def bootstrap_weights(
     for _ in range(rules.bootstraps):
         at = resampled_blocks(sums.shape[1], generator, rules)
         value = levels(sums[:, at].sum(axis=1), counts[:, at].sum(axis=1), floor, present)
-        # Scores that are equal to their rounding share the sample.
+        # Hypotheses with equal levels, except for rounding, share the sample.
         best = value <= value.min() + rules.equal_level
         wins += best / best.sum()
     return wins / rules.bootstraps
@@ -88,7 +88,7 @@ def confidence_set(
 
 
 def contains(rich: Sequence[str], simple: Sequence[str]) -> bool:
-    """Whether the effects `rich` include those of `simple`, or forms that include them."""
+    """Whether the effects `rich` include those of `simple`, or richer laws that contain them."""
     left = list(rich)
     for effect in simple:
         match = next(

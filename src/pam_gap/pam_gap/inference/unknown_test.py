@@ -1,11 +1,11 @@
-"""A flexible model of what the best hypothesis leaves unexplained, scored on held-out data.
+"""A flexible model of the remaining errors of the best hypothesis, scored on held-out data.
 
-The errors that the best hypothesis leaves are regressed on what the rig did (position, its rate and
-direction, pressures, commands), with products and with harmonics of the position, by ridge
-regression on one fold, and scored on the other. A smooth law of the inputs among these errors
-speaks for an effect that no candidate has; noise and stick-slip do not follow such a law. The
-result is reported and enters no verdict: a flexible discrepancy model is confounded with every
-parameter (Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
+The regressors are position, speed, direction of motion, pressures, commands, their products, and
+harmonics of the position. A ridge regression is fitted on one fold and scored on the other. If it
+explains the errors, they follow a smooth law of the inputs that no candidate contains; noise and
+stick-slip do not follow such a law. The result is reported and does not affect the verdict, because
+a flexible discrepancy model is confounded with every parameter (Kennedy and O'Hagan, J. R. Statist.
+Soc. B 63, 2001).
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ HARMONICS = (2.0, 4.0, 8.0, 12.0, 16.0)
 
 @dataclass(frozen=True, slots=True)
 class Leftover:
-    """Share of each channel's remaining squared error that a flexible law explains, held out."""
+    """Share of each channel's remaining held-out squared error that a flexible law explains."""
 
     explained: Array
     by_position: Array
 
 
 def _inputs(problem: PredictionProblem) -> tuple[Array, Array]:
-    """Standardised inputs (rows, n) and position (rows,), block means."""
+    """Block means of the standardised inputs (rows, n) and of the position (rows,)."""
     columns, positions = [], []
     for data in problem.data:
         mean = block_means(data.measured, problem.block)
@@ -72,14 +72,14 @@ def _ridge_score(design: Array, errors: Array, folds: Folds, ridge: float) -> fl
 
 
 def explain_leftover(problem: PredictionProblem, folds: Folds, errors: Array) -> Leftover:
-    """Regress the errors that a hypothesis leaves on what the rig did.
+    """Regress the remaining errors of a hypothesis on the motion and the inputs of the rig.
 
     Parameters
     ----------
     problem : PredictionProblem
         Rig and recordings.
     folds : Folds
-        For the held-out score.
+        Folds for the held-out score.
     errors : ndarray, shape (n_rows, channels)
         Whitened prediction errors of the hypothesis.
     """

@@ -1,8 +1,8 @@
 """From levels to a verdict: none, named, ambiguous or unknown.
 
-A candidate is judged by what it leaves relative to its rivals, never by whether it reaches the
-noise: the true effect need not follow the candidate's formula. Levels are those of `score.Score`,
-on held-out data; the constants stand in `pam_gap.rules.decision_rules`.
+A candidate is judged by its remaining error relative to its rivals, not by whether the error
+reaches the noise, because the true effect need not follow the candidate's formula. Levels are those
+of `score.Score`, on held-out data. The constants are in `pam_gap.rules.decision_rules`.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from pam_gap.rules.decision_rules import DecisionRules
 from pam_model.effects import EFFECTS
 
 SHARP = frozenset(name for name, effect in EFFECTS.items() if effect.search.is_sharp)
-"""Effects whose law has one form: what they leave unexplained is something else."""
+"""Effects whose law has only one form, so that a remaining error must have another cause."""
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What a verdict rests on.
+    """The figures on which a verdict is based.
 
     Attributes
     ----------
     effects : tuple of str
-        Of the best accepted hypothesis.
+        Effects of the best accepted hypothesis.
     level_before, level_after : float
         Held-out levels of the re-tuned nominal plant and of the best hypothesis.
     channels : int
         Number of channels.
     closed : float
-        Share of the RMS gap closed on held-out data, mean over the channels that have one.
+        Share of the RMS gap closed on held-out data, mean over the channels with a gap.
     """
 
     effects: tuple[str, ...]
@@ -44,7 +44,7 @@ class Evidence:
 
 
 def has_gap(level_before: float, channels: int, rules: DecisionRules) -> bool:
-    """Whether the re-tuned nominal plant leaves anything to explain."""
+    """Whether the re-tuned nominal plant leaves an error to explain."""
     return level_before > rules.no_gap * channels
 
 
@@ -55,22 +55,22 @@ def accepts_further(
     level_runner_up: float,
     rules: DecisionRules,
 ) -> bool:
-    """Whether one more effect pays for itself.
+    """Whether one more effect is accepted.
 
-    A first effect whose law differs from the true one leaves something that others can mop up. A
-    further effect must therefore bring a fair part of the fall before it, or of what is left, or
-    far more than the next best effect would bring in its place.
+    A first effect whose law differs from the true one leaves a model error, which other effects can
+    absorb. A further effect must therefore reduce the level by a fair share of the reduction before
+    it, or of the remaining level, or by far more than the next best effect in its place.
 
     Parameters
     ----------
     level_first : float
-        Without it.
+        Level without the further effect.
     level_second : float
-        With it.
+        Level with it.
     level_before : float
-        Of the re-tuned nominal plant.
+        Level of the re-tuned nominal plant.
     level_runner_up : float
-        With the next best effect in its place.
+        Level with the next best effect in its place.
     rules : DecisionRules
         Constants.
     """
@@ -85,7 +85,7 @@ def accepts_further(
 def prefers_simple(
     level_simple: float, level_rich: float, level_before: float, rules: DecisionRules
 ) -> bool:
-    """Whether a simpler form of the same effects is kept although a richer one leaves less."""
+    """Whether a simpler law of the same effects is kept although a richer one has a lower level."""
     gain = level_simple - level_rich
     return gain < max(rules.simpler_gain, rules.simpler_share * (level_before - level_rich))
 
@@ -93,14 +93,14 @@ def prefers_simple(
 def is_rival(
     level_best: float, level: float, level_before: float, tied: bool, rules: DecisionRules
 ) -> bool:
-    """Whether a hypothesis of equal size is as good as the best: tied, or too close to call."""
+    """Whether a hypothesis of equal size is tied with the best, or too close to it to decide."""
     behind = level - level_best
     reach = max(rules.rival_gap, rules.rival_share * (level_before - level_best))
     return behind < reach or (tied and behind < rules.rival_tied * reach)
 
 
 def is_unknown(evidence: Evidence, rules: DecisionRules) -> bool:
-    """Whether the best hypothesis leaves more than its own law could."""
+    """Whether the best hypothesis leaves more error than its own law can explain."""
     fall = 1.0 - evidence.level_after / evidence.level_before
     if all(effect in SHARP for effect in evidence.effects):
         return fall < rules.sharp_fall or evidence.level_after > rules.sharp_left
@@ -108,7 +108,7 @@ def is_unknown(evidence: Evidence, rules: DecisionRules) -> bool:
 
 
 def decide(evidence: Evidence, rivals: Sequence[str], rules: DecisionRules) -> str:
-    """The verdict's word, `rivals` being what the data cannot tell from the best."""
+    """The verdict; `rivals` are the hypotheses that the data do not distinguish from the best."""
     gain = evidence.level_before - evidence.level_after
     if not has_gap(evidence.level_before, evidence.channels, rules):
         return "none"
@@ -122,7 +122,7 @@ def decide(evidence: Evidence, rivals: Sequence[str], rules: DecisionRules) -> s
 def closed_by_channel(before: Array, after: Array, rules: DecisionRules) -> float:
     """Share of the gap closed, mean over channels weighted by the logarithm of their gap.
 
-    So no channel outweighs others by its low noise, nor one with hardly a gap those with one.
+    Thus neither a channel with low noise nor one with almost no gap outweighs the others.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The gap over the last few seconds of a running rig: no ROS, messages' numbers in, figures out."""
+"""The gap of a running rig over the last few seconds, computed without ROS."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from pam_gap.recordings.recording import (
 from pam_gap.rules import DEFAULT
 from pam_model.rig import Rig
 
-SHORTEST = DEFAULT.prediction.settling + 1.0  # s, of a window that says anything
-TIGHT = 0.01  # s, in which pressures follow the measured ones
+SHORTEST = DEFAULT.prediction.settling + 1.0  # s, of a window that can be judged
+TIGHT = 0.01  # s, horizon with which pressures follow the measured ones
 WATCHED = HORIZONS[:2]
 MOST_KEPT = 100_000
-"""Samples of a channel, however little their stamps advance."""
+"""Largest number of samples kept for a channel, even if their stamps do not advance."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelFigure:
-    """RMS prediction error of a channel over one horizon, and what noise alone gives."""
+    """RMS prediction error of a channel over one horizon, and the error due to noise alone."""
 
     channel: str
     horizon: str
@@ -46,18 +46,18 @@ class ChannelFigure:
 
 @dataclass(frozen=True, slots=True)
 class LiveGap:
-    """One joint's gap.
+    """The gap of one joint.
 
     Attributes
     ----------
     joint : str
-        Which joint.
+        Name of the joint.
     figures : tuple of ChannelFigure
-        Every channel over every watched horizon.
+        Figures of every channel over every watched horizon.
     stages : mapping
         Stage -> gap over floor, for the stages that can be judged.
     problem : str
-        Why nothing can be said; empty otherwise.
+        Reason why the gap cannot be judged; empty otherwise.
     """
 
     joint: str
@@ -67,12 +67,12 @@ class LiveGap:
 
     @property
     def worst(self) -> float:
-        """Largest error over floor of a channel and horizon; 0 without figures."""
+        """Largest error over floor of all channels and horizons; 0 without figures."""
         return max((f.error / f.floor for f in self.figures), default=0.0)
 
     @property
     def stage(self) -> str:
-        """The stage with the largest gap over its floor; empty without one."""
+        """The stage with the largest gap over its floor; empty if none was judged."""
         stages = self.stages or {}
         return max(stages, key=lambda name: stages[name], default="")
 
@@ -83,9 +83,9 @@ class LiveWindow:
     Parameters
     ----------
     rig : Rig
-        As written.
+        The rig as its file describes it.
     length : float
-        What is kept [s].
+        Length of the window [s].
     """
 
     def __init__(self, rig: Rig, length: float) -> None:
@@ -99,16 +99,16 @@ class LiveWindow:
         }
 
     def take(self, topic: str, stamp: float, names: Sequence[str], values: Sequence[float]) -> None:
-        """Keep one message's values; names the rig does not have are left out.
+        """Keep the values of one message; names that the rig does not have are ignored.
 
         Parameters
         ----------
         topic : str
             Channel prefix, such as `recording.PRESSURES`.
         stamp : float
-            [s].
+            Time stamp [s].
         names, values : sequence
-            As in the message, of one length.
+            As in the message; both have the same length.
         """
         suffix = ".position" if topic == JOINTS else ""
         for name, value in zip(names, values, strict=False):
@@ -122,18 +122,18 @@ class LiveWindow:
                     kept.popleft()
 
     def forget(self) -> None:
-        """Drop everything, as after a pause."""
+        """Remove all samples, for example after a pause."""
         self._samples.clear()
 
     def _forget_silent(self) -> None:
-        """Drop channels that have stopped while others go on."""
+        """Remove channels that have stopped while others continue."""
         newest = max((kept[-1][0] for kept in self._samples.values()), default=0.0)
         for name, kept in list(self._samples.items()):
             if newest - kept[-1][0] > 0.5 * self.length:
                 del self._samples[name]
 
     def gap(self, joint: int) -> LiveGap:
-        """What the rig file leaves unexplained of one joint's last seconds."""
+        """The gap of one joint between the measurements in the window and the rig file."""
         self._forget_silent()
         entry = self.rig.joints[joint]
         wanted = [f"{PRESSURES}{m}" for m in entry.muscles]
@@ -146,10 +146,10 @@ class LiveWindow:
                 channels[name] = RawChannel(pairs[:, 0], pairs[:, 1])
         missing = [name for name in wanted[BOTH_PRESSURES] if name not in channels]
         if missing:
-            return LiveGap(entry.name, problem=f"no {', '.join(missing)}")
+            return LiveGap(entry.name, problem=f"no {', '.join(missing)} received")
         shortest = min(float(c.time[-1] - c.time[0]) for c in channels.values())
         if shortest < min(SHORTEST, self.length):
-            return LiveGap(entry.name, problem=f"only {shortest:.1f} s heard so far")
+            return LiveGap(entry.name, problem=f"only {shortest:.1f} s received so far")
         try:
             recording = resample(RawRecording(Path("live"), channels))
             return self._judged(PredictionProblem(self.rig, joint, [recording]))

@@ -1,4 +1,4 @@
-"""Watches a running rig and reports on /diagnostics how far it is from its rig file.
+"""Watches a running rig and reports on /diagnostics how far it differs from its rig file.
 
 `python -m pam_gap monitor --ros-args --params-file config/elbow.yaml`, the same as
 `ros2 run pam_gap monitor`.
@@ -26,17 +26,17 @@ from pam_ros.spin import spin_node
 from pam_ros.valve_command import ValveCommandFormat
 
 PARAMETERS = (
-    Parameter("window", 6.0, "s", 3.0, 60.0, "how much of the past is judged"),
+    Parameter("window", 6.0, "s", 3.0, 60.0, "length of the window that is judged"),
     Parameter("period", 1.0, "s", 0.2, 60.0, "how often the gap is reported"),
     Parameter(
-        "warning_ratio", 5.0, "-", 1.0, 1e6, "gap over noise from which it is a warning", True
+        "warning_ratio", 5.0, "-", 1.0, 1e6, "gap over noise above which a warning is given", True
     ),
 )
 _SENSED = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class MonitorNode(Node):  # type: ignore[misc]
-    """Topics in and diagnostics out around a LiveWindow."""
+    """Connects topics and diagnostics to a LiveWindow."""
 
     def __init__(self) -> None:
         super().__init__("pam_gap", automatically_declare_parameters_from_overrides=True)
@@ -121,7 +121,7 @@ HELP = NodeHelp(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop."""
+    """Run the node until it is stopped."""
     return spin_node(MonitorNode, HELP, arguments, mistake=PamError)
 
 

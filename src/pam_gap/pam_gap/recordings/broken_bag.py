@@ -259,7 +259,7 @@ def _salvage_sqlite(source: Path, target: Path) -> Salvage:
         full = page * struct.unpack(">I", head[28:32])[0]
         left = copy.stat().st_size
         if full > left and page:
-            # SQLite needs all pages. Pages of 0xFF are part of no B-tree; in a message they are NaN.
+            # SQLite needs all pages. Pages of 0xFF belong to no B-tree; in a message they are NaN.
             file.truncate(left - left % page)
             file.seek(0, 2)
             for _ in range(min(full, _FARTHEST * left) // page - left // page):
