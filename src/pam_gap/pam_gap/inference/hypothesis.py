@@ -102,7 +102,7 @@ class HypothesisFitter:
         max_iterations: int,
         tolerance: float | None = None,
     ) -> Hypothesis:
-        """Fit one hypothesis from one start: nuisance parameters first, then those of the effects."""
+        """Fit one hypothesis from one start; nuisance parameters come first in `start`."""
         problem = self.problem
         free, targets, factor = self.problem_parts(members)
         chosen = problem.counted if rows is None else rows
