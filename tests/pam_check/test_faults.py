@@ -216,7 +216,7 @@ def test_a_trial_finds_fault_with_a_model_that_tells_what_is_old(chain):
         chain.model.__class__ = Dreamer
         return run_trial(chain, kind_called("driver_killed"), {}, 1)
 
-    assert in_a_fork(forgetful).problem == "the model tells what is old"
+    assert in_a_fork(forgetful).problem == "the model publishes an old estimate"
 
 
 @pytest.mark.parametrize(

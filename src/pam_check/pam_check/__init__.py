@@ -1,3 +1,3 @@
-"""Checks of the whole suite: fault campaigns, fuzzing, endurance, security, withheld effects."""
+"""Checks of the whole suite: fault campaigns, fuzzing, endurance, security, blind diagnosis."""
 
 __version__ = "0.1.0"

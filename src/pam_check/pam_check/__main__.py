@@ -1,4 +1,4 @@
-"""`python -m pam_check`: checks of the whole suite, from faults to withheld effects."""
+"""`python -m pam_check`: checks of the whole suite, from fault campaigns to blind diagnosis."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ def _faults(given: Arguments) -> Outcome:
 def _declare_faults(parser: Parser) -> None:
     add_rig(parser)
     parser.add_argument(
-        "--trials", type=count(), metavar="N", help="in all (default: eight of each kind)"
+        "--trials",
+        type=count(),
+        metavar="N",
+        help="number of injections in total (default: eight of each kind)",
     )
     _add_kinds(parser)
     _add_seed(parser, 1)
@@ -29,7 +32,10 @@ def _declare_faults(parser: Parser) -> None:
         "--out", type=output_folder, default="out/faults", help="folder (default: %(default)s)"
     )
     parser.add_argument(
-        "--page", type=output_file, metavar="FILE", help="write the table here too, for the docs"
+        "--page",
+        type=output_file,
+        metavar="FILE",
+        help="also write the table to this file, for the docs",
     )
 
 
@@ -61,7 +67,11 @@ def _kill_trials(given: Arguments) -> Outcome:
 def _declare_kill_trials(parser: Parser) -> None:
     add_rig(parser)
     parser.add_argument(
-        "--trials", type=count(), default=200, metavar="N", help="kills (default: %(default)s)"
+        "--trials",
+        type=count(),
+        default=200,
+        metavar="N",
+        help="number of kills (default: %(default)s)",
     )
 
 
@@ -78,14 +88,14 @@ def _declare_soak(parser: Parser) -> None:
         type=number("h", above=0.0, most=LONGEST_SOAK),
         default=2.0,
         metavar="H",
-        help="of virtual time [h] (default: %(default)g)",
+        help="virtual time [h] (default: %(default)g)",
     )
     parser.add_argument(
         "--joints",
         type=count(),
         default=8,
         metavar="N",
-        help="copies of the rig's first joint, a board each (default: %(default)s)",
+        help="number of copies of the rig's first joint, one board each (default: %(default)s)",
     )
 
 
@@ -104,7 +114,7 @@ def _declare_lifecycle(parser: Parser) -> None:
         "--unplugged",
         type=count(0),
         metavar="N",
-        help="cycles that lose the bus, never the first ten (default: a fifth of --cycles)",
+        help="number of cycles without bus, none of the first ten (default: a fifth of --cycles)",
     )
     _add_seed(parser, 0)
 
@@ -128,7 +138,7 @@ def _declare_fuzz(parser: Parser) -> None:
         type=output_folder,
         default="out/fuzz",
         metavar="FOLDER",
-        help="seeds of what failed (default: %(default)s)",
+        help="file with the seeds of failed blocks (default: %(default)s)",
     )
 
 
@@ -173,10 +183,17 @@ def _blind(given: Arguments) -> Outcome:
 
 def _declare_blind(parser: Parser) -> None:
     parser.add_argument(
-        "--cases", type=count(), default=24, metavar="N", help="rigs to draw (default: %(default)s)"
+        "--cases",
+        type=count(),
+        default=24,
+        metavar="N",
+        help="number of rigs to draw (default: %(default)s)",
     )
     parser.add_argument(
-        "--seed", type=count(0), metavar="N", help="of everything drawn (default: from the clock)"
+        "--seed",
+        type=count(0),
+        metavar="N",
+        help="seed of all random draws (default: from the clock)",
     )
     parser.add_argument(
         "--out", type=output_folder, default="out/blind", help="folder (default: %(default)s)"
@@ -186,17 +203,17 @@ def _declare_blind(parser: Parser) -> None:
         type=count(),
         default=os.cpu_count() or 1,
         metavar="N",
-        help="diagnoses at once (default: one per processor)",
+        help="number of parallel diagnoses (default: one per processor)",
     )
     parser.add_argument(
         "--experiments",
         action="store_true",
-        help="carry out what ambiguous diagnoses propose, and diagnose again",
+        help="run the experiments that ambiguous diagnoses propose, and diagnose again",
     )
     parser.add_argument(
         "--keep-evidence",
         action="store_true",
-        help="keep what `sensitivity` needs to decide every case again",
+        help="keep the evidence that `sensitivity` needs to decide every case again",
     )
 
 
@@ -222,23 +239,29 @@ def _declare_sensitivity(parser: Parser) -> None:
         type=count(0),
         default=0,
         metavar="N",
-        help="cases to diagnose again for each constant that acts before the decision "
-        "(default: 0, such constants are left out)",
+        help="number of cases to diagnose again for each constant that acts before the decision "
+        "(default: 0, such constants are skipped)",
     )
     parser.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="CONSTANT",
-        help="only this constant, such as decision.no_gap; may be repeated",
+        help="only this constant, for example decision.no_gap; may be given several times",
     )
     parser.add_argument(
-        "--workers", type=count(), default=1, metavar="N", help="diagnoses at once (default: 1)"
+        "--workers",
+        type=count(),
+        default=1,
+        metavar="N",
+        help="number of parallel diagnoses (default: 1)",
     )
 
 
 def _add_kinds(parser: Parser) -> None:
-    parser.add_argument("--kind", action="append", help="only this fault; may be repeated")
+    parser.add_argument(
+        "--kind", action="append", help="only this fault; may be given several times"
+    )
 
 
 def _add_seed(parser: Parser, default: int) -> None:
@@ -247,7 +270,7 @@ def _add_seed(parser: Parser, default: int) -> None:
         type=count(0),
         default=default,
         metavar="N",
-        help="of everything drawn (default: %(default)s)",
+        help="seed of all random draws (default: %(default)s)",
     )
 
 
@@ -257,7 +280,7 @@ def _add_inputs(parser: Parser) -> None:
         type=count(),
         default=100_000,
         metavar="N",
-        help="inputs, tried in blocks of a thousand (default: %(default)s)",
+        help="number of inputs, run in blocks of a thousand (default: %(default)s)",
     )
     _add_seed(parser, 0)
 
@@ -265,7 +288,7 @@ def _add_inputs(parser: Parser) -> None:
 COMMANDS = (
     Command(
         "faults",
-        "inject every fault many times on a virtual clock and compare with the promised bounds",
+        "inject every fault many times on a virtual clock and compare with the stated bounds",
         _declare_faults,
         _faults,
         bad_news="if a fault is out of bounds",
@@ -287,7 +310,7 @@ COMMANDS = (
     ),
     Command(
         "soak",
-        "drive many joints for hours of virtual time and look for what grows or runs away",
+        "move many joints for hours of virtual time and look for leaks and drift",
         _declare_soak,
         _soak,
         bad_news="if anything is out of bounds",
@@ -301,7 +324,7 @@ COMMANDS = (
     ),
     Command(
         "fuzz",
-        "throw random and mutated input at an entrance of the suite",
+        "feed random and mutated input into an interface of the suite",
         _declare_fuzz,
         _fuzz,
         bad_news="if anything failed",
@@ -309,7 +332,7 @@ COMMANDS = (
     ),
     Command(
         "fuzz-callbacks",
-        "throw random messages at the callbacks of the nodes",
+        "feed random messages into the callbacks of the nodes",
         _declare_fuzz_callbacks,
         _fuzz_callbacks,
         bad_news="if anything failed",
@@ -323,14 +346,14 @@ COMMANDS = (
     ),
     Command(
         "security-check",
-        "compare the SROS 2 policy with what running nodes use",
+        "compare the SROS 2 policy with the topics and services that running nodes use",
         add_rig,
         _security_check,
         bad_news="if they differ",
     ),
     Command(
         "blind",
-        "diagnose drawn rigs whose effects are withheld, and score the answers",
+        "diagnose randomly drawn rigs with hidden effects, and score the answers",
         _declare_blind,
         _blind,
         bad_news="if a diagnosis crashed",
@@ -338,7 +361,7 @@ COMMANDS = (
     ),
     Command(
         "sensitivity",
-        "change each constant of the diagnosis and count what that does to a campaign",
+        "change each constant of the diagnosis and count the changed verdicts of a campaign",
         _declare_sensitivity,
         _sensitivity,
         examples=(

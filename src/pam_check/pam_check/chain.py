@@ -1,4 +1,4 @@
-"""The nodes of a simulated rig as processes: which they are, on which bus, in which order."""
+"""Runs the nodes of a simulated rig as processes on a private bus, in the right order."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class BusChoice:
 
     @property
     def parameters(self) -> dict[str, Setting]:
-        """For the nodes on the bus."""
+        """Bus parameters for the nodes."""
         settings: dict[str, Setting] = {
             "bus.interface": self.interface,
             "bus.channel": self.channel,
@@ -55,19 +55,19 @@ class BusChoice:
 
 
 def free_udp_port() -> int:
-    """A UDP port that nobody uses now."""
+    """A UDP port that is not in use."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("", 0))
         return int(probe.getsockname()[1])
 
 
 def multicast_bus() -> BusChoice:
-    """A multicast bus on a free port; its frames do not leave this machine."""
+    """A multicast bus on a free port; its frames stay on this machine."""
     return BusChoice("udp_multicast", MULTICAST_GROUP, free_udp_port())
 
 
 def best_bus() -> BusChoice:
-    """The interface vcan0 where it is up, else a loopback multicast bus."""
+    """The interface vcan0 if it is up, otherwise a loopback multicast bus."""
     flags = Path("/sys/class/net/vcan0/flags")
     if flags.exists() and int(flags.read_text(), 16) & 1:
         return BusChoice("socketcan", "vcan0")
@@ -75,9 +75,9 @@ def best_bus() -> BusChoice:
 
 
 def private_domain() -> dict[str, str]:
-    """Environment of a ROS domain that no other machine hears and hardly another run shares.
+    """Environment of a ROS domain that is limited to this machine and probably not in use.
 
-    Another one at every call: nodes that a chain has lost must not be met by the next one.
+    Every call gives another domain, so that a chain does not meet nodes left over from another.
     """
     # 101 and above run into the ports the kernel hands out
     domain = 1 + next(_domains) % 100
@@ -86,7 +86,7 @@ def private_domain() -> dict[str, str]:
 
 @contextmanager
 def set_environment(environment: Mapping[str, str]) -> Iterator[None]:
-    """Let this process's environment have these values until left."""
+    """Set these environment variables of this process inside the context."""
     before = {name: os.environ.get(name) for name in environment}
     os.environ.update(environment)
     try:
@@ -101,20 +101,20 @@ def set_environment(environment: Mapping[str, str]) -> Iterator[None]:
 
 @dataclass(slots=True)
 class Chain:
-    """The processes of one simulated rig; ends them all when left.
+    """The processes of one simulated rig; they all end with the context.
 
     Attributes
     ----------
     params_files : sequence of Path
         The rig file first.
     bus : BusChoice
-        Between rig and driver.
+        Bus between rig and driver.
     environment : mapping
-        Of the processes.
+        Environment of the processes.
     processes : dict of str to NodeProcess
-        That were started and not stopped.
+        Processes that were started and not stopped.
     outputs : dict of str to str
-        What those that were stopped have written.
+        Output of the processes that were stopped.
     """
 
     params_files: Sequence[Path]
@@ -124,7 +124,7 @@ class Chain:
     outputs: dict[str, str] = field(default_factory=dict)
 
     def start(self, name: str, parameters: Mapping[str, Setting] | None = None) -> NodeProcess:
-        """Start one of MODULES."""
+        """Start one node of MODULES."""
         settings = dict(self.bus.parameters) if name in ON_THE_BUS else {}
         settings.update(parameters or {})
         process = NodeProcess(MODULES[name], settings, self.params_files, self.environment)
@@ -132,19 +132,19 @@ class Chain:
         return process
 
     def check(self) -> None:
-        """Raise ProcessError if any has ended by itself."""
+        """Raise ProcessError if a process has ended by itself."""
         for process in self.processes.values():
             process.check()
 
     def stop(self, name: str) -> int:
-        """End one; returns its exit code."""
+        """End one process and return its exit code."""
         process = self.processes.pop(name)
         code = process.stop()
         self.outputs[name] = f"{self.outputs.get(name, '')}{process.output}\nexit code {code}\n"
         return code
 
     def stop_all(self) -> None:
-        """End all, the commanding ones first, so that valves are shut before the rig goes."""
+        """End all processes, the commanding ones first, so that valves shut before the rig ends."""
         for name in reversed(list(self.processes)):
             self.stop(name)
 

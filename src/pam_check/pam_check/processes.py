@@ -1,4 +1,4 @@
-"""Nodes as processes of their own: started, listened to, waited for, ended without leftovers."""
+"""Runs nodes as separate processes: starts them, reads their output, waits for and ends them."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ Setting = bool | int | float | str
 
 
 class ProcessError(PamError):
-    """A process that ended or said nothing when it should not; the message has its last words."""
+    """A process ended too early or did not respond; the message has its last output."""
 
 
 def parameter_arguments(
     parameters: Mapping[str, Setting], params_files: Sequence[str | Path] = ()
 ) -> list[str]:
-    """What follows a node's command to set its parameters.
+    """Command line arguments that set a node's parameters.
 
     Parameters
     ----------
     parameters : mapping
-        Single values; they win over the files.
+        Single values, which override those of the files.
     params_files : sequence of str or Path
-        Parameter files, the rig among them.
+        Parameter files, including the rig file.
 
     Returns
     -------
@@ -58,11 +58,11 @@ class NodeProcess:
     parameters : mapping, optional
         Parameter values.
     params_files : sequence of str or Path, optional
-        Parameter files, the rig among them.
+        Parameter files, including the rig file.
     environment : mapping, optional
-        Added to this process's environment.
+        Variables that are added to the environment of this process.
     arguments : sequence of str, optional
-        Before the ROS arguments.
+        Arguments before the ROS arguments.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class NodeProcess:
             text=True,
             errors="replace",
             env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
-            # a Ctrl-C in the terminal reaches the starter alone, which then ends the nodes in order
+            # Ctrl-C in the terminal reaches only the parent, which then ends the nodes in order
             start_new_session=True,
         )
         self._lines: list[str] = []
@@ -113,22 +113,22 @@ class NodeProcess:
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """Process id."""
         return self._process.pid
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended yet."""
+        """Whether the process is still running."""
         return self._process.poll() is None
 
     @property
     def output(self) -> str:
-        """All it has written, errors included."""
+        """All output of the process, including errors."""
         with self._news:
             return "\n".join(self._lines)
 
     def check(self) -> None:
-        """Raise ProcessError if it has ended."""
+        """Raise ProcessError if the process has ended."""
         if not self.running:
             raise ProcessError(f"{self.module} ended with code {self._ended()}:\n{self._last()}")
 
@@ -159,12 +159,12 @@ class NodeProcess:
             raise ProcessError(f"{self.module} ended with code {self._ended()}:\n{self._last()}")
 
     def wait(self, timeout: float) -> int:
-        """Exit code; negative for the signal that ended it.
+        """Wait for the end; return the exit code, or the negative number of the ending signal.
 
         Raises
         ------
         ProcessError
-            If it still runs after `timeout` seconds.
+            If the process still runs after `timeout` seconds.
         """
         try:
             code = self._process.wait(timeout)
@@ -176,12 +176,12 @@ class NodeProcess:
         return code
 
     def send(self, number: signal.Signals) -> None:
-        """Send a signal, if it still runs."""
+        """Send a signal if the process still runs."""
         if self.running:
             self._process.send_signal(number)
 
     def stop(self, timeout: float = 5.0) -> int:
-        """End it as Ctrl-C does, by force if that takes too long; returns the exit code."""
+        """End the process by SIGINT, or by force after a time-out; return the exit code."""
         self.send(signal.SIGINT)
         try:
             return self.wait(timeout)
@@ -190,7 +190,7 @@ class NodeProcess:
             return self.wait(5.0)
 
     def kill(self) -> None:
-        """End it at once and all it has started."""
+        """Kill the process and all processes that it has started."""
         if self.running:
             os.killpg(self._process.pid, signal.SIGKILL)
 

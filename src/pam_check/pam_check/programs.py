@@ -1,7 +1,7 @@
-"""The programs that checks start as processes of their own, by the module that `python -m` runs.
+"""The programs that checks start as separate processes, by the module that `python -m` runs.
 
-Modules are named in text nowhere else: what is imported is imported by an import statement, so that
-the rules about imports see it.
+This is the only place in which modules are named by strings. All imports are import statements, so
+that the test of the import rules sees them.
 """
 
 from __future__ import annotations

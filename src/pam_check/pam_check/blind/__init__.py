@@ -1,1 +1,1 @@
-"""The withheld check: rigs with hidden effects, drawn, sealed, diagnosed and scored."""
+"""The blind check: rigs with hidden effects are drawn, sealed, diagnosed and scored."""

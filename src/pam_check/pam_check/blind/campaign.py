@@ -1,8 +1,8 @@
-"""`python -m pam_check blind`: draw hidden effects, diagnose the recordings alone, open, score.
+"""`python -m pam_check blind`: draw hidden effects, diagnose the recordings, open labels, score.
 
-The cases are drawn in a process of their own (`pam_check.blind.cases`); each diagnosis runs in a
-process of its own that is given a recording and a rig file and nothing else. The labels' digest
-is written down before the first diagnosis and compared when they are opened.
+The cases are drawn in a separate process (`pam_check.blind.cases`). Each diagnosis runs in its own
+process, which gets only a recording and a rig file. The digest of the labels is stored before the
+first diagnosis and compared when the labels are opened.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def draw_sealed(cases: int, seed: int, out: Path) -> str:
 
 
 def diagnose_case(case: Path, out: Path, keep_evidence: bool = False) -> dict[str, Any]:
-    """Diagnose one case in a process that sees its recording and rig file alone."""
+    """Diagnose one case in a process that gets only its recording and rig file."""
     evidence = ["--keep-evidence"] if keep_evidence else []
     started = time.monotonic()
     done = subprocess.run(
@@ -71,22 +71,24 @@ def diagnose_case(case: Path, out: Path, keep_evidence: bool = False) -> dict[st
 
 
 def open_labels(sealed: Path, digest: str) -> list[dict[str, Any]]:
-    """Open the labels, checking that they are the ones sealed.
+    """Open the labels and check that they are the sealed ones.
 
     Raises
     ------
     PamError
-        When their digest is not the one written down before.
+        When their digest differs from the stored one.
     """
     text = (sealed / LABELS).read_text()
     if hashlib.sha256(text.encode()).hexdigest() != digest:
-        raise PamError(f"{sealed / LABELS}: the labels are not those sealed before the diagnosis")
+        raise PamError(
+            f"{sealed / LABELS}: these are not the labels that were sealed before the diagnosis"
+        )
     labels: list[dict[str, Any]] = json.loads(text)
     return labels
 
 
 def add_untouched(out: Path, answers: dict[str, dict[str, Any]]) -> None:
-    """Put into each answer what its improved rig closes on the sealed second recording."""
+    """Add to each answer how much its improved rig closes the gap on the second recording."""
     for name, answer in answers.items():
         improved = out / "answers" / name / IMPROVED_RIG
         if answer.get("closed") and improved.exists():
@@ -98,7 +100,7 @@ def add_untouched(out: Path, answers: dict[str, dict[str, Any]]) -> None:
 
 
 def draw_confusion(pairs: list[tuple[str, str]], path: Path) -> None:
-    """Draw the confusion matrix of single effects: truth down, first name across."""
+    """Plot the confusion matrix of single effects: true effect in rows, first name in columns."""
     truths = ["none", *KNOWN, *OUTSIDE]
     answers = ["none", *KNOWN, "unknown", "not_identifiable", "crash"]
     counts = np.zeros((len(truths), len(answers)), dtype=int)
@@ -110,8 +112,8 @@ def draw_confusion(pairs: list[tuple[str, str]], path: Path) -> None:
         axis.text(float(j), float(i), str(counts[i, j]), ha="center", va="center")
     axis.set_xticks(range(len(answers)), answers, rotation=90)
     axis.set_yticks(range(len(truths)), truths)
-    axis.set_xlabel("first name in the answer")
-    axis.set_ylabel("hidden effect (below the table's: effects no table names)")
+    axis.set_xlabel("first effect named in the answer")
+    axis.set_ylabel("hidden effect (at the bottom: effects outside the diagnosis's table)")
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
@@ -124,15 +126,15 @@ def run_campaign(
     experiments: bool = False,
     keep_evidence: bool = False,
 ) -> dict[str, Any]:
-    """Draw, diagnose and score `cases` cases; leave everything under `out`.
+    """Draw, diagnose and score `cases` cases; all files are written into `out`.
 
-    With `experiments`, what each ambiguous diagnosis proposes is carried out and scored as well.
-    With `keep_evidence`, every diagnosis keeps what `sensitivity` needs to decide it again.
+    With `experiments`, the experiment that each ambiguous diagnosis proposes is run and scored as
+    well. With `keep_evidence`, every diagnosis keeps the evidence that `sensitivity` needs.
 
     Raises
     ------
     PamError
-        When `out` holds a campaign already, or the generator fails.
+        When `out` already contains a campaign, or the generator fails.
     """
     if (out / "cases").exists():
         raise PamError(f"{out}: holds a campaign already; give another --out")
@@ -174,12 +176,12 @@ def run_campaign(
 
 
 def run(given: Arguments) -> Outcome:
-    """Run the campaign and print its figures; the command of `pam_check.__main__`.
+    """Run the campaign and print its scores; the command of `pam_check.__main__`.
 
     Raises
     ------
     PamError
-        When the folder holds a campaign already, or the generator fails.
+        When the folder already contains a campaign, or the generator fails.
     """
     mpl.use("Agg")
     seed = given.seed if given.seed is not None else time.time_ns() % 2**32

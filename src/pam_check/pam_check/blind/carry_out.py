@@ -1,7 +1,7 @@
-"""Carries out a proposed experiment on the hidden rig of a sealed case, in a process of its own.
+"""Runs a proposed experiment on the hidden rig of a sealed case, in a separate process.
 
-Run as `python -m pam_check.blind.carry_out`: reads the label to know the rig, writes a recording
-and prints nothing, so that whoever asks learns what a bench would show and no more.
+Run as `python -m pam_check.blind.carry_out`. It reads the label to know the rig, writes a recording
+and prints nothing, so that the caller gets no more information than a test bench would give.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def carry_out(
     excitation: Excitation,
     seed: int,
 ) -> TruthRecording:
-    """Play an excitation on a true rig: under its loop, then with valve commands where it says so.
+    """Play an excitation on a true rig: in closed loop, then with its valve commands if it has any.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def carry_out(
     opened = excitation.time >= excitation.open_from
     if not opened.any():
         return recording
-    # The same noise again: up to where the valves are taken over, nothing differs.
+    # The same noise again, so that nothing differs until the direct valve commands begin.
     commands: Array = np.where(opened[:, None], excitation.open_commands, recording.commands)
     return run_truth(
         mounted, muscles, played, sensors, np.random.default_rng(seed), fixed_commands=commands
@@ -81,13 +81,15 @@ def rig_of(label: dict[str, Any]) -> tuple[TruthJoint, tuple[TruthMuscle, TruthM
 
 
 def _declare(parser: Parser) -> None:
-    parser.add_argument("--sealed", type=input_folder, required=True, help="of the campaign")
+    parser.add_argument("--sealed", type=input_folder, required=True, help="folder of the campaign")
     parser.add_argument("--case", required=True, help="name of the case")
-    parser.add_argument("--experiment", type=input_folder, required=True, help="as proposed")
+    parser.add_argument(
+        "--experiment", type=input_folder, required=True, help="file of the proposed experiment"
+    )
     parser.add_argument(
         "--out", type=output_file, required=True, help="recording to write (.csv.gz)"
     )
-    parser.add_argument("--seed", type=count(0), default=1, metavar="N", help="of the noise")
+    parser.add_argument("--seed", type=count(0), default=1, metavar="N", help="seed of the noise")
 
 
 def _run(given: Arguments) -> Outcome:
@@ -105,7 +107,7 @@ def _run(given: Arguments) -> Outcome:
 
 def main() -> int:
     """Write the recording of one case's experiment."""
-    command = Command("carry_out", "carry out a proposed experiment", _declare, _run)
+    command = Command("carry_out", "run a proposed experiment on a hidden rig", _declare, _run)
     return run_command(command, "python -m pam_check.blind.carry_out")
 
 

@@ -1,8 +1,8 @@
 """The generator process: draws cases, writes recordings and rig files, and seals the labels.
 
-Run as `python -m pam_check.blind.cases`; the diagnosis never imports this module. Labels go to a
-folder that no diagnosis is given; their SHA-256 is printed, so that the labels opened later can be
-shown to be those drawn now.
+Run as `python -m pam_check.blind.cases`; the diagnosis never imports this module. The labels are
+written to a folder that no diagnosis knows. Their SHA-256 is printed, so that it can be shown later
+that the opened labels are the drawn ones.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ LABELS = "labels.json"
 
 @dataclass
 class Label:
-    """What is hidden in a case: the sealed half."""
+    """The hidden effects of a case, which are sealed."""
 
     case: str
     kind: str  # none, one, two, outside
     effects: list[str]
     stages: list[str]
     gap_over_floor: float
-    """Largest RMS change of a channel that the effects make under equal commands, over noise."""
+    """Largest RMS change of a channel due to the effects, in multiples of its noise."""
     joint: dict[str, float]
     muscles: list[dict[str, float]]
     sensors: dict[str, float]
@@ -51,7 +51,7 @@ class Label:
 
 
 def rig_parameters(joint: TruthJoint, muscle: TruthMuscle, tolerance: float) -> dict[str, object]:
-    """Put the believed rig into the keys of a rig file."""
+    """The nominal rig as keys of a rig file."""
     one = {
         "model": "chou_hannaford",
         "thread_length": muscle.thread_length,
@@ -91,7 +91,7 @@ def rig_parameters(joint: TruthJoint, muscle: TruthMuscle, tolerance: float) -> 
 
 
 def to_table(recording: TruthRecording, load_cells: bool) -> pd.DataFrame:
-    """Name the channels as a recording does."""
+    """The channels with the names that a recording uses."""
     table = {
         "time": recording.time,
         "valve_commands.elbow_flexor": recording.commands[:, 0],
@@ -128,13 +128,13 @@ def make_case(
 ) -> Label:
     """Draw one case, write rig.yaml and recording.csv.gz, and return its label.
 
-    A second recording of the same rig under another motion goes to the sealed folder, to check
-    there how far the gap really closed.
+    A second recording of the same rig with another motion is written to the sealed folder. It
+    shows later how much the improved rig closes the gap.
 
     Raises
     ------
     RuntimeError
-        When no rig that can run is found in MAX_TRIES draws.
+        When MAX_TRIES draws give no rig that can run.
     """
     effects = _choose(random, kind)
     for _ in range(MAX_TRIES):
@@ -191,8 +191,8 @@ def make_case(
 def make_cases(count: int, seed: int, folder: Path, sealed: Path) -> str:
     """Write `count` cases into `folder`, their labels into `sealed`; return the labels' SHA-256.
 
-    Half of the cases hide one effect, the others none, two, or one outside the table, in equal
-    parts.
+    Half of the cases hide one effect. The others hide none, two, or one outside the table, in equal
+    shares.
     """
     random = np.random.default_rng(seed)
     kinds = random.permutation(
@@ -209,9 +209,12 @@ def make_cases(count: int, seed: int, folder: Path, sealed: Path) -> str:
 def _declare(parser: Parser) -> None:
     parser.add_argument("--cases", type=count(), required=True, metavar="N")
     parser.add_argument("--seed", type=count(0), required=True, metavar="N")
-    parser.add_argument("--folder", type=output_folder, required=True, help="where the cases go")
+    parser.add_argument("--folder", type=output_folder, required=True, help="folder for the cases")
     parser.add_argument(
-        "--sealed", type=output_folder, required=True, help="for labels and check recordings"
+        "--sealed",
+        type=output_folder,
+        required=True,
+        help="folder for labels and second recordings",
     )
 
 
@@ -222,8 +225,10 @@ def _run(given: Arguments) -> Outcome:
 
 
 def main() -> int:
-    """Draw cases from the command line; prints the digest of the labels and nothing else."""
-    command = Command("cases", "draw rigs with hidden effects, labels sealed", _declare, _run)
+    """Draw cases from the command line and print only the digest of the labels."""
+    command = Command(
+        "cases", "draw rigs with hidden effects and seal their labels", _declare, _run
+    )
     return run_command(command, "python -m pam_check.blind.cases")
 
 

@@ -1,8 +1,9 @@
-"""Rigs drawn at random: what their owner believes, what they truly are, and how they are moved.
+"""Draws random rigs: the nominal rig, the true rig and its excitation.
 
-Every hidden effect has a range of sizes that occur on real rigs (equations and facts of the
-literature named in `pam_model.effects`); parameters lie within the rig's declared tolerance of
-the believed ones; excitation, loop gains, sample time and sensors vary from case to case.
+The size of every hidden effect is drawn from a range that occurs on real rigs (equations and
+literature are named in `pam_model.effects`). The true parameters differ from the nominal ones by at
+most the declared tolerance of the rig. Excitation, loop gains, sample time and sensors vary from
+case to case.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ SETTLE = 1.0  # s at rest before the motion
 
 @dataclass
 class Draw:
-    """A rig in the making: generator, truth so far."""
+    """A rig that is being drawn: random generator, and the true parameters so far."""
 
     random: np.random.Generator
     joint: TruthJoint
@@ -138,7 +139,7 @@ KNOWN: dict[str, tuple[str, Callable[[Draw], None]]] = {
     "pressure_bias": ("sensing", lambda d: d.one(pressure_bias=d.sign() * d.span(5e3, 2e4))),
     "pressure_lag": ("sensing", lambda d: d.both(pressure_lag=d.span(0.01, 0.05))),
 }
-"""Effects of the table: stage, and how a size is drawn."""
+"""Effects of the table: their stage, and the function that draws their size."""
 
 OUTSIDE: dict[str, tuple[str, Callable[[Draw], None]]] = {
     "pulley_eccentricity": (
@@ -154,11 +155,11 @@ OUTSIDE: dict[str, tuple[str, Callable[[Draw], None]]] = {
     "spool_hysteresis": ("valve", lambda d: d.both(spool_hysteresis=d.span(0.02, 0.06))),
     "backlash": ("joint", lambda d: d.on_joint(backlash=d.span(0.02, 0.06))),
 }
-"""Effects that the table does not name: the honest answer is `unknown`."""
+"""Effects outside the table; the correct answer is `unknown`."""
 
 
 def believed_rig(random: np.random.Generator) -> tuple[TruthJoint, TruthMuscle]:
-    """Draw the rig as its owner writes it down."""
+    """Draw the nominal rig, which the rig file describes."""
     turns = random.uniform(1.5, 2.2)
     rest_angle = math.radians(random.uniform(22.0, 27.0))
     thread = random.uniform(0.22, 0.34)
@@ -192,7 +193,7 @@ def believed_rig(random: np.random.Generator) -> tuple[TruthJoint, TruthMuscle]:
 
 
 def perturbed(draw: Draw, tolerance: float) -> None:
-    """Move the nominal parameters within the declared tolerance."""
+    """Change the nominal parameters within the declared tolerance."""
 
     def off(value: float) -> float:
         return float(value * (1.0 + tolerance * draw.random.uniform(-1.0, 1.0)))
@@ -220,7 +221,7 @@ def _steps(random: np.random.Generator, count: int, low: float, high: float, dt:
 def draw_excitation(
     random: np.random.Generator, joint: TruthJoint, sample_time: float
 ) -> Excitation:
-    """Draw a motion: steps, sines or both, at changing co-contraction, in pressure or angle."""
+    """Draw a motion: steps, sines or both, with varying co-contraction, in pressure or angle."""
     n = round(DURATION / sample_time)
     time = np.arange(n) * sample_time
     kind = random.choice(["steps", "sines", "both"], p=[0.3, 0.3, 0.4])

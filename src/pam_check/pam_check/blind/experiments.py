@@ -1,8 +1,7 @@
-"""After a campaign: carry out what each ambiguous diagnosis proposed, and diagnose both together.
+"""After a campaign: run the experiments of ambiguous diagnoses, and diagnose both recordings.
 
-The hidden rig is run in a process of its own (`pam_check.blind.carry_out`) that returns a
-recording; the second diagnosis is given the first recording, the new one and how the joint was
-mounted.
+The hidden rig is simulated in a separate process (`pam_check.blind.carry_out`), which returns a
+recording. The second diagnosis gets the first recording, the new one and the mounting of the joint.
 """
 
 from __future__ import annotations
@@ -26,17 +25,17 @@ HOW_MOUNTED = {"": [], TURNED_OVER: ["--turned-over"], LOCKED: ["--locked"]}
 
 
 def ambiguity(answer: Mapping[str, Any]) -> int:
-    """How many explanations the answer leaves for what it cannot decide: 1 where it names."""
+    """Number of explanations that the answer leaves open; 1 if it names an effect."""
     return max((len(group) for group in answer["indistinguishable"]), default=1)
 
 
 def experiment_on_case(campaign: Path, case: str) -> dict[str, Any]:
-    """Carry out one case's proposal and diagnose again.
+    """Run the proposed experiment of one case and diagnose again.
 
     Raises
     ------
     PamError
-        When the hidden rig cannot be run.
+        When the hidden rig cannot be simulated.
     """
     proposal = campaign / "answers" / case / FOLDER
     place = campaign / "experiments" / case
@@ -71,7 +70,7 @@ def experiment_on_case(campaign: Path, case: str) -> dict[str, Any]:
     after = json.loads((place / "diagnosis.json").read_text())
     left = ambiguity(after)
     gone = result["ambiguity_before"] - left
-    # One richer explanation in place of two simple ones is no smaller set.
+    # One explanation with more effects in place of two simple ones is not a smaller set.
     fewer = len(reported_set(after)) <= len(reported_set(before)) - gone
     decided = after["verdict"] in ("named", "ambiguous") and fewer
     return result | {
@@ -88,24 +87,25 @@ def run_experiments(
     answers: Mapping[str, Mapping[str, Any]],
     workers: int,
 ) -> dict[str, Any]:
-    """Carry out the proposals of every ambiguous case of a campaign that is scored.
+    """Run the proposed experiments of all ambiguous cases of a scored campaign.
 
     Parameters
     ----------
     campaign : Path
-        Its folder.
+        Folder of the campaign.
     labels : list of dict
-        Opened; used for telling whether the truth stayed in the set.
+        The opened labels, which show whether the true effect stayed in the set.
     answers : mapping
-        Of the campaign.
+        Answers of the campaign.
     workers : int
-        How many at once.
+        Number of parallel processes.
 
     Returns
     -------
     dict
-        `halved`: share of ambiguous cases whose set at least halved; `truth_kept`: share of those
-        whose truth was in the set before and still is; `cases`: each in detail.
+        `halved`: share of ambiguous cases whose set became at most half as large; `truth_kept`:
+        share of the cases with the true effect in the set before that still have it; `cases`: the
+        details of each case.
     """  # fmt: skip
     names = [
         name

@@ -1,7 +1,7 @@
-"""Scores of diagnoses against the opened labels.
+"""Scores the diagnoses by the opened labels.
 
-Pure functions from labels and answers to figures, so that the figures can be made again from the
-files a campaign leaves behind.
+The functions depend only on labels and answers, so the scores can be computed again from the files
+of a campaign.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 from scipy.stats import beta
 
 CLEAR_GAP = 3.0
-"""Floors: below it a hidden effect is too weak for its absence in the answer to count."""
+"""In multiples of the noise: a weaker hidden effect need not be in the answer."""
 
 
 @dataclass(frozen=True)
 class Share:
-    """A share of cases with its exact (Clopper-Pearson) 90 % interval."""
+    """A share of cases, with its exact (Clopper-Pearson) 90 % confidence interval."""
 
     hits: int
     of: int
@@ -53,7 +53,7 @@ def share(outcomes: Sequence[bool]) -> Share:
 
 
 def reported_set(answer: Mapping[str, Any]) -> set[str]:
-    """Every effect the answer holds possible: those named and those it cannot tell from them."""
+    """All effects that the answer considers possible: named ones and those it cannot exclude."""
     effects = set(answer["effects"])
     together = {e for group in answer["indistinguishable"] for e in group if effects & set(group)}
     return effects | together

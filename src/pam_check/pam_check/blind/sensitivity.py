@@ -1,9 +1,9 @@
-"""How much the verdicts depend on the hand-set constants: each one made smaller and larger.
+"""Sensitivity of the verdicts to the hand-set constants: each is made smaller and larger.
 
-Constants that act after the search are decided again from the evidence that every diagnosis of a
-campaign kept (`blind --keep-evidence`), which takes milliseconds. Constants that act earlier need
-the recordings to be diagnosed again; this is done for as many cases as asked for. Before anything
-is changed, the decisions are repeated with the constants in use and must give the stored verdicts.
+If a constant acts after the search, the verdicts are decided again from the evidence that every
+diagnosis of a campaign kept (`blind --keep-evidence`), which takes milliseconds. If a constant acts
+earlier, the recordings have to be diagnosed again, which is done for a given number of cases. First
+the decisions are repeated with the constants in use; they must give the stored verdicts.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
 CHANGE = 0.3
-"""Of each constant, downwards and upwards."""
+"""Default relative change of each constant, downwards and upwards."""
 COUNTED = (
     "top1",
     "truth_in_set",
@@ -63,13 +63,13 @@ class Campaign:
     Attributes
     ----------
     folder : Path
-        Of the campaign.
+        Folder of the campaign.
     labels : list of mapping
-        What is hidden in each case.
+        Hidden effects of each case.
     answers : mapping
         Case -> diagnosis.json.
     evidence : mapping
-        Case -> what its diagnosis kept.
+        Case -> evidence that its diagnosis kept.
     """
 
     folder: Path
@@ -84,8 +84,8 @@ class Campaign:
         Raises
         ------
         PamError
-            When the folder holds no finished campaign, a case kept no evidence, or the labels are
-            not those that were sealed.
+            When the folder contains no finished campaign, a case has no evidence, or the labels
+            are not the sealed ones.
         """
         labels_file, score_file = folder / "sealed" / LABELS, folder / "score.json"
         if not labels_file.exists() or not score_file.exists():
@@ -101,7 +101,7 @@ class Campaign:
         for label in json.loads(text):
             place = folder / "answers" / label["case"]
             if not (place / "diagnosis.json").exists():
-                continue  # a crash: counts as wrong whatever the constants are
+                continue  # a crash counts as wrong with any constants
             if not (place / EVIDENCE).exists():
                 raise PamError(
                     f"{place}: no {EVIDENCE}; run the campaign again with --keep-evidence"
@@ -115,7 +115,7 @@ class Campaign:
         return cls(folder, json.loads(text), answers, evidence)
 
     def decided(self, rules: Rules) -> tuple[dict[str, dict[str, Any]], int]:
-        """Every verdict decided again; and in how many cases that is not exact."""
+        """Decide every verdict again; return the answers and the number of inexact cases."""
         answers: dict[str, dict[str, Any]] = {}
         inexact = 0
         for case, kept in self.evidence.items():
@@ -123,7 +123,7 @@ class Campaign:
             answers[case] = dict(again.answer)
             inexact += not again.is_exact
             before = self.answers[case]
-            # Measured with the rig that was found: it holds while the same effects are found.
+            # Measured with the identified rig, so it is valid only if the same effects are found.
             share = (before.get("closed") or {}).get("untouched")
             if share is not None and answers[case]["closed"] and same(answers[case], before):
                 answers[case]["closed"] = answers[case]["closed"] | {"untouched": share}
@@ -135,7 +135,7 @@ class Campaign:
         Raises
         ------
         PamError
-            When a verdict differs from the stored one: the evidence would prove nothing.
+            When a verdict differs from the stored one, so that the evidence cannot be used.
         """
         answers, _ = self.decided(DEFAULT)
         off = [case for case, answer in answers.items() if not same(answer, self.answers[case])]
@@ -148,7 +148,7 @@ class Campaign:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What one change of one constant does.
+    """Result of one change of one constant.
 
     Attributes
     ----------
@@ -159,15 +159,15 @@ class Row:
     how : str
         "decided again", "diagnosed again", "changes no verdict" or "not run".
     cases : int
-        On how many cases.
+        Number of cases.
     counts : mapping
-        Figure -> (hits, cases), as the blind check counts them.
+        Score -> (hits, cases), as the blind check counts them.
     before : mapping
-        The same with the constants in use, on the same cases.
+        The same counts with the constants in use, for the same cases.
     moved : int
-        Cases whose verdict, stage, effects or sets differ.
+        Number of cases whose verdict, stage, effects or sets differ.
     inexact : int
-        Cases in which deciding again would have needed a fit that was never made.
+        Number of cases in which the new decision would need a fit that was not made.
     """
 
     entry: RuleEntry
@@ -186,13 +186,13 @@ def same(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
 
 
 def counts_of(labels: Sequence[Mapping[str, Any]], answers: Answers) -> dict[str, tuple[int, int]]:
-    """The blind check's counts."""
+    """The counts of the blind check."""
     shares = score(labels, answers)["shares"]
     return {name: (shares[name]["hits"], shares[name]["of"]) for name in COUNTED}
 
 
 def diagnosed_again(task: tuple[Path, str, Rules, Path]) -> dict[str, Any]:
-    """Diagnose one case anew with other rules; its answer."""
+    """Diagnose one case again with other rules and return its answer."""
     folder, case, rules, out = task
     place = folder / "cases" / case
     found = diagnose_files(
@@ -215,27 +215,27 @@ def sensitivity(
     only: Sequence[str] = (),
     tell: Callable[[Row], None] = lambda row: None,
 ) -> list[Row]:
-    """Make every constant smaller and larger by a share of itself.
+    """Change every constant downwards and upwards by a given share.
 
     Parameters
     ----------
     campaign : Campaign
-        With its evidence.
+        A campaign with evidence.
     change : float
-        Share by which a constant is changed.
+        Relative change of a constant.
     rediagnose : int
-        Cases, the first ones, that are diagnosed again for constants that act before the decision.
+        Number of cases that are diagnosed again for constants that act before the decision.
     workers : int
-        Diagnoses at once.
+        Number of parallel diagnoses.
     only : sequence of str
-        Constants ("group.name") to change; all when empty.
+        Constants ("group.name") to change; empty means all.
     tell : callable
-        Given every row as soon as it is known.
+        Called with every row as soon as it is known.
 
     Raises
     ------
     PamError
-        When the evidence does not give the stored verdicts, or a constant is not in the table.
+        When the evidence does not give the stored verdicts, or a constant does not exist.
     """
     campaign.check()
     known = {entry.path: entry for entry in table()}
@@ -291,7 +291,7 @@ def _row(
 
 
 def to_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """The rows as plain data."""
+    """The rows as data for a JSON file."""
     return [
         {
             "constant": row.entry.path,
@@ -309,14 +309,14 @@ def to_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def _cell(after: tuple[int, int], before: tuple[int, int]) -> str:
-    """One count: a dot where nothing changed."""
+    """One count as text; a dot if it did not change."""
     if after == before:
         return "·"
     return f"{after[0]}/{after[1]} (was {before[0]}/{before[1]})"
 
 
 def to_markdown(rows: Sequence[Row]) -> str:
-    """The changes that moved a verdict or a count, and lists of the constants with none."""
+    """Table of the changes that moved a verdict or a count, and lists of the other constants."""
     lines = [
         "| " + " | ".join((*COLUMNS, *HEADINGS)) + " |",
         "|---" * (len(COLUMNS) + len(HEADINGS)) + "|",
@@ -344,14 +344,14 @@ def to_markdown(rows: Sequence[Row]) -> str:
 
 
 def run(given: Arguments) -> Outcome:
-    """Make the table of a campaign; the command of `pam_check.__main__`.
+    """Write the sensitivity table of a campaign; the command of `pam_check.__main__`.
 
     Writes `sensitivity.md` and `sensitivity.json` into the campaign's folder.
 
     Raises
     ------
     PamError
-        When the folder holds no campaign with evidence, or the evidence is of another version.
+        When the folder contains no campaign with evidence, or evidence of another version.
     """
     campaign = Campaign.read(given.folder)
     rows: list[Row] = []

@@ -1,18 +1,20 @@
-"""A second plant, for making recordings whose hidden effect the diagnosis must find.
+"""A second plant that makes recordings with hidden effects for the blind check.
 
 It is independent of pam_model.plant on purpose: it shares no law, no constant and no function with
-it, although some physics then stands twice in this repository. Do not replace anything here by what
-pam_model has; a fault in a shared law would be in data and model alike, and no check would see it.
+it, although some physics is therefore written twice in this repository. Do not replace anything
+here by functions of pam_model: an error in a shared law would be in the data and in the model, and
+no check would find it.
 
-Its formulas are others than those of the simulation the diagnosis fits, so that a right name is
-no echo of equal code (but for what has one form, and Dahl's law, a case of LuGre's): gas as mass
-and energy instead of pressure, LuGre friction (Canudas de Wit et al., 1995) for dry friction,
-Prandtl-Ishlinskii play operators for thread friction with the thread model's own scale (P pi D
-L), a springpot of Maxwell elements for creep, a Mooney-Rivlin bladder, the implicit thread
-tension for extensible braids, the square-root law of a long tube, convective heat transfer that
-grows with density, a two-pole spool; semi-implicit Euler at 0.05 ms.
+Its equations differ from those of the simulation that the diagnosis fits, so that a correct answer
+is not the result of identical code. (Exceptions are laws that have only one form, and Dahl's law,
+which is a special case of the LuGre model.) The states of the gas are mass and energy instead of
+pressure; dry friction is LuGre friction (Canudas de Wit et al., 1995); thread friction is a sum of
+Prandtl-Ishlinskii play operators with the scale of the thread model (P pi D L); creep is a
+springpot of Maxwell elements; the bladder is a Mooney-Rivlin solid; extensible braids use the
+implicit thread tension; a long tube follows the square-root law; convective heat transfer grows
+with density; the spool has two poles. The integration is semi-implicit Euler with 0.05 ms.
 
-Compiled by numba where it is installed; without it the same code runs, some 300 times slower.
+numba compiles the code if it is installed; without it the same code is some 300 times slower.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ import numpy.typing as npt
 
 
 def _compiled[F: Callable[..., Any]](function: F) -> F:
-    """Compile with numba where it is installed."""
+    """Compile with numba if it is installed."""
     try:
         from numba import njit  # noqa: PLC0415
     except ImportError:
@@ -45,7 +47,7 @@ N_CREEP = 7
 
 
 class TruthJoint(NamedTuple):
-    """What the joint and the rig around it truly are; defaults leave every effect out."""
+    """True parameters of the joint and the rig; the defaults are those without any effect."""
 
     pulley_radius: float
     inertia: float
@@ -61,11 +63,11 @@ class TruthJoint(NamedTuple):
     static_torque: float = 0.0  # breakaway, at least coulomb_torque
     stribeck_speed: float = 0.05
     bristle_angle: float = 1.5e-3
-    reservoir_volume: float = 0.0  # 0: the supply does not sag
+    reservoir_volume: float = 0.0  # 0: the supply pressure is constant
     reservoir_conductance: float = 0.0
     position_offset: float = 0.0
     position_delay: float = 0.0
-    # Effects that the table of effects does not name:
+    # Effects outside the table of effects:
     pulley_eccentricity: float = 0.0
     encoder_eccentricity: float = 0.0
     torque_ripple: float = 0.0
@@ -74,7 +76,7 @@ class TruthJoint(NamedTuple):
 
 
 class TruthMuscle(NamedTuple):
-    """What one muscle, its valve and its sensor truly are."""
+    """True parameters of one muscle, its valve and its sensor."""
 
     thread_length: float
     turns: float
@@ -110,7 +112,7 @@ class TruthMuscle(NamedTuple):
 
 @dataclass
 class Sensors:
-    """Noise and quantisation of what is recorded."""
+    """Noise and quantisation of the recorded channels."""
 
     pressure_noise: float = 150.0
     pressure_step: float = 244.0
@@ -122,10 +124,10 @@ class Sensors:
 
 @dataclass
 class Excitation:
-    """Pressure references and the loop that follows them."""
+    """Pressure references, and the gains of the control loop."""
 
     level: Array  # (n,) mean of both pressures [Pa]
-    difference: Array  # (n,) agonist less antagonist, half [Pa]
+    difference: Array  # (n,) half of agonist minus antagonist pressure [Pa]
     reference_position: Array  # (n,) [rad], used where position_gain is not 0
     sample_time: float
     proportional: float = 6.0e-6  # spool per Pa
@@ -135,7 +137,7 @@ class Excitation:
 
 @dataclass
 class TruthRecording:
-    """The recorded channels, and the forces that load cells would show."""
+    """The recorded channels, and the forces that load cells would measure."""
 
     time: Array
     commands: Array
@@ -239,7 +241,7 @@ def _run(  # noqa: PLR0912, PLR0915
 
     command = np.zeros(2)
     for k in range(n):
-        # What the sensors show and what the loop makes of it, once a sample.
+        # Sensors and control loop, once per sample.
         q_seen = q_buffer[(head - 1 - round(joint.position_delay / h)) % 4096] if k > 0 else q
         q_seen += joint.position_offset + joint.encoder_eccentricity * math.sin(q_seen + 0.7)
         q_seen = round((q_seen + noise[k, 2]) / q_step) * q_step
@@ -276,7 +278,7 @@ def _run(  # noqa: PLR0912, PLR0915
                 side = -1.0 if i == 0 else 1.0
                 b0, turns, rest = m.thread_length, m.turns, m.rest_length
                 area = 4.0 * math.pi * turns * turns
-                # Spool: written pole, then a second one.
+                # Spool: the nominal pole, then a second one.
                 delay_buffer[i, head] = command[i]
                 u = delay_buffer[i, (head - round(m.command_delay / h)) % 4096]
                 spool[i, 0] += (1.0 - math.exp(-h / m.time_constant)) * (u - spool[i, 0])
@@ -294,7 +296,7 @@ def _run(  # noqa: PLR0912, PLR0915
                     x = spool_play[i]
                 x -= m.null_offset
                 if m.dead_zone > 0.0:
-                    # Overlap with rounded edges, as a worn spool has.
+                    # Overlap with rounded edges, as on a worn spool.
                     width = 0.1 * m.dead_zone
                     reach = abs(x) - m.dead_zone
                     opened = 0.5 * (reach + math.sqrt(reach * reach + width * width)) - 0.5 * (
@@ -347,7 +349,7 @@ def _run(  # noqa: PLR0912, PLR0915
                 change = new_length - length[i]
                 length[i] = new_length
                 new_volume = new_length * (b * b - new_length * new_length) * scale + m.dead_volume
-                # First law with a state for the energy, or mass alone at constant temperature.
+                # Energy balance with a state for the energy, or mass only at constant temperature.
                 if m.heat_transfer > 0.0:
                     t_gas = energy[i] / (mass[i] * HEAT_CAPACITY)
                     heat = m.heat_transfer * math.sqrt(p_abs / 3.0e5) * (t0 - t_gas)
@@ -363,7 +365,7 @@ def _run(  # noqa: PLR0912, PLR0915
                 gauge[i] = p_abs - p_amb
                 if m.tube_volume <= 0.0:
                     line[i] = gauge[i]
-                # Pull.
+                # Muscle force.
                 le = new_length
                 effective = rest * (1.0 - m.end_factor * (rest - le) / rest)
                 pull = gauge[i] * (3.0 * effective * effective - b * b) * scale
@@ -408,8 +410,8 @@ def _run(  # noqa: PLR0912, PLR0915
             arm = radius + 2.0 * eccentricity * math.sin(2.0 * path_q + 0.6)
             torque *= arm
             if backlash > 0.0:
-                # The pulley turns freely within the play; where it carries load it leans on one
-                # flank: a stiff spring outside the gap.
+                # The pulley turns freely within the backlash; under load it touches one flank,
+                # which is modelled as a stiff spring.
                 lean = q - load_q
                 if lean > backlash:
                     load_q = q - backlash
@@ -462,17 +464,17 @@ def run_truth(
     excitation : Excitation
         References of n samples and the loop's gains.
     sensors : Sensors
-        Noise and quantisation.
+        Noise and quantisation of the sensors.
     generator : numpy.random.Generator
         Source of the noise.
     fixed_commands : ndarray (n, 2), optional
-        Valve commands that take the loop's place, to ask what the same commands would have done
-        to another rig.
+        Valve commands in place of the control loop, which show how another rig responds to the
+        same commands.
 
     Raises
     ------
     FloatingPointError
-        When the rig drawn is not one that can run (the joint diverges).
+        When the drawn rig cannot run, because the joint diverges.
     """
     n = excitation.level.size
     noise = generator.standard_normal((n, 5)) * np.array(

@@ -1,4 +1,4 @@
-"""How far the gap really closed: the improved rig on a recording the diagnosis never saw."""
+"""The share of the gap that the improved rig closes on a recording unknown to the diagnosis."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def untouched_closed(written: Path, improved: Path, recording: Path, joint: int 
     written, improved : Path
         Rig files before and after the diagnosis.
     recording : Path
-        Of the same rig under another motion.
+        Recording of the same rig with another motion.
     joint : int
-        Which joint.
+        Index of the joint.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Hours of driving, killed hosts and repeated lifecycle transitions."""
+"""Endurance checks: hours of motion, killed processes and repeated lifecycle transitions."""

@@ -1,8 +1,8 @@
-"""Kills a host process outright, many times, and measures how soon the boards' watchdogs vent.
+"""Kills a driving process many times and measures how soon the boards' watchdogs vent.
 
-`python -m pam_check kill-trials --trials 200` forks a process that drives simulated boards over a
-loopback multicast bus by the suite's driver, at 500 Hz in real time, and ends it by SIGKILL while
-air moves. Each board has to vent within its watchdog's period and 10 ms.
+`python -m pam_check kill-trials --trials 200` forks a process that runs the suite's driver at
+500 Hz in real time and commands simulated boards over a loopback multicast bus. The process is
+ended by SIGKILL while air flows. Each board has to vent within its watchdog period plus 10 ms.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ HOST_PERIOD, BOARD_PERIOD = 0.002, 0.001
 
 
 def drive_for_ever(rig: Rig, bus: BusChoice) -> None:
-    """Activate as soon as the boards answer, and command air until killed."""
+    """Activate as soon as the boards answer, and command air flow until the process is killed."""
     port = open_bus(bus.interface, bus.channel, port=bus.port)
     driver = Driver(rig, port, DriverSettings())
     little = [0.1 if kind == FLOW else 1e4 for kind in rig.valve_kinds.values()]
@@ -43,7 +43,7 @@ def drive_for_ever(rig: Rig, bus: BusChoice) -> None:
         now = time.monotonic()
         driver.cycle(now, time.time())
         if driver.state is SafetyState.VENTED:
-            with contextlib.suppress(ActivationError):  # not all boards have been heard yet
+            with contextlib.suppress(ActivationError):  # not all boards have answered yet
                 driver.activate(now)
         elif driver.state is SafetyState.FAULT:
             driver.clear_faults(now)
@@ -53,14 +53,14 @@ def drive_for_ever(rig: Rig, bus: BusChoice) -> None:
 
 
 def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
-    """One trial: seconds from SIGKILL to vented boards, and the longest gap between their turns.
+    """One trial: time from SIGKILL to vented boards, and their longest cycle time [s].
 
     Parameters
     ----------
     rig : Rig
-        What is driven.
+        The rig.
     moving_for : float
-        How long air moves before the kill [s].
+        Time during which air flows before the kill [s].
 
     Raises
     ------
@@ -76,7 +76,7 @@ def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
             drive_for_ever(rig, bus)
         finally:
             os._exit(1)
-    # a real board is a processor of its own, which no other process keeps waiting
+    # a real board has its own processor, so other processes must not delay the simulated one
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     active_at = killed_at = None
@@ -101,8 +101,8 @@ def kill_once(rig: Rig, moving_for: float) -> tuple[float, float]:
                 killed_at = time.monotonic()
                 os.kill(child, signal.SIGKILL)
             if now - start > PATIENCE:
-                told = "vented" if active_at is None else "active"
-                raise PamError(f"the boards stay {told} for more than {PATIENCE:g} s")
+                state = "vented" if active_at is None else "active"
+                raise PamError(f"the boards stay {state} for more than {PATIENCE:g} s")
             time.sleep(max(0.0, now + BOARD_PERIOD - time.monotonic()))
     finally:
         os.kill(child, signal.SIGKILL)

@@ -1,11 +1,11 @@
 """Configures, activates, deactivates and cleans up a driver process again and again.
 
 `python -m pam_check lifecycle --cycles 1000 --unplugged 200` runs a simulated rig and a driver on a
-loopback multicast bus and watches the driver's threads, file handles, sockets and memory. In some
-of the cycles, drawn at random, the bus is lost while the driver may move air, each time in one of
-four ways: python-can raises ENETDOWN, it raises ENODEV, the boards fall silent, the process that
-holds the boards is stopped. In half of those the bus is back before the driver is cleaned up, and
-it must activate again; in the other half it is cleaned up without a bus.
+loopback multicast bus and monitors the driver's threads, file handles, sockets and memory. In some
+randomly drawn cycles the bus is lost while the driver is active, in one of four ways: python-can
+raises ENETDOWN, python-can raises ENODEV, the boards send nothing, or the process of the boards is
+stopped. In half of these cycles the bus returns before the driver is cleaned up, and the driver
+must activate again; in the other half the driver is cleaned up without a bus.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from pam_model.errors import PamError
 from pam_model.rig import load_rig
 
 PATIENCE = 30.0  # s
-WARM = 10  # cycles until caches are filled; none of them without a bus but for the last two
+WARM = 10  # cycles until caches are filled; only the last two of them may lose the bus
 MEMORY_ALLOWED = 1.05
 WAYS = ("down", "gone", "silent", "stopped")
 _ERRORS = {"down": errno.ENETDOWN, "gone": errno.ENODEV}
@@ -47,7 +47,7 @@ _T = Transition
 
 
 class Cycles(NamedTuple):
-    """What the driver held after WARM cycles and at the end, and how often the bus was lost."""
+    """Resources of the driver after WARM cycles and at the end, and counts of lost buses."""
 
     before: Use
     after: Use
@@ -55,7 +55,7 @@ class Cycles(NamedTuple):
 
     @property
     def leaks(self) -> list[str]:
-        """What has grown."""
+        """Names of the resources that have grown."""
         before, after = self.before, self.after
         names = [name for name in ("threads", "handles", "sockets")
                  if getattr(after, name) > getattr(before, name)]  # fmt: skip
@@ -63,15 +63,15 @@ class Cycles(NamedTuple):
 
 
 class Plug:
-    """Takes the bus away in one of WAYS, and gives it back."""
+    """Interrupts the bus in one of WAYS, and restores it."""
 
     def __init__(self, path: Path, rig: NodeProcess, node: LifecycleCycler) -> None:
         self._path, self._rig, self._node = path, rig, node
 
     def pull(self, way: str) -> None:
-        """Lose the bus."""
+        """Interrupt the bus."""
         if way in _ERRORS:
-            # in one act: the driver must not read half a number
+            # atomic, so that the driver never reads an incomplete number
             part = self._path.with_suffix(".part")
             part.write_text(str(_ERRORS[way]), encoding="ascii")
             part.replace(self._path)
@@ -81,7 +81,7 @@ class Plug:
             self._node.inject("all_frames_lost_up duration=1000")
 
     def replug(self, way: str) -> None:
-        """Mend it."""
+        """Restore the bus."""
         self._path.unlink(missing_ok=True)
         os.kill(self._rig.pid, signal.SIGCONT)
         if way == "silent":
@@ -100,12 +100,12 @@ class LifecycleCycler(Node):  # type: ignore[misc]
         self._faults = self.create_publisher(String, "pam_rig/inject_fault", 10)
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
-        """Spin until something holds; PamError if it does not."""
+        """Spin until a condition is true; raise PamError after a time-out."""
         clock = self.get_clock()
         end = clock.now().nanoseconds + int(PATIENCE * 1e9)
         while not condition():
             if clock.now().nanoseconds > end:
-                raise PamError(f"waited in vain: {what}")
+                raise PamError(f"time-out after {PATIENCE:g} s while waiting for: {what}")
             rclpy.spin_once(self, timeout_sec=0.01)
 
     def _call(self, client: Any, request: Any) -> Any:
@@ -115,7 +115,7 @@ class LifecycleCycler(Node):  # type: ignore[misc]
         return future.result()
 
     def change(self, transition: int) -> bool:
-        """Ask for a transition; whether it came about."""
+        """Request a transition; return whether it succeeded."""
         request = ChangeState.Request()
         request.transition.id = transition
         return bool(self._call(self._change, request).success)
@@ -125,49 +125,49 @@ class LifecycleCycler(Node):  # type: ignore[misc]
         return int(self._call(self._get, GetState.Request()).current_state.id)
 
     def inject(self, fault: str) -> None:
-        """Let the rig have a fault."""
-        # a message sent before the rig is discovered would be lost without a word
+        """Inject a fault into the rig."""
+        # a message that is sent before the rig is discovered would be lost silently
         self.until(lambda: self._faults.get_subscription_count() > 0, "the rig's topic")
         self._faults.publish(String(data=fault))
 
     def mend(self) -> None:
-        """Take the rig's faults back."""
+        """Remove the rig's faults."""
         self._call(self._mend, Trigger.Request())
 
     def cycle(self, plug: Plug, way: str = "", back: bool = True) -> None:
-        """All four transitions.
+        """Perform all four transitions.
 
         Parameters
         ----------
         plug : Plug
-            Of the bus.
+            Interrupts and restores the bus.
         way : str
-            How the bus is lost in between, one of WAYS; empty if it is not.
+            How the bus is lost in between, one of WAYS; empty: it is not lost.
         back : bool
-            Whether it is back before the driver is cleaned up.
+            Whether the bus returns before the driver is cleaned up.
         """
         if not self.change(_T.TRANSITION_CONFIGURE):
-            raise PamError("the driver does not configure")
-        # boards whose commands stopped with the bus keep that as a fault of their own
+            raise PamError("the driver cannot be configured")
+        # boards that missed commands while the bus was lost have latched a fault
         self.until(self._activates, "activation")
         if way:
             plug.pull(way)
             self.until(lambda: self.state() == State.PRIMARY_STATE_INACTIVE, f"a fault: {way}")
             if self.change(_T.TRANSITION_ACTIVATE):
-                raise PamError(f"activates although the bus is lost: {way}")
+                raise PamError(f"the driver activates although the bus is lost: {way}")
             self._call(self._clear, Trigger.Request())
             if back:
                 plug.replug(way)
-                self.until(self._activates, f"activation when it is back: {way}")
+                self.until(self._activates, f"activation after the bus returned: {way}")
         if back and not self.change(_T.TRANSITION_DEACTIVATE):
-            raise PamError("the driver does not deactivate")
+            raise PamError("the driver cannot be deactivated")
         if not self.change(_T.TRANSITION_CLEANUP):
-            raise PamError("the driver does not clean up")
+            raise PamError("the driver cannot be cleaned up")
         if way and not back:
             plug.replug(way)
 
     def _activates(self) -> bool:
-        """Activate, or clear what is latched, as an operator would before trying again."""
+        """Activate; if that fails, clear latched faults, as an operator would before a new try."""
         return self.change(_T.TRANSITION_ACTIVATE) or not self._call(self._clear, Trigger.Request())
 
 
@@ -200,19 +200,19 @@ def _chain(rig: Path, plug: Path) -> Iterator[tuple[LifecycleCycler, Chain, Node
 
 
 def draw_losses(cycles: int, unplugged: int, seed: int) -> dict[int, tuple[str, bool]]:
-    """Cycles in which the bus is lost: how, and whether it is back before the clean-up.
+    """Cycles in which the bus is lost: how, and whether it returns before the clean-up.
 
     Raises
     ------
     PamError
-        If there are not so many cycles after the first WARM ones.
+        If there are too few cycles after the first WARM ones.
     """
     free = range(WARM, cycles)
     if unplugged > len(free):
         raise PamError(f"unplugged = {unplugged}: expected at most {len(free)}, cycles less {WARM}")
     draw = random.Random(seed)
     chosen = draw.sample(free, unplugged)
-    # each way equally often; which one comes when is drawn
+    # each way occurs equally often; their order is drawn at random
     return {
         number: (WAYS[index % len(WAYS)], index // len(WAYS) % 2 == 0)
         for index, number in enumerate(chosen)
@@ -220,16 +220,16 @@ def draw_losses(cycles: int, unplugged: int, seed: int) -> dict[int, tuple[str, 
 
 
 def run_cycles(rig: Path, cycles: int, unplugged: int = 0, seed: int = 0) -> Cycles:
-    """Run them.
+    """Run the cycles.
 
     Parameters
     ----------
     rig : Path
         Rig file.
     cycles, unplugged : int
-        How many, and in how many of those after the first WARM the bus is lost.
+        Number of cycles, and number of those after the first WARM in which the bus is lost.
     seed : int
-        Of which and how.
+        Seed for the cycles that lose the bus, and for the way.
 
     Raises
     ------
@@ -257,12 +257,12 @@ def run_cycles(rig: Path, cycles: int, unplugged: int = 0, seed: int = 0) -> Cyc
 
 
 def run(given: Arguments) -> Outcome:
-    """Cycle and print; the command of `pam_check.__main__`.
+    """Run the cycles and print the result; the command of `pam_check.__main__`.
 
     Raises
     ------
     PamError
-        If a transition fails, or the bus is to be lost in more cycles than there are.
+        If a transition fails, or there are fewer cycles than the bus shall be lost in.
     """
     most = max(given.cycles - WARM, 0)
     unplugged = min(given.cycles // 5, most) if given.unplugged is None else given.unplugged
@@ -272,7 +272,7 @@ def run(given: Arguments) -> Outcome:
             f"{WARM} of --cycles {given.cycles}"
         )
     rig = chosen_rig(given)
-    load_rig(rig)  # a mistake in it is told here, before any process starts
+    load_rig(rig)  # a mistake in the rig file is reported here, before any process starts
     done = run_cycles(rig, given.cycles, unplugged, given.seed)
     before, after = done.before, done.after
     growth = 100.0 * (after.memory / before.memory - 1.0)

@@ -1,4 +1,4 @@
-"""What a process holds of its host, read from /proc."""
+"""Resources that a process uses, read from /proc."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Use(NamedTuple):
-    """Threads, file handles, sockets among them, resident memory [byte]."""
+    """Number of threads, file handles and sockets (a part of the handles); memory [byte]."""
 
     threads: int
     handles: int
@@ -17,7 +17,7 @@ class Use(NamedTuple):
 
 
 def use_of(pid: int | None = None) -> Use:
-    """What a process holds now; default this one."""
+    """Present resources of a process; by default of this one."""
     folder = Path("/proc") / str(os.getpid() if pid is None else pid)
     fields = dict(
         line.split(":", 1) for line in (folder / "status").read_text().splitlines() if ":" in line

@@ -1,10 +1,10 @@
-"""Hours of driving sixteen muscles on simulated boards; looks for what grows or runs away.
+"""Moves sixteen muscles on simulated boards for hours, and looks for leaks and drift.
 
 `python -m pam_check soak --hours 2` runs boards, plant, the driver's bus port, driver and
-controller at 500 Hz and the model at 100 Hz in one process on a virtual clock. The wall clock runs
-50 ppm fast against the monotonic one, as an undisciplined crystal does. Memory, handles, threads,
-stamps, heartbeats and commands are what the run shows; sockets, ROS messages and the operating
-system's timing are not in it. Ended by SIGINT, it tells what it has seen until then.
+controller at 500 Hz and the model at 100 Hz in one process on a virtual clock. The wall clock is
+50 ppm faster than the monotonic clock, as with an uncorrected quartz crystal. The run checks
+memory, handles, threads, stamps, heartbeats and commands. It does not cover sockets, ROS messages
+and the timing of the operating system. After SIGINT it reports the results up to that time.
 """
 
 from __future__ import annotations
@@ -30,61 +30,61 @@ from pam_model.rig import Encoder, Rig, load_rig
 from pam_sim.boards.protocol import BoardSettings
 
 PERIOD: Final = 0.002  # s
-MODEL_CYCLES: Final = 5  # between two estimates
-WALL_START: Final = 1.8e9  # s; so that stamps are rounded as real ones are
-WALL_RATE: Final = 1.0 + 50e-6  # of the wall clock, against the monotonic one
+MODEL_CYCLES: Final = 5  # driver cycles between two estimates
+WALL_START: Final = 1.8e9  # s; a realistic value, so that stamps have realistic rounding errors
+WALL_RATE: Final = 1.0 + 50e-6  # rate of the wall clock relative to the monotonic one
 HEARTBEAT_PERIOD: Final = 1.0 / BoardSettings().heartbeat_rate
 MEMORY_ALLOWED: Final = 1.05
 DRIFT_ALLOWED: Final = 1e-5  # s
-SETTLED: Final = 0.1  # of the run, until caches are filled
+SETTLED: Final = 0.1  # share of the run until caches are filled
 
 
 @dataclass(slots=True)
 class Lag:
-    """How far stamps are behind the clock they belong to [s]."""
+    """How far stamps are behind their clock [s]."""
 
     first: float = math.nan
     lowest: float = math.inf
     highest: float = -math.inf
 
     def add(self, lag: float) -> None:
-        """Take one in."""
+        """Add a stamp."""
         if math.isnan(self.first):
             self.first = lag
         self.lowest, self.highest = min(self.lowest, lag), max(self.highest, lag)
 
     @property
     def drift(self) -> float:
-        """The farthest from the first."""
+        """The largest deviation from the first value [s]."""
         return max(self.highest - self.first, self.first - self.lowest)
 
 
 @dataclass(slots=True)
 class SoakResult:
-    """What a soak has shown.
+    """Result of a soak test.
 
     Attributes
     ----------
     seconds : float
-        Virtual time with air moving [s].
+        Virtual time with air flow [s].
     elapsed : float
-        Processor time it took [s].
+        Processor time [s].
     before, after : Use
-        What the process held after a tenth of it and at the end.
+        Resources of the process after a tenth of the run and at the end.
     stamps, times : Lag
-        Stamps against the wall clock, times of samples against the monotonic one.
+        Lag of stamps behind the wall clock, and of sample times behind the monotonic clock.
     heartbeats, missed_heartbeats : int
-        Heard, and those that should have been between them.
+        Received heartbeats, and those that are missing between them.
     refused : int
-        Commands, by the driver or the boards.
+        Commands that the driver or the boards refused.
     frames_lost : int
-        Measurements.
+        Lost measurement frames.
     worst_error : float
-        Angle against its reference, after the first second [rad].
+        Largest deviation of an angle from its reference after the first second [rad].
     stopped : str
-        Why it ended early; empty if it did not.
+        Why the run ended early; empty if it did not.
     interrupted : bool
-        Whether the user ended it.
+        Whether the user ended the run.
     """
 
     seconds: float
@@ -102,7 +102,7 @@ class SoakResult:
     interrupted: bool = False
 
     def problems(self) -> list[str]:
-        """What is out of bounds, one line each."""
+        """The results that are out of bounds, one line each."""
         checks = {
             self.stopped: bool(self.stopped),
             "memory grows": self.after.memory > MEMORY_ALLOWED * self.before.memory,
@@ -138,16 +138,16 @@ class SoakResult:
 
 
 def widened(rig: Rig, joints: int) -> Rig:
-    """The rig's first joint `joints` times, a valve board each.
+    """A rig with `joints` copies of the first joint, each with its own valve board.
 
     Raises
     ------
     PamError
-        If there are not so many boards on a bus.
+        If a bus cannot have so many boards.
     """
     boards = BoardCodec.from_dbc().board_count
     if not 1 <= joints <= boards:
-        raise PamError(f"joints = {joints}: expected 1 to {boards}, a board each")
+        raise PamError(f"joints = {joints}: expected 1 to {boards}, since each has its own board")
     if not rig.joints:
         raise PamError("the rig file has no joint")
     model = rig.joints[0]
@@ -168,14 +168,14 @@ def widened(rig: Rig, joints: int) -> Rig:
 
 
 class SoakChain(FaultChain):
-    """The chain in steps of the driver's cycle, on clocks that do not gather rounding errors."""
+    """The chain in steps of the driver's cycle; its clocks accumulate no rounding errors."""
 
     def __init__(self, rig: Rig, controller: Controller) -> None:
         super().__init__(rig, controller)
         self._cycles = 0
 
     def step(self) -> None:
-        """One cycle; the driver hears what the boards have sent a cycle before."""
+        """One cycle; the driver receives what the boards sent in the cycle before."""
         self._cycles += 1
         self.now = self._cycles * PERIOD
         self.wall = WALL_START + self.now * WALL_RATE
@@ -188,7 +188,7 @@ class SoakChain(FaultChain):
 
 
 class _Interrupted:
-    """Notes SIGINT, so that a soak of hours that is ended early still tells what it saw."""
+    """Catches SIGINT, so that a run that is ended early still reports its results."""
 
     def __init__(self) -> None:
         self.yes = False
@@ -198,17 +198,17 @@ class _Interrupted:
         self.yes = True
 
     def end(self) -> None:
-        """Leave SIGINT as it was."""
+        """Restore the handler of SIGINT."""
         signal.signal(signal.SIGINT, self._before)
 
 
 def _pam_boards(chain: FaultChain) -> list[PamBoard]:
-    """The driver's boards: `widened` makes no others."""
+    """The driver's boards; `widened` creates boards of this kind only."""
     return [board for board in chain.driver.boards.values() if isinstance(board, PamBoard)]
 
 
 class _Heartbeats:
-    """Counts what the driver hears of each board."""
+    """Counts the heartbeats that the driver receives from each board."""
 
     def __init__(self, chain: FaultChain) -> None:
         self._boards = _pam_boards(chain)
@@ -222,7 +222,7 @@ class _Heartbeats:
             new = board.heartbeat is not self._last[index]
             if not (new or end):
                 continue
-            # at the end, one that has not come is missed as well
+            # at the end of the run, an overdue heartbeat counts as missed
             due = (now - self._at[index]) / HEARTBEAT_PERIOD
             self.missed += max(0, round(due) - 1 if new else math.floor(due - 0.5))
             if new:
@@ -233,7 +233,7 @@ class _Heartbeats:
 def soak(
     rig: Rig, seconds: float, tell: Callable[[float], None] = lambda share: None
 ) -> SoakResult:
-    """Drive all joints of a rig to and fro.
+    """Move all joints of a rig back and forth.
 
     Parameters
     ----------
@@ -242,12 +242,12 @@ def soak(
     seconds : float
         Virtual time [s].
     tell : callable, optional
-        Told the share that is done, a hundred times.
+        Called a hundred times with the finished share.
 
     Raises
     ------
     PamError
-        If the chain does not come up.
+        If the chain cannot be started.
     """
     names = rig.joint_names
     values = {entry.name: entry.default for entry in parameter_table(names)}
@@ -301,7 +301,7 @@ def soak(
 
 
 def run(given: Arguments) -> Outcome:
-    """Soak and print; the command of `pam_check.__main__`.
+    """Run the soak test and print its result; the command of `pam_check.__main__`.
 
     Raises
     ------

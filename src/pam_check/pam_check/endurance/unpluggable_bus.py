@@ -1,11 +1,11 @@
-"""A multicast bus that can be unplugged, for tests of what the driver does then.
+"""A multicast bus that can be unplugged, to test the driver without a bus.
 
-It is an interface of python-can by the name INTERFACE, which python-can finds as a plug-in
-(`can.interface` in this package's setup.py), so that the driver's own program uses it:
+It is an interface of python-can with the name INTERFACE, which python-can finds as a plug-in
+(`can.interface` in this package's setup.py), so that the normal driver program can use it:
 `PAM_UNPLUGGED=/tmp/plug ros2 run pam_driver driver_node --ros-args -p bus.interface:=unpluggable
--p bus.channel:=239.74.163.2 -p bus.options:=port=43113 ...`. While the file holds the number of a
-system error, every call raises it, as SocketCAN does: ENETDOWN (100) for an interface that is set
-down, ENODEV (19) for an adapter that is pulled out, which also cannot be opened then.
+-p bus.channel:=239.74.163.2 -p bus.options:=port=43113 ...`. While the file contains the number of
+a system error, every call raises this error, as SocketCAN does: ENETDOWN (100) for an interface
+that is set down, ENODEV (19) for an adapter that is unplugged and cannot be opened again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PLUG: Final = "PAM_UNPLUGGED"  # environment variable: path of the file
 
 
 def failure() -> int:
-    """The error of the moment, 0 for a bus that works."""
+    """The present error number; 0 if the bus works."""
     path = os.environ.get(PLUG)
     try:
         return int(Path(path).read_text()) if path else 0
@@ -33,12 +33,12 @@ def failure() -> int:
 
 
 class UnpluggableBus(UdpMulticastBus):
-    """A multicast bus that fails as an interface does that is gone; it never leaves the machine."""
+    """A multicast bus on this machine that can fail like a missing interface."""
 
     def __init__(self, channel: str, port: int, **_: Any) -> None:
         number = failure()
         if number:
-            # what python-can's own constructor would have set, for its destructor
+            # python-can's destructor needs this attribute, which its constructor would have set
             self._is_shutdown = True
             raise can.CanInitializationError(os.strerror(number), number)
         super().__init__(channel, port, hop_limit=0)
@@ -49,7 +49,7 @@ class UnpluggableBus(UdpMulticastBus):
         return super()._recv_internal(timeout)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send, or raise what the file says."""
+        """Send, or raise the error in the file."""
         _raise_failure()
         super().send(msg, timeout)
 

@@ -1,1 +1,1 @@
-"""The fault campaign: faults injected into a moving chain, and what must follow."""
+"""The fault campaign: injects faults into a moving chain and checks the reactions."""

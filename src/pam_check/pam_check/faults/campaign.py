@@ -1,8 +1,8 @@
-"""Injects every fault many times and holds what follows against what docs/safety.md promises.
+"""Injects every fault many times and compares the reactions with the bounds of docs/safety.md.
 
 `python -m pam_check faults --trials 600 --out out/faults` runs boards, plant, bus, driver, model
-and controller in one process on a virtual clock; each trial is a fork of one chain in motion, so
-that each meets it in another phase.
+and controller in one process on a virtual clock. Each trial is a fork of one moving chain, so each
+fault occurs in another phase of the motion.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s
 
 
 def make_chain(rig: Rig, seed: int = 0) -> FaultChain:
-    """A chain of this rig, in motion.
+    """Start a chain of this rig and bring it into motion.
 
     Raises
     ------
     PamError
-        If it does not come up.
+        If it cannot be started.
     """
     names = rig.joint_names
     values = {entry.name: entry.default for entry in parameter_table(names)}
@@ -45,12 +45,12 @@ def make_chain(rig: Rig, seed: int = 0) -> FaultChain:
 
 
 def in_a_fork(work: Callable[[], Trial]) -> Trial:
-    """Do something in a copy of this process, so that nothing of it remains here.
+    """Run a function in a fork of this process, so that it leaves no changes here.
 
     Raises
     ------
     PamError
-        If the copy ends without a result.
+        If the fork ends without a result.
     """
     reading, writing = os.pipe()
     child = os.fork()
@@ -72,23 +72,23 @@ def in_a_fork(work: Callable[[], Trial]) -> Trial:
     os.waitpid(child, 0)
     if not data:
         raise PamError("a trial ended without a result")
-    trial: Trial = pickle.loads(data)  # what our own copy has written
+    trial: Trial = pickle.loads(data)  # the data are from our own fork
     return trial
 
 
 def run_campaign(rig: Rig, kinds: Sequence[FaultKind], trials: int, seed: int) -> Iterator[Trial]:
-    """Trials of all kinds in turn.
+    """Run trials of all kinds in turn.
 
     Parameters
     ----------
     rig : Rig
-        What is simulated.
+        The simulated rig.
     kinds : sequence of FaultKind
-        What is injected.
+        The faults.
     trials : int
-        How many in all.
+        Total number of trials.
     seed : int
-        Of everything drawn.
+        Seed of all random draws.
     """
     chain = make_chain(rig, seed)
     draw = random.Random(seed)
@@ -102,7 +102,7 @@ def run_campaign(rig: Rig, kinds: Sequence[FaultKind], trials: int, seed: int) -
 
 
 def run(given: Arguments) -> Outcome:
-    """Inject, print and write the report; the command of `pam_check.__main__`.
+    """Run the campaign and write its report; the command of `pam_check.__main__`.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def run(given: Arguments) -> Outcome:
 
 
 def _command_line(given: Arguments) -> str:
-    """What makes the same table again; for the page that shows it."""
+    """The command that makes the same table again, for the page with the table."""
     words = ["python -m pam_check faults"]
     words += [] if given.rig is None else [f"--rig {given.rig}"]
     words += [] if given.trials is None else [f"--trials {given.trials}"]

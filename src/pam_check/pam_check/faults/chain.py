@@ -1,9 +1,9 @@
-"""The whole chain in one process and on a clock of its own, so that faults can be counted.
+"""The whole chain in one process on a virtual clock, so that trials are fast and repeatable.
 
-Boards and plant, bus, the real `CanPort`, driver, model and controller are those of the suite; only
-sockets, ROS and waiting are missing. One step is 1 ms: the boards in each, driver and controller
-in turn every 2 ms, the model every 10 ms. The wall clock may be stepped apart from the monotonic
-one.
+Boards, plant, bus, the real `CanPort`, driver, model and controller are those of the suite; only
+sockets, ROS and waiting are missing. One step is 1 ms: the boards run in each step, driver and
+controller alternately every 2 ms, and the model every 10 ms. The wall clock can be stepped
+independently of the monotonic clock.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
 STEP: Final = 1e-3
 MODEL_STEPS: Final = 10  # between two estimates
-AMPLITUDE, FREQUENCY = 0.35, 0.6  # of the motion under way [rad], [Hz]
+AMPLITUDE, FREQUENCY = 0.35, 0.6  # amplitude and frequency of the motion [rad], [Hz]
 START_UP = 0.5
 BUS_OFF, RESTARTED, CONTROLLER = 0x40, 0x100, 0x04  # linux/can/error.h
 
@@ -44,9 +44,9 @@ class VirtualCan(can.BusABC):
     Attributes
     ----------
     to_boards : deque
-        What the driver has sent.
+        Frames that the driver has sent.
     down, bus_off, full : bool
-        The interface is down; the controller is off the bus; the transmit queue is full.
+        The interface is down; the CAN controller is bus-off; the transmit queue is full.
     """
 
     def __init__(self) -> None:
@@ -55,17 +55,17 @@ class VirtualCan(can.BusABC):
         self._waiting: deque[can.Message] = deque()
 
     def deliver(self, frame: tuple[int, bytes], wall: float) -> None:
-        """A frame for the driver."""
+        """Queue a frame for the driver."""
         if not (self.down or self.bus_off):
             self._waiting.append(can.Message(wall, frame[0], False, data=frame[1]))
 
     def error(self, kind: int, detail: int = 0, wall: float = 0.0) -> None:
-        """An error frame of the controller."""
+        """Queue an error frame of the CAN controller."""
         data = bytes((0, detail, 0, 0, 0, 0, 0, 0))
         self._waiting.append(can.Message(wall, kind, is_error_frame=True, data=data))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame that waits."""
+        """Return the next queued frame."""
         if self.down:
             raise can.CanOperationError("network is down", errno.ENETDOWN)
         return self._waiting.popleft() if self._waiting else None
@@ -74,49 +74,51 @@ class VirtualCan(can.BusABC):
         """Put a frame on the bus."""
         if self.down:
             raise can.CanOperationError("network is down", errno.ENETDOWN)
-        if self.full or self.bus_off:  # a controller off the bus empties no queue
+        if (
+            self.full or self.bus_off
+        ):  # a CAN controller that is bus-off sends no frame of its queue
             raise can.CanOperationError("no buffer space available", errno.ENOBUFS)
         self.to_boards.append((msg.arbitration_id, bytes(msg.data)))
 
     def shutdown(self) -> None:
-        """Nothing to give back."""
+        """There is nothing to close."""
 
 
 class FaultChain:
-    """A rig that moves a joint to and fro, and everything that can be done to it.
+    """A rig that moves a joint back and forth, with access to all its parts.
 
     Parameters
     ----------
     rig : Rig
-        Simulated, driven and controlled.
+        The rig that is simulated, driven and controlled.
     controller : Controller
-        A law for this rig; taken over anew.
+        A control law for this rig; it starts anew.
     seed : int
-        Of noise and frame faults.
+        Seed of noise and frame faults.
     effects : dict, optional
-        On the plant.
+        Effects of the plant.
 
     Attributes
     ----------
     now, wall : float
         Monotonic and wall clock [s].
     driver_runs, controller_runs : bool
-        Whether the processes get time; stopping one is what SIGSTOP and SIGKILL do.
+        Whether these processes run; False has the effect of SIGSTOP or SIGKILL.
     edit : callable or None
-        Changes each command of the controller when it is sent; gives those that are sent. Their
-        age is how far back they are stamped.
+        Changes each command of the controller when it is sent and returns the commands to send.
+        Their age is how far back they are stamped.
     on_way : list of (NamedCommand, float)
-        Commands that the driver has not heard yet, and their stamps on the wall clock [s].
+        Commands that the driver has not received yet, and their stamps on the wall clock [s].
     inject, before_control : list of callable
-        Called with the time in each step before everything else, and before the controller.
+        Called with the time, in each step before everything else and before the controller.
     snapshot : Snapshot or None
-        What model and controller hear next.
+        The next measurements for model and controller.
     command_format : ValveCommandFormat
-        How the controller's commands are written into a message, and read from it.
+        Format of the controller's commands in a message.
     estimate, estimate_age : Estimate, float
-        What the model has told last, and how old the newest measurement in it was then [s].
+        Last estimate of the model, and the age of its newest measurement at that time [s].
     noticed : Counter
-        What was refused, commands by kind, and what was asked for.
+        Number of refused commands by kind, and of refused requests.
     """
 
     def __init__(
@@ -155,18 +157,18 @@ class FaultChain:
         self._tick = 0
 
     def make_driver(self, port: CanPort | None = None) -> Driver:
-        """Another driver on the same bus."""
+        """Make another driver on the same bus."""
         plausibility = PressurePlausibility(self.rig, 1.0 / 500.0)
         return Driver(self.rig, port or self.port, self.settings, plausibility)
 
     @property
     def truth(self) -> GroundTruth:
-        """What no sensor has touched."""
+        """The true state of the plant, without sensor errors."""
         return self.sim.ground_truth()
 
     @property
     def moves_air(self) -> bool:
-        """Whether any board lets its valves do anything but vent."""
+        """Whether any board allows its valves to do more than vent."""
         return any(
             command != valve.vented
             for board in self.sim.boards.values()
@@ -174,7 +176,7 @@ class FaultChain:
         )
 
     def start(self) -> None:
-        """Bring everything up and the joint into motion.
+        """Start everything and bring the joint into motion.
 
         Raises
         ------
@@ -188,10 +190,10 @@ class FaultChain:
             self.step()
         if self.driver.state is not SafetyState.ACTIVE or not self.moves_air:
             reasons = "; ".join(str(fault) for fault in self.driver.faults)
-            raise PamError(f"the chain does not come up: {self.driver.state.value} {reasons}")
+            raise PamError(f"the chain does not start: {self.driver.state.value} {reasons}")
 
     def step(self) -> None:
-        """One millisecond."""
+        """Advance by one millisecond."""
         self._tick += 1
         self.now += STEP
         self.wall += STEP
@@ -210,7 +212,7 @@ class FaultChain:
             self._estimate()
 
     def at(self, time: float, action: Callable[[], None]) -> None:
-        """Do something at a time [s]."""
+        """Call a function at a time [s]."""
         self._later.append((time, action))
 
     def _bus(self) -> None:
@@ -227,11 +229,11 @@ class FaultChain:
             self.can.deliver(frame, self.wall)
 
     def _estimate(self) -> None:
-        """What the model node does with the driver's topics."""
+        """Estimate as the model node does from the driver's topics."""
         seen = self.snapshot
         if seen is not None and self.driver_runs:
             rig, model = self.rig, self.model
-            # a message without a stamp is taken as of now, as in the node
+            # as in the node, a message without a stamp gets the present time
             model.take_pressures(seen.pressure_stamp or self.wall, rig.muscle_names, seen.pressures)
             model.take_positions(
                 seen.joint_stamp or self.wall, rig.joint_names, seen.positions, seen.velocities
@@ -276,10 +278,10 @@ class FaultChain:
             self.on_way.append((one, self.wall - one.age))
 
     def _deliver(self) -> None:
-        """Hand the driver what was sent on valve_commands in an earlier step.
+        """Give the driver the commands that were sent on valve_commands in an earlier step.
 
-        As in the driver's node, a command is as old as the wall clock says against its stamp. A
-        driver that is stopped finds the newest message when it goes on: the topic keeps one.
+        As in the driver's node, the age of a command is the wall clock minus its stamp. A driver
+        that was stopped gets the newest message when it continues, since the topic keeps only one.
         """
         if not self.driver_runs:
             del self.on_way[:-1]

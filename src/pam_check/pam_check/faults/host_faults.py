@@ -1,4 +1,4 @@
-"""How each fault of bus controller, host and commands is brought about on the campaign's chain."""
+"""Injects each fault of the bus controller, the host and the commands into the chain."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _error_frames(chain: FaultChain, values: Values, draw: random.Random) -> Non
 
 
 class _SecondEnd(can.BusABC):
-    """Another node on the same wire; hears nothing."""
+    """Another node on the same bus; it receives nothing."""
 
     def __init__(self, chain: FaultChain) -> None:
         self._chain = chain
@@ -73,7 +73,7 @@ class _SecondEnd(can.BusABC):
         chain.can.deliver(frame, chain.wall)
 
     def shutdown(self) -> None:
-        """Nothing to give back."""
+        """There is nothing to close."""
 
 
 def _two_drivers(chain: FaultChain, values: Values, draw: random.Random) -> None:
@@ -145,7 +145,7 @@ Change = Callable[[FaultChain, NamedCommand, random.Random], NamedCommand]
 
 
 def _edit(change: Change) -> Injection:
-    """Every command, or a share of them, is changed on its way."""
+    """Change every command, or a share of them, between controller and driver."""
 
     def inject(chain: FaultChain, values: Values, draw: random.Random) -> None:
         end, share = chain.now + values["duration"], values.get("share", 1.0)

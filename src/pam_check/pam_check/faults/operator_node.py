@@ -1,4 +1,4 @@
-"""Moves the joints of a running chain, breaks things, listens, and puts them right again."""
+"""Moves the joints of a running chain, injects faults, observes the reactions and recovers."""
 
 from __future__ import annotations
 
@@ -33,29 +33,29 @@ _PERIOD = 0.01  # s, of the references
 
 
 class NoAnswerError(PamError):
-    """A service that does not answer."""
+    """A service did not answer."""
 
 
 class FaultOperator(Node):  # type: ignore[misc]
-    """Client of rig, driver and controller, with an ear on the bus.
+    """Client of rig, driver and controller that also receives the frames on the bus.
 
     Parameters
     ----------
     joints : tuple of str
-        To move.
+        The joints to move.
     port : CanPort
-        To listen on; closed by the owner.
+        Port on the bus; the caller closes it.
 
     Attributes
     ----------
     states : dict of int to BoardState
-        What each board has said last.
+        Last reported state of each board.
     last_air : float
-        When a board last said that it lets air move, monotonic [s].
+        Last time when a board reported that it allows air flow, monotonic [s].
     last_enabled : float
-        When the driver last told one to.
+        Last time when the driver commanded a board to allow it, monotonic [s].
     fault, suspicion : str
-        What the driver's diagnostics said last, since `forget`.
+        Last texts of the driver's diagnostics since `forget`.
     """
 
     def __init__(self, joints: tuple[str, ...], port: CanPort) -> None:
@@ -79,22 +79,22 @@ class FaultOperator(Node):  # type: ignore[misc]
 
     @property
     def moves_air(self) -> bool:
-        """Whether any board has said so last."""
+        """Whether any board reports that it allows air flow."""
         return BoardState.ACTIVE in self.states.values()
 
     def forget(self) -> None:
-        """What diagnostics said is of no interest any more."""
+        """Delete the stored texts of the diagnostics."""
         self.fault = self.suspicion = ""
 
     def run(self, duration: float, until: Callable[[], bool] = lambda: False) -> bool:
-        """Move and listen for so long, or until something holds; returns whether it does.
+        """Move and observe for a time or until a condition is true; return whether it is true.
 
         Parameters
         ----------
         duration : float
-            [s].
+            Longest time [s].
         until : callable
-            Looked at again and again.
+            The condition, which is evaluated repeatedly.
         """
         end = time.monotonic() + duration
         while time.monotonic() < end:
@@ -106,7 +106,7 @@ class FaultOperator(Node):  # type: ignore[misc]
         return False
 
     def inject(self, text: str) -> float:
-        """Bring a fault about; returns when."""
+        """Inject a fault and return the time."""
         self._faults.publish(String(data=text))
         return time.monotonic()
 
@@ -121,19 +121,19 @@ class FaultOperator(Node):  # type: ignore[misc]
         self._call(self._triggers[name], Trigger.Request())
 
     def ready(self) -> bool:
-        """Whether all that is needed is there."""
+        """Whether all services and subscribers are available."""
         clients = (*self._triggers.values(), self._lifecycle)
         return all(client.service_is_ready() for client in clients) and bool(
             self._commands.get_subscription_count() and self._faults.get_subscription_count()
         )
 
     def make_move(self, patience: float) -> None:
-        """Mend, clear, activate until the boards let air move.
+        """Remove faults, clear and activate until the boards allow air flow.
 
         Raises
         ------
         PamError
-            If they do not within `patience` seconds.
+            If the boards do not allow it within `patience` seconds.
         """
         end = time.monotonic() + patience
         while time.monotonic() < end:
@@ -168,7 +168,7 @@ class FaultOperator(Node):  # type: ignore[misc]
             try:
                 board, message = self._codec.decode(frame.frame_id, frame.data)
             except FrameError:
-                continue  # some faults make such frames
+                continue  # some faults cause invalid frames
             if isinstance(message, ValveCommand) and any(message.enable):
                 self.last_enabled = now
             if isinstance(message, Status):
@@ -205,7 +205,7 @@ class FaultOperator(Node):  # type: ignore[misc]
 def open_operator(
     joints: tuple[str, ...], port: CanPort, environment: Mapping[str, str]
 ) -> Iterator[FaultOperator]:
-    """An operator of these joints in the ROS domain of this environment; ended when left."""
+    """An operator of these joints in the ROS domain of this environment; ends with the context."""
     with set_environment(environment):
         rclpy.init(args=[])
     operator = FaultOperator(joints, port)

@@ -1,13 +1,13 @@
 """The rig's faults once each on real processes: rig, driver and controller over a bus and ROS.
 
 `python -m pam_check processes --out out/faults/processes.md` complements
-`pam_check.faults.campaign`, which has the numbers: here sockets, ROS, threads and the host's
-scheduler take part. Out of bounds is a fault that must vent and does not do so within its bound
-and `HOST`, and one that must be ridden through and stops the joint.
+`pam_check.faults.campaign`, which gives the statistics: here sockets, ROS, threads and the host's
+scheduler take part. A fault is out of bounds if it must vent and does not vent within its bound
+plus `HOST`, or if it must be tolerated and stops the joint.
 
-A host that is busy for a moment stops the joint by itself, by the same time-outs that some faults
-run into. What may be the host's doing - a stop by a time-out that the fault has nothing to do with,
-one that comes too early, a vent that comes too late - is tried again, `TRIES` times in all.
+A host that is busy for a moment also stops the joint, by the same time-outs as some faults. A trial
+is repeated, at most `TRIES` times in total, if the host may be the cause: a stop by a time-out that
+is unrelated to the fault, a stop that is too early, or a vent that is too late.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from pam_model.rig import load_rig
 from pam_sim.fault_injection import INJECTIONS
 from pam_sim.faults.kinds import KINDS, FaultKind, Reaction, kinds_called
 
-HOST = 0.06  # s, for the way of the injection, a status of the board and a host that is busy
-PATIENCE = 120.0  # s, for nodes to start, or to start again, on a busy host
+HOST = 0.06  # s, for the injection, the period of the board's status and a busy host
+PATIENCE = 120.0  # s, until nodes have started (again) on a busy host
 HOST_FAULTS = (
     "driver_stopped", "driver_killed", "controller_stopped", "controller_killed", "vent_called"
 )  # fmt: skip
 START = ("rig", "driver", "controller")
 
-# Boards that are not heard cannot say that they have vented; the driver's commands can. The same
-# holds for kinds whose bound is about the driver alone.
+# If the frames of a board are lost, it cannot report that it has vented; then the driver's commands
+# are observed. The same is done for kinds whose bound applies to the driver alone.
 UNHEARD = ("all_frames_lost_up", "frames_very_late_up")
-QUIET = 0.05  # s, without a command that lets air move
+QUIET = 0.05  # s, without a command that allows air flow
 
 TRIES: Final = 3
-TOO_EARLY: Final = 0.5  # of the bound, for a stop by a time-out that is to be expected
+TOO_EARLY: Final = 0.5  # share of the bound; an expected time-out does not stop the joint earlier
 KEPT, REPEAT = "kept", "repeat"
-# What the driver's diagnostics say of stops that a busy host causes alike, by the names that
-# `FaultKind.detected_by` has for them.
+# Texts in the driver's diagnostics for stops that a busy host may cause as well, by their names in
+# `FaultKind.detected_by`.
 TIME_OUTS: Final = {
     "command_timeout": re.compile(r"no valid command for"),
     "stale_sensor": re.compile(r"no (pressure|angle) for"),
@@ -61,18 +61,18 @@ Row = tuple[str, str, str, str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What one fault was seen to do.
+    """Observed reaction to one fault.
 
     Attributes
     ----------
     stopped : bool
-        Whether air has stopped.
+        Whether the air flow has stopped.
     silent : bool
-        Whether nobody was left who could tell.
+        Whether no node was left that could report it.
     after : float
-        From the fault to the last word of air [s].
+        Time from the fault to the last report of air flow [s].
     told : str
-        What the driver's diagnostics said of it.
+        Text of the driver's diagnostics.
     """
 
     stopped: bool
@@ -82,14 +82,14 @@ class Observation:
 
 
 class Operator(Protocol):
-    """Who moves the joints, breaks things and listens; `operator_node` is the one that speaks ROS.
+    """Moves the joints, injects faults and observes; `operator_node` implements it with ROS.
 
     Attributes
     ----------
     last_air, last_enabled : float
-        When a board last let air move, when the driver last told one to, monotonic [s].
+        Last times when a board allowed air flow, and when the driver commanded it, monotonic [s].
     fault, suspicion : str
-        What the driver's diagnostics said last, since `forget`.
+        Last texts of the driver's diagnostics since `forget`.
     """
 
     last_air: float
@@ -99,19 +99,19 @@ class Operator(Protocol):
 
     @property
     def moves_air(self) -> bool:
-        """Whether any board has said so last."""
+        """Whether any board reports that it allows air flow."""
         ...
 
     def forget(self) -> None:
-        """What diagnostics said is of no interest any more."""
+        """Delete the stored texts of the diagnostics."""
         ...
 
     def run(self, duration: float, until: Callable[[], bool] = ...) -> bool:
-        """Move and listen for so long [s], or until something holds; whether it does."""
+        """Move and observe for a time [s] or until a condition is true; return if it is true."""
         ...
 
     def inject(self, text: str) -> float:
-        """Bring a fault of the rig about; returns when."""
+        """Inject a fault of the rig and return the time."""
         ...
 
     def trigger(self, name: str) -> None:
@@ -119,26 +119,26 @@ class Operator(Protocol):
         ...
 
     def ready(self) -> bool:
-        """Whether all that is needed is there."""
+        """Whether all services and subscribers are available."""
         ...
 
     def make_move(self, patience: float) -> None:
-        """Mend, clear, activate until the boards let air move."""
+        """Remove faults, clear and activate until the boards allow air flow."""
         ...
 
 
 OpenOperator = Callable[
     [tuple[str, ...], CanPort, Mapping[str, str]], AbstractContextManager[Operator]
 ]
-"""Makes the operator of these joints on this bus, in the ROS domain of this environment."""
+"""Creates the operator of these joints on this bus, in the ROS domain of this environment."""
 
 
 def time_outs(told: str) -> set[str]:
-    """The time-outs that diagnostics name as the only reasons of a stop; empty if any is none."""
+    """The time-outs in the diagnostics; empty if a stop also has another reason."""
     _, _, reasons = told.partition("latched: ")
     found: set[str] = set()
     for reason in filter(None, reasons.split("; ")):
-        if reason.startswith("last refused"):  # a remark of command_timeout
+        if reason.startswith("last refused"):  # an addition to command_timeout
             continue
         names = {name for name, pattern in TIME_OUTS.items() if pattern.search(reason)}
         if not names:
@@ -148,7 +148,7 @@ def time_outs(told: str) -> set[str]:
 
 
 def judge(kind: FaultKind, seen: Observation) -> tuple[str, str]:
-    """`KEPT`, `REPEAT` where the host may have done it, or "failed"; and why."""
+    """Return `KEPT`, `REPEAT` if the host may be the cause, or "failed"; and the reason."""
     vents = kind.reaction is Reaction.VENT
     if vents and (seen.silent or not seen.stopped):
         return "failed", "not vented"
@@ -161,11 +161,11 @@ def judge(kind: FaultKind, seen: Observation) -> tuple[str, str]:
 
 
 def _doubt(kind: FaultKind, seen: Observation) -> str:
-    """Why a stop may be the host's; empty if it is the fault's."""
+    """Why the host may be the cause of a stop; empty if the fault is the cause."""
     vents = kind.reaction is Reaction.VENT
     by = time_outs(seen.told)
-    why = ", ".join(sorted(by)) or "nobody knows what"
-    # the board's own fault is the other half of a time-out
+    why = ", ".join(sorted(by)) or "an unknown cause"
+    # a time-out may also appear as the board's own fault
     expected = by & set(kind.detected_by) or "board_fault" in kind.detected_by
     unexplained = not vents and not seen.told
     if kind.reaction is not Reaction.EITHER and (by or unexplained) and not expected:
@@ -178,7 +178,7 @@ def _doubt(kind: FaultKind, seen: Observation) -> str:
 
 
 def _begin(chain: Chain, operator: Operator, kind: FaultKind) -> float:
-    """Bring the fault about; returns when."""
+    """Inject the fault and return the time."""
     if kind.name in INJECTIONS:
         return operator.inject(kind.name)
     if kind.name == "vent_called":
@@ -193,7 +193,7 @@ def _begin(chain: Chain, operator: Operator, kind: FaultKind) -> float:
 
 
 def _end(chain: Chain, kind: FaultKind) -> None:
-    """Continue or start again what was stopped."""
+    """Continue or restart the process that was stopped."""
     if kind.name in INJECTIONS or kind.name == "vent_called":
         return
     name, _, what = kind.name.partition("_")
@@ -205,7 +205,7 @@ def _end(chain: Chain, kind: FaultKind) -> None:
 
 
 def observe(chain: Chain, operator: Operator, kind: FaultKind) -> Observation:
-    """Bring one fault about on a chain in motion, and look."""
+    """Inject one fault into a moving chain and observe the reaction."""
     operator.make_move(PATIENCE)
     operator.forget()
     vents = kind.reaction is Reaction.VENT
@@ -220,7 +220,7 @@ def observe(chain: Chain, operator: Operator, kind: FaultKind) -> Observation:
 
     stopped = operator.run(kind.bound + 0.5 if vents else 0.8, has_stopped)
     after = (operator.last_enabled if deaf else operator.last_air) - begin
-    # one that is stopped says nothing, so that its last word is no news
+    # a stopped driver reports nothing, so its last report proves nothing
     silent = kind.name.startswith("driver") and not stopped
     _end(chain, kind)
     said: Callable[[], bool] = lambda: bool(operator.fault or operator.suspicion)  # noqa: E731
@@ -229,7 +229,7 @@ def observe(chain: Chain, operator: Operator, kind: FaultKind) -> Observation:
 
 
 def run_kind(chain: Chain, operator: Operator, kind: FaultKind) -> Row:
-    """One fault until the host leaves no doubt: name, reaction, ms, diagnostics, tries, verdict."""
+    """Repeat one fault until the host is not the cause of the result, and return its row."""
     tries = 0
     verdict = REPEAT
     while verdict == REPEAT and tries < TRIES:
@@ -246,12 +246,12 @@ def run_kind(chain: Chain, operator: Operator, kind: FaultKind) -> Row:
 def run_all(
     rig_path: Path, kinds: Sequence[FaultKind], open_operator: OpenOperator
 ) -> Iterator[Row]:
-    """Every kind in turn on one chain of processes.
+    """Run every kind in turn on one chain of processes.
 
     Raises
     ------
     PamError
-        If the chain does not come up, or not again.
+        If the chain does not start, or does not become active again.
     """
     environment = private_domain()
     bus = multicast_bus()
@@ -275,19 +275,19 @@ def run_all(
 
 
 def run(given: Arguments, open_operator: OpenOperator) -> Outcome:
-    """Inject, print and write the table; the command of `pam_check.__main__`.
+    """Run the campaign and write the table; the command of `pam_check.__main__`.
 
     Raises
     ------
     PamError
-        If a kind is unknown, or not all kinds could be run; what was done until then is written.
+        If a kind is unknown, or not all kinds could be run; the finished kinds are written.
     """
     possible = [kind for kind in KINDS if kind.name in {*INJECTIONS, *HOST_FAULTS}]
     kinds = kinds_called(given.kind, possible)
     done: list[Row] = []
     try:
         for row in run_all(chosen_rig(given), kinds, open_operator):
-            done.append(row)  # those before one that cannot be run count too
+            done.append(row)  # the kinds before a failure are reported as well
     except PamError as error:
         left = len(kinds) - len(done)
         raise PamError(f"ended before {left} kinds more: {error}") from None

@@ -1,4 +1,4 @@
-"""The campaign's results: a table for people, numbers for tools, a picture of the times."""
+"""The results of the campaign: a table, numbers for programs, and a picture of the times."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HEADINGS = (
 
 
 def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str, ...]]:
-    """One row per kind that was tried."""
+    """One row for each kind with trials."""
     table: list[tuple[str, ...]] = []
     for kind in kinds:
         mine = [trial for trial in trials if trial.kind == kind.name]
@@ -52,22 +52,26 @@ def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str,
 
 
 def _bounded_time(kind: FaultKind, trial: Trial) -> float | None:
-    """The time [s] that the kind's bound is about."""
+    """The time [s] to which the kind's bound applies."""
     return trial.stopped_after if kind.bounds_driver else trial.safe_after
 
 
 def summarised(table: Sequence[tuple[str, ...]], trials: Sequence[Trial]) -> str:
-    """One line about all of them."""
+    """Summary of all trials in one line."""
     failed = sum(bool(trial.problem) for trial in trials)
     return f"{len(trials)} injections of {len(table)} kinds, {failed} out of bounds"
 
 
 def as_markdown(kinds: Sequence[FaultKind], trials: Sequence[Trial], command: str = "") -> str:
-    """The table as a page, with the command that made it if there is one to tell."""
+    """The table as a page, with the command that made it, if it is given."""
     table = rows(kinds, trials)
     lines = ["# Faults injected", "", f"{summarised(table, trials)}."]
     if command:
-        lines += ["What the columns mean: [faults.md](faults.md). Made by", "", f"    {command}"]
+        lines += [
+            "[faults.md](faults.md) explains the columns. This command makes the table:",
+            "",
+            f"    {command}",
+        ]
     lines += ["", "| " + " | ".join(HEADINGS) + " |", "|---" * len(HEADINGS) + "|"]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in table]) + "\n"
 
@@ -118,6 +122,6 @@ def _draw(kinds: Sequence[FaultKind], trials: Sequence[Trial], path: Path) -> No
     axes.set_xscale("log")
     axes.set_yticks(range(len(shown)), [kind.name for kind in shown], fontsize=7)
     axes.set_ylim(len(shown), -1)
-    axes.set_xlabel("from the fault to vented valves [ms]; red: bound")
+    axes.set_xlabel("time from the fault to vented valves [ms]; red: bound")
     axes.grid(axis="x", alpha=0.3)
     figure.savefig(path, dpi=110)

@@ -1,4 +1,4 @@
-"""One fault on a moving joint: what noticed it, when the valves were vented, what the joint did."""
+"""One fault on a moving joint: its detection, the time until valves vented, the joint's motion."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from pam_model.rig import Rig
 from pam_sim import fault_injection
 from pam_sim.faults.kinds import FaultKind, Reaction
 
-AFTERWARDS = 0.3  # s, to see that a vent stays
-ERROR_ALLOWED = 0.1  # rad, of a joint that goes on, or until it stops
-# One draw in so many is an end of its range: there are the slowest and the hardest cases.
+AFTERWARDS = 0.3  # s, to check that the valves stay vented
+ERROR_ALLOWED = 0.1  # rad, while the joint continues or until it stops
+# One draw in this many is an end of the range, where the slowest and hardest cases are.
 ENDS = 4
 
 
 @dataclass(slots=True)
 class Trial:
-    """What came of one injection.
+    """Result of one injection.
 
     Attributes
     ----------
     kind : str
-        Of the fault.
+        Name of the fault.
     values : dict
-        Its parameters, drawn.
+        Its drawn parameters.
     noticed : list of str
-        Everything that noticed anything.
+        All detections.
     suspected_after : float or None
-        From the fault until the driver named a suspicion [s].
+        Time from the fault until the driver reported a suspicion [s].
     stopped_after : float or None
-        From the fault until the driver left its active state [s].
+        Time from the fault until the driver left its active state [s].
     safe_after : float or None
-        From the fault until valves vented and stayed so [s].
+        Time from the fault until the valves vented and stayed vented [s].
     peak_pressure : float
-        In any muscle [Pa gauge].
+        Highest pressure in any muscle [Pa gauge].
     peak_error : float
-        Of the angle against its reference, while air moved [rad].
+        Largest deviation of the angle from its reference while air flowed [rad].
     problem : str
-        Why it is not as promised; empty if it is.
+        How the reaction differs from the stated one; empty if it does not.
     """
 
     kind: str
@@ -58,7 +58,7 @@ class Trial:
 
 
 def draw_values(kind: FaultKind, draw: random.Random) -> dict[str, float]:
-    """The parameters of an injection: even over their ranges, and often at an end of one."""
+    """Draw the parameters of an injection uniformly, and often at an end of the range."""
     return {
         name: draw.choice((low, high)) if draw.randrange(ENDS) == 0 else draw.uniform(low, high)
         for name, (low, high) in kind.parameters.items()
@@ -66,18 +66,18 @@ def draw_values(kind: FaultKind, draw: random.Random) -> dict[str, float]:
 
 
 def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed: int) -> Trial:
-    """Bring a fault about on a chain that moves, and watch.
+    """Inject a fault into a moving chain and observe the reaction.
 
     Parameters
     ----------
     chain : FaultChain
-        Started; spent afterwards.
+        A started chain, which cannot be used afterwards.
     kind : FaultKind
-        What is injected.
+        The fault.
     values : dict
         Its parameters.
     seed : int
-        Of what the injection draws: board, sensor, sign.
+        Seed for the random choice of board, sensor and sign.
     """
     trial = Trial(kind.name, values)
     draw = random.Random(seed)
@@ -137,18 +137,18 @@ def _look(chain: FaultChain, seen: set[str]) -> None:
 
 
 def _model_problem(chain: FaultChain) -> str:
-    """A model must say that it knows nothing rather than tell what was true before."""
+    """The model must publish NaN instead of an estimate from old measurements."""
     estimate = chain.estimate
-    told = (*estimate.joint_torques, *estimate.joint_stiffnesses, *estimate.muscle_forces)
-    if any(math.isinf(value) for value in told):
-        return "the model tells an infinite number"
-    if chain.estimate_age > chain.model.max_age and any(map(math.isfinite, told)):
-        return "the model tells what is old"
+    values = (*estimate.joint_torques, *estimate.joint_stiffnesses, *estimate.muscle_forces)
+    if any(math.isinf(value) for value in values):
+        return "the model publishes an infinite number"
+    if chain.estimate_age > chain.model.max_age and any(map(math.isfinite, values)):
+        return "the model publishes an old estimate"
     return ""
 
 
 def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
-    """Why a trial that is over did not go as its kind promises; empty if it did."""
+    """How the reaction in a finished trial differs from the stated one; empty if it does not."""
     must_be_noticed = kind.detected_by and kind.reaction is not Reaction.EITHER
     if must_be_noticed and not set(kind.detected_by) & set(trial.noticed):
         return f"noticed by {', '.join(trial.noticed) or 'nobody'}"
@@ -169,7 +169,7 @@ def _venting_problem(kind: FaultKind, trial: Trial) -> str:
         return "not vented"
     if kind.bounds_driver and (trial.stopped_after or math.inf) > kind.bound + STEP:
         return f"the driver stopped after {1e3 * (trial.stopped_after or math.inf):.0f} ms"
-    # the valves of a board that hangs stay as they are until its own watchdog resets it
+    # the valves of a board that hangs do not move until its own watchdog resets it
     valves_bound = max(kind.bound, trial.values.get("reset_after", 0.0))
     if trial.safe_after > valves_bound + STEP:
         return f"vented after {1e3 * trial.safe_after:.0f} ms"
@@ -177,11 +177,11 @@ def _venting_problem(kind: FaultKind, trial: Trial) -> str:
 
 
 def error_bound(kind: FaultKind, rig: Rig) -> float:
-    """Largest angle error [rad] of a joint that moves while a fault of this kind is there.
+    """Largest permitted angle error [rad] of a moving joint during a fault of this kind.
 
-    A fault that is ridden through must leave the joint near its reference. Of two sources of valid
-    commands nobody can tell which one is right; then the joint may go as far as `position_limit`
-    lets it.
+    During a fault that is tolerated, the joint must stay near its reference. If there are two
+    sources of valid commands, it is unknown which one is right; then the joint may move anywhere
+    within its position limits.
     """
     if not kind.to_the_limits:
         return ERROR_ALLOWED

@@ -1,1 +1,1 @@
-"""Random and mutated input at every entrance of the suite."""
+"""Fuzzing: random and mutated input for every interface of the suite."""

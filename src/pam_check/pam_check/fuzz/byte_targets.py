@@ -1,7 +1,7 @@
-"""Fuzz targets that live on bytes, for a coverage-guided fuzzer and for replaying what it kept.
+"""Fuzz targets that take bytes, for a coverage-guided fuzzer and for replaying its corpus.
 
-`tools/fuzz.sh` runs them under atheris; the tests replay tests/data/fuzz_corpus. What the bytes
-mean is read off one after another, so that a fuzzer can get from one state to the next.
+`tools/fuzz.sh` runs them under atheris; the tests replay tests/data/fuzz_corpus. The bytes are
+decoded one after another as a sequence of actions, so that a fuzzer can reach many states.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _NAMES: Final = ("elbow_flexor", "elbow_extensor", "elbow", "")
 
 
 class Reader:
-    """Takes values off the front of bytes; zeros when they are used up."""
+    """Reads values from the front of the bytes; gives zeros when they are used up."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -55,21 +55,21 @@ class Reader:
         return self._at >= len(self._data)
 
     def bytes(self, count: int) -> bytes:
-        """The next so many."""
+        """The next `count` bytes."""
         part = self._data[self._at : self._at + count]
         self._at += count
         return part.ljust(count, b"\0")
 
     def byte(self) -> int:
-        """0 to 255."""
+        """A number from 0 to 255."""
         return self.bytes(1)[0]
 
     def share(self) -> float:
-        """-1 to 1."""
+        """A number from -1 to 1."""
         return (self.byte() - 128) / 128.0
 
     def number(self) -> float:
-        """Any float there is, or one that is likely to matter."""
+        """Any float, or one that is likely to reveal a mistake."""
         kind = self.byte()
         if kind < 128:
             return (kind - 64) / 60.0
@@ -87,7 +87,7 @@ def _rig() -> Rig:
 
 
 def frames(data: bytes) -> None:
-    """The decoder: a message or a FrameError, and what is a message encodes again."""
+    """The decoder gives a message or a FrameError, and a message can be encoded again."""
     reader, codec = Reader(data), _codec()
     while not reader.empty:
         identifier = int.from_bytes(reader.bytes(2), "little")
@@ -105,7 +105,7 @@ def frames(data: bytes) -> None:
 
 
 def commands(data: bytes) -> None:
-    """Valve commands: refused, or fractions within full scale."""
+    """Valve commands are refused, or give fractions within full scale."""
     reader, rig = Reader(data), _rig()
     intake, now = CommandIntake(rig, 0.1), 10.0
     while not reader.empty:
@@ -133,7 +133,7 @@ def _command(reader: Reader) -> NamedCommand:
 
 
 class _Watched:
-    """A bus that is written by the fuzzer; air may move only while `allowed`."""
+    """A bus that the fuzzer writes; air may flow only while `allowed` is true."""
 
     def __init__(self) -> None:
         self.state = BusState.ERROR_ACTIVE
@@ -153,7 +153,7 @@ class _Watched:
 
 
 class _DriverRun:
-    """One driver from its start, and what must hold for it whatever happens."""
+    """One driver from its start, with the conditions that it must always fulfil."""
 
     def __init__(self, reader: Reader) -> None:
         self.reader = reader
@@ -182,7 +182,7 @@ class _DriverRun:
             self.armed = False
 
     def healthy(self) -> None:
-        """A board that does what it is told, for a few cycles."""
+        """A board that follows the commands for a few cycles."""
         for _ in range(1 + self.reader.byte() % 8):
             self.now += PERIOD
             self.counter = (self.counter + 1) & 0xFF
@@ -195,7 +195,7 @@ class _DriverRun:
                 self.armed = False
 
     def any_message(self) -> None:
-        """A well-formed frame with values of the fuzzer's."""
+        """A well-formed frame with values from the fuzzer."""
         read, kind = self.reader, self.reader.byte() % 5
         self.counter = (self.counter + 1) & 0xFF
         if kind == 0:
@@ -213,7 +213,7 @@ class _DriverRun:
             self.hear(ValveCommand((0.0, 0.0), (False, False), self.counter))
 
     def any_frame(self) -> None:
-        """Bytes on the bus."""
+        """Put bytes on the bus."""
         identifier = int.from_bytes(self.reader.bytes(2), "little") & 0x7FF
         data = self.reader.bytes(self.reader.byte() % 9)
         stamp = self.now + (0.0, -1.0, 5.0)[self.reader.byte() % 3]
@@ -251,7 +251,7 @@ class _DriverRun:
 
 
 def driver(data: bytes) -> None:
-    """A driver, its operator and its bus in any order: air moves only when it may."""
+    """Driver, operator and bus act in any order: air flows only when it is allowed."""
     reader = Reader(data)
     run = _DriverRun(reader)
     acts = (

@@ -1,9 +1,9 @@
-"""Random and mutated messages through the callbacks of the nodes themselves.
+"""Calls the callbacks of the nodes with random and mutated messages.
 
-`python -m pam_check fuzz-callbacks --count 1000000` makes the nodes in this process, calls each
-subscription's callback with that many messages of its type, and each timer's callback in between.
-Nothing may escape, and a driver that was not activated may let no air move. Names, sizes, numbers
-and stamps are garbage; types are not, since ROS checks those.
+`python -m pam_check fuzz-callbacks --count 1000000` creates the nodes in this process, calls the
+callback of each subscription with that many messages of its type, and calls the timers in between.
+No exception may escape, and a driver that was not activated must not allow air flow. Names, sizes,
+numbers and stamps are random; types are correct, because ROS checks them.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Messages:
         Raises
         ------
         PamError
-            For a type that nothing is known of.
+            For an unknown type.
         """
         if kind not in self._by_type:
             raise PamError(f"no messages of type {kind.__name__} can be drawn")
@@ -100,7 +100,7 @@ class Messages:
 
 @contextmanager
 def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[Any]]:
-    """One node of each kind for a rig file, the driver measuring; ended when left.
+    """One node of each kind for a rig file, with a configured driver; they end with the context.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
     """
     arguments = ["--ros-args", "--params-file", str(rig)]
     for name in ("pam_driver", "pam_rig"):
-        # two buses: boards that answered would be no fault, but garbage need not meet any
+        # two buses, so that no board answers to the random commands
         for key, value in (("interface", "virtual"), ("channel", f"{CHANNEL}_{name}")):
             arguments += ["-p", f"{name}:bus.{key}:={value}"]
     with set_environment(private_domain()):
@@ -125,7 +125,7 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
     try:
         for kind in kinds:
             node = kind()
-            node.get_logger().set_level(LoggingSeverity.FATAL)  # each refusal is a warning
+            node.get_logger().set_level(LoggingSeverity.FATAL)  # hides warnings
             nodes.append(node)
         nodes[0].trigger_configure()
         yield nodes
@@ -138,7 +138,7 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
 
 
 def callbacks(node: Any) -> list[tuple[str, type, Callable[[Any], Any]]]:
-    """Topic, type and callback of every subscription; of a node's inner node as well."""
+    """Topic, type and callback of every subscription, including those of a node's inner node."""
     inner = getattr(node, "_hearing", None)
     return [
         (one.topic_name, one.msg_type, one.callback)
@@ -150,7 +150,7 @@ def callbacks(node: Any) -> list[tuple[str, type, Callable[[Any], Any]]]:
 
 
 def no_air(port: CanPort, codec: BoardCodec, now: float) -> None:
-    """Raise if any of the frames that wait lets air move."""
+    """Raise an error if any queued frame allows air flow."""
     frames = port.receive_all(now)
     while frames:
         for frame in frames:
@@ -159,30 +159,30 @@ def no_air(port: CanPort, codec: BoardCodec, now: float) -> None:
             except FrameError:
                 continue
             if isinstance(message, ValveCommand) and any(message.enable):
-                raise ViolationError("a driver that is not active lets air move")
+                raise ViolationError("a driver that is not active allows air flow")
         frames = port.receive_all(now)
 
 
 def fuzz_callbacks(
     rig: Path, count: int, seed: int, kinds: Sequence[Callable[[], Any]]
 ) -> dict[str, list[str]]:
-    """Messages through every callback; what escaped, by node and topic.
+    """Send messages through every callback; return the escaped exceptions by node and topic.
 
     Parameters
     ----------
     rig : Path
         Rig file of the nodes.
     count : int
-        Messages for each callback, in blocks of BLOCK.
+        Number of messages for each callback, in blocks of BLOCK.
     seed : int
-        Of the first block.
+        Seed of the first block.
     kinds : sequence of callable
         The nodes' classes, the driver's first.
 
     Raises
     ------
     PamError
-        If a node cannot be made, or hears a type that cannot be drawn.
+        If a node cannot be created, or subscribes to a type that cannot be drawn.
     """
     failed: dict[str, list[str]] = {}
     codec = BoardCodec.from_dbc()
@@ -201,7 +201,7 @@ def fuzz_callbacks(
                             for timer in node.timers:
                                 timer.callback()
                             no_air(port, codec, time.monotonic())
-                        except Exception as error:  # whatever escapes is what is looked for
+                        except Exception as error:  # every exception that escapes is a finding
                             escaped.append(f"seed {block}: {type(error).__name__}: {error}")
                 if hasattr(node, "check"):
                     node.check()
@@ -211,12 +211,12 @@ def fuzz_callbacks(
 
 
 def run(given: Arguments, kinds: Sequence[Callable[[], Any]]) -> Outcome:
-    """Fuzz and print; the command of `pam_check.__main__`.
+    """Fuzz and print the result; the command of `pam_check.__main__`.
 
     Raises
     ------
     PamError
-        For a rig that cannot be used, or a node that cannot be made.
+        For a rig that cannot be used, or a node that cannot be created.
     """
     failed = fuzz_callbacks(chosen_rig(given), given.count, given.seed, kinds)
     for name, escaped in failed.items():

@@ -1,9 +1,9 @@
-"""Throws random and mutated input at every entrance of the suite; nothing but PamError may escape.
+"""Feeds random and mutated input into the suite; only PamError may escape.
 
-`python -m pam_check fuzz frames --count 10000000`, likewise `driver`, `board`, `commands`,
-`references`, `measurements`, `injections`. Half of the input is noise, half are valid messages
-with a few bits or fields changed. What fails is kept as a seed in `--corpus` and tried first next
-time.
+`python -m pam_check fuzz frames --count 10000000`; other targets are `driver`, `board`, `commands`,
+`references`, `measurements` and `injections`. Half of the input is noise, the other half are valid
+messages with a few changed bits or fields. The seeds of failed blocks are kept in `--corpus` and
+tried first next time.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ _NAMES = ("", "nobody", "\x00", "é" * 300, "elbow ", "__class__", "elbow.flexor
 
 
 class ViolationError(AssertionError):
-    """Something happened that garbage must not bring about."""
+    """Random input had an effect that it must not have."""
 
 
 def frame(codec: BoardCodec, draw: random.Random) -> tuple[int, bytes]:
-    """Noise, or a valid frame with some of its bits flipped or its length changed."""
+    """Noise, or a valid frame with flipped bits or another length."""
     if draw.random() < 0.5:
         return draw.randrange(1 << 11), draw.randbytes(draw.randrange(9))
     message: BoardMessage
@@ -95,13 +95,13 @@ def _number(draw: random.Random) -> float:
 
 
 def numbers(draw: random.Random, count: int) -> list[float]:
-    """Numbers of every kind, often `count` of them."""
+    """Numbers of every kind; their number is often `count`."""
     size = count if draw.random() < 0.7 else draw.randrange(2 * count + 2)
     return [_number(draw) for _ in range(size)]
 
 
 def names(draw: random.Random, known: Sequence[str]) -> list[str]:
-    """The known names, shuffled, repeated, cut short or with others among them."""
+    """The known names, shuffled, repeated, truncated or mixed with others."""
     chosen = list(known)
     if draw.random() < 0.3:
         draw.shuffle(chosen)
@@ -113,7 +113,7 @@ def names(draw: random.Random, known: Sequence[str]) -> list[str]:
 
 
 def frames_target(rig: Rig) -> Target:
-    """The decoder: a message or a FrameError, and what is a message encodes again."""
+    """The decoder gives a message or a FrameError, and a message can be encoded again."""
     codec = BoardCodec.from_dbc()
 
     def target(draw: random.Random) -> None:
@@ -129,7 +129,7 @@ def frames_target(rig: Rig) -> Target:
 
 
 class _Port:
-    """Gives what it is filled with, keeps what moves air."""
+    """A bus that delivers queued frames and keeps the sent frames that allow air flow."""
 
     state = BusState.ERROR_ACTIVE
 
@@ -138,20 +138,20 @@ class _Port:
         self.waiting: list[ReceivedFrame] = []
 
     def receive_all(self, now: float) -> list[ReceivedFrame]:
-        """All that waits."""
+        """Return all queued frames."""
         waiting, self.waiting = self.waiting, []
         return waiting
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
-        """Raise if the frame would let air move."""
+        """Raise an error if the frame would allow air flow."""
         _, message = self.codec.decode(frame_id, data)
         if isinstance(message, ValveCommand) and any(message.enable):
-            raise ViolationError("a valve command from garbage")
+            raise ViolationError("a valve command from random input")
         return SendOutcome.SENT
 
 
 def driver_target(rig: Rig) -> Target:
-    """A driver that hears garbage, vented or about to be activated: it never lets air move."""
+    """A driver that receives random input, vented or before activation, never allows air flow."""
     codec = BoardCodec.from_dbc()
     port = _Port(codec)
     driver = Driver(rig, port, DriverSettings(), PressurePlausibility(rig, 0.002))
@@ -176,7 +176,7 @@ def driver_target(rig: Rig) -> Target:
 
 
 def board_target(rig: Rig) -> Target:
-    """A board that hears garbage: only a frame whose checksum holds lets air move."""
+    """A board that receives random input: only a frame with a valid checksum allows air flow."""
     codec = BoardCodec.from_dbc()
     board = SimulatedPamBoard(0, codec)
     own = {codec.frame_id(ValveCommand, 0), codec.frame_id(BoardCommand, 0)}
@@ -195,13 +195,13 @@ def board_target(rig: Rig) -> Target:
         except FrameError:
             raise ViolationError(f"{identifier:X} {data.hex()} changed a board") from None
         if identifier not in own:
-            raise ViolationError("a frame for nobody changed a board")
+            raise ViolationError("a frame that is addressed to no board changed a board")
 
     return target
 
 
 def commands_target(rig: Rig) -> Target:
-    """Valve commands: refused, or fractions within full scale."""
+    """Valve commands are refused, or give fractions within full scale."""
     intake = CommandIntake(rig, 0.1)
     clock = [0.0]
 
@@ -231,7 +231,7 @@ def _controller(rig: Rig) -> Controller:
 
 
 def references_target(rig: Rig) -> Target:
-    """Trajectories, streams and stiffness: refused, or finite references within the limits."""
+    """Trajectories, streams and stiffness are refused, or give finite references in the limits."""
     controller = _controller(rig)
     joints = rig.joint_names
     clock = [0.0]
@@ -273,7 +273,7 @@ def references_target(rig: Rig) -> Target:
 
 
 def measurements_target(rig: Rig) -> Target:
-    """Measurements into the controller: no commands, or finite ones."""
+    """Measurements give no commands of the controller, or finite ones."""
     controller = _controller(rig)
     clock = [0.0]
 
@@ -301,14 +301,14 @@ def measurements_target(rig: Rig) -> Target:
 
 
 def injection(draw: random.Random) -> str:
-    """A text like that of a fault to bring about."""
+    """A text that is similar to a request for a fault."""
     words = [draw.choice(("supply_lost", "share=0.3", "share=", "=", "share=nan", *_NAMES))]
     words += [draw.choice(("share=1e999", "share=-1", "x=1")) for _ in range(draw.randrange(3))]
     return " ".join(words)
 
 
 def injections_target(rig: Rig) -> Target:
-    """Texts of faults to bring about."""
+    """Requests for faults, valid and invalid ones."""
 
     def target(draw: random.Random) -> None:
         text = injection(draw)
@@ -331,24 +331,24 @@ TARGETS: Mapping[str, Callable[[Rig], Target]] = {
     "measurements": measurements_target,
     "injections": injections_target,
 }
-BLOCK = 1000  # inputs from one seed, so that a failure is found again soon
+BLOCK = 1000  # inputs per seed; few, so that a failure is reproduced quickly
 
 
 def fuzz(rig: Rig, name: str, count: int, seed: int, corpus: Sequence[int] = ()) -> dict[int, str]:
-    """Run a target on `count` inputs; what failed, by seed of its block.
+    """Run a target on `count` inputs; return the failures by the seed of their block.
 
     Parameters
     ----------
     rig : Rig
-        Whose names are used.
+        The rig whose names are used.
     name : str
-        Of TARGETS.
+        A key of TARGETS.
     count : int
-        Inputs, in blocks of BLOCK.
+        Number of inputs, in blocks of BLOCK.
     seed : int
-        Of the first block.
+        Seed of the first block.
     corpus : sequence of int
-        Seeds that failed once; tried first.
+        Seeds that failed before; they are tried first.
     """
     failed: dict[int, str] = {}
     blocks = max(1, count // BLOCK)
@@ -358,19 +358,19 @@ def fuzz(rig: Rig, name: str, count: int, seed: int, corpus: Sequence[int] = ())
         try:
             for _ in range(BLOCK):
                 target(draw)
-        except Exception as error:  # whatever escapes is what is looked for
+        except Exception as error:  # every exception that escapes is a finding
             failed[block] = f"{type(error).__name__}: {error}"
             target = TARGETS[name](rig)
     return failed
 
 
 def run(given: Arguments) -> Outcome:
-    """Fuzz, print and keep what failed; the command of `pam_check.__main__`.
+    """Fuzz, print the result and keep failed seeds; the command of `pam_check.__main__`.
 
     Raises
     ------
     PamError
-        For a rig or a target that cannot be used, or a corpus that is none.
+        For a rig or a target that cannot be used, or a file that is no corpus.
     """
     rig = load_rig(chosen_rig(given))
     if given.target not in (*TARGETS, "all"):
@@ -395,12 +395,12 @@ def run(given: Arguments) -> Outcome:
 
 
 def _kept_seeds(path: Path) -> dict[str, str]:
-    """What failed before, by seed.
+    """Read the earlier failures by seed.
 
     Raises
     ------
     PamError
-        For a file that holds something else.
+        For a file with other contents.
     """
     if not path.exists():
         return {}

@@ -1,1 +1,1 @@
-"""The SROS 2 policy, and whether the nodes keep to it."""
+"""The SROS 2 policy, and a check that the nodes comply with it."""

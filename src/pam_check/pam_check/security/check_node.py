@@ -1,4 +1,4 @@
-"""Holds the policy of `pam_check.security.policy` against what the nodes of a chain really use."""
+"""Compares the policy of `pam_check.security.policy` with what the nodes of a chain really use."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PATIENCE = 40.0  # s
 
 
 def used_by(node: Node, name: str) -> dict[str, set[str]]:
-    """What a running node publishes, hears and serves."""
+    """Topics and services that a running node publishes, subscribes to and serves."""
     return {
         "publish": {topic for topic, _ in node.get_publisher_names_and_types_by_node(name, "/")},
         "subscribe": {topic for topic, _ in node.get_subscriber_names_and_types_by_node(name, "/")},
@@ -71,5 +71,5 @@ def run(given: Arguments) -> Outcome:
         For a rig that cannot be used, or a node that ends.
     """
     lines = differences(chosen_rig(given))
-    print("\n".join(lines) or "the policy is what the nodes use")
+    print("\n".join(lines) or "the policy agrees with what the nodes use")
     return Outcome({"differences": lines}, lines)

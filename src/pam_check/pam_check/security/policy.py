@@ -1,7 +1,7 @@
-"""What each node may publish, hear, serve and call, as data and as an SROS 2 policy file.
+"""The topics and services that each node may use, as data and as an SROS 2 policy file.
 
-`python -m pam_check security config/security_policy.xml` writes the policy (schema 0.2.0 of sros2);
-docs/security.md says how to switch it on, and `python -m pam_check security-check` holds it against
+`python -m pam_check security config/security_policy.xml` writes the policy (schema 0.2.0 of sros2).
+docs/security.md explains how to enable it. `python -m pam_check security-check` compares it with
 what running nodes really use.
 """
 
@@ -15,7 +15,7 @@ from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import load_rig
 
-# What every node has of ROS itself; `~` is the node's own name.
+# Topics and services that ROS gives to every node; `~` is the node's own name.
 _COMMON_PUBLISHES = ("rosout", "parameter_events")
 _COMMON_SERVES = tuple(
     f"~/{name}"
@@ -35,16 +35,16 @@ _LIFECYCLE_SERVES = tuple(
 
 @dataclass(frozen=True, slots=True)
 class Rights:
-    """Of one node; topics and services without the leading slash, `{muscle}` for each muscle.
+    """Permissions of one node; names have no leading slash, `{muscle}` stands for each muscle.
 
     Attributes
     ----------
     publishes, subscribes, serves : tuple of str
-        Beside what every node has.
+        Names in addition to those of every node.
     parameters : bool
-        Whether it has parameter services and rosout.
+        Whether the node has parameter services and rosout.
     enclave : str
-        Of the process it lives in, if that bears another node's name.
+        Enclave of its process, if the process has the name of another node.
     """
 
     publishes: tuple[str, ...] = ()
