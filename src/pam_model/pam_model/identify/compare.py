@@ -33,7 +33,7 @@ class RankedModel:
     fit : FitResult
         The model on all points, and its held-out error.
     free_numbers : int
-        How many numbers were fitted.
+        Number of fitted numbers.
     low, high : float
         95 % bootstrap interval of the held-out error [unit].
     ties : tuple of str

@@ -194,7 +194,7 @@ def colbrunn() -> Figure:
 
 @_picture("identification")
 def identification() -> Figure:
-    """A model fitted to synthetic points with noise from itself, each pressure held out once."""
+    """A model fitted to noisy points of the same model, with each pressure held out once."""
     model = create_force_model("tondu_lopez", CONTRACTOR, {"k": 1.25})
     pressure = np.repeat(PRESSURES, 12)
     length = CONTRACTOR.rest_length * np.tile(np.linspace(0.78, 1.0, 12), len(PRESSURES))

@@ -1,4 +1,4 @@
-"""Creep of the bladder as a standard linear solid: a spring and a Kelvin-Voigt element.
+"""Creep of the bladder as a standard linear solid: a spring and a Kelvin-Voigt element in series.
 
 Standard form (not in the review): strain(t) = sigma/E1 + sigma/E2 (1 - exp(-t E2/eta)).
 """
@@ -40,7 +40,7 @@ class StandardLinearSolid:
 
     @property
     def time_constant(self) -> float:
-        """eta/E2 [s]."""
+        """Time constant of the creep, eta/E2 [s]."""
         return self.viscosity / self.delayed_modulus
 
     def strain(self, stress: Any, time: Any) -> Any:

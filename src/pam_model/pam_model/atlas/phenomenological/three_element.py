@@ -87,12 +87,12 @@ class ThreeElementMuscle:
 
     @property
     def natural_frequency(self) -> float:
-        """sqrt(K/M) [rad/s]."""
+        """Undamped natural frequency sqrt(K/M) [rad/s]."""
         return math.sqrt(self.stiffness / self.mass)
 
     @property
     def damping_ratio(self) -> float:
-        """B/(2 sqrt(K M)) [-]."""
+        """Damping ratio B/(2 sqrt(K M)) [-]."""
         return self.damping / (2.0 * math.sqrt(self.stiffness * self.mass))
 
     def force(self, shortening: Any, speed: Any = 0.0) -> Any:

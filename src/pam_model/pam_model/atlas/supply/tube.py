@@ -53,12 +53,12 @@ class Tube:
 
     @property
     def speed_of_sound(self) -> float:
-        """sqrt(gamma R T) [m/s]."""
+        """Speed of sound sqrt(gamma R T) [m/s]."""
         return math.sqrt(HEAT_CAPACITY_RATIO * GAS_CONSTANT * self.temperature)
 
     @property
     def delay(self) -> float:
-        """L_t/c [s]."""
+        """Transport delay L_t/c [s]."""
         return self.length / self.speed_of_sound
 
     def laminar_flow(self, upstream: float, downstream: float) -> float:
@@ -69,7 +69,7 @@ class Tube:
         return math.pi * self.diameter**4 * (upstream**2 - downstream**2) / resistance
 
     def reynolds(self, mass_flow: float) -> float:
-        """4 mdot/(pi D mu) [-]."""
+        """Reynolds number 4 mdot/(pi D mu) [-]."""
         return 4.0 * abs(mass_flow) / (math.pi * self.diameter * VISCOSITY)
 
     def attenuation(self, pressure: float) -> float:

@@ -138,7 +138,7 @@ class AlFahaam(AffineMuscle):
         short, long = self._annulus(low), self._annulus(high)
         if short <= 0.0 and long <= 0.0:
             raise DomainError(
-                f"the annulus is closed: the extensor's bore less the contractor's diameter is "
+                f"the annulus is closed: the extensor's bore minus the contractor's diameter is "
                 f"{short:g} m on a short muscle and {long:g} m on a long one"
             )
         if short * long < 0.0:
