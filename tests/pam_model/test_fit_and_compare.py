@@ -76,7 +76,7 @@ def test_friction_at_one_speed_is_one_number() -> None:
         for name in ("static_friction", "kinetic_friction", "friction_speed")
     ]
     assert sum(p.fitted for p in friction) == 1
-    assert all("only with others" in p.note for p in friction if not p.fitted)
+    assert all("not separable" in p.note for p in friction if not p.fitted)
     # without friction it is the plain model, so it cannot do worse
     assert rubbing.training_error < plain.training_error * 1.01
 
