@@ -227,7 +227,7 @@ class Search:
     shown_by : tuple of str
         Recorded channels of which at least one is needed; empty if the pressures alone suffice.
     is_one_sided : bool
-        The effect belongs to one valve or one sensor; it is also fitted to each muscle alone.
+        The effect belongs to one valve or one sensor; the diagnosis has one candidate per muscle.
     shows_when_shut : bool
         For the valve stage: the effect is visible while the valves are shut.
     is_sharp : bool

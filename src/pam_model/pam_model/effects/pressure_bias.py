@@ -32,7 +32,7 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"bias": 1.2e4},
-        signature="One sensor does not read zero when its muscle is vented.",
+        signature="The readings of one sensor are wrong by the same amount at every pressure.",
         easily_taken_for="pressure_gain, when the pressure hardly changes.",
         told_apart_by="Vent the muscles and read the sensors.",
     ),

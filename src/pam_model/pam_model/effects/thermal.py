@@ -87,8 +87,8 @@ EFFECT = Effect(
     ),
     portrait=Portrait(
         sizes={"conductance": 0.5},
-        signature="The muscle is stiffer in fast changes than in slow ones; after a fast fill with "
-        "valves then shut, the pressure falls again within a second.",
+        signature="The muscle is stiffer in fast changes than in slow ones; when the valves "
+        "shut after a fast fill, the pressure falls a little within a second.",
         easily_taken_for="dead_volume; leakage, where the pressure continues to fall.",
         told_apart_by="Fill fast, then hold with shut valves.",
     ),

@@ -4,10 +4,12 @@ With lengths L_a = L_a0 - r q and L_b = L_b0 + r q, torque = r (F_a - F_b) and, 
 pressures, stiffness = -d torque/dq = r^2 (K_a + K_b). The two pressures are two degrees of freedom:
 the difference of the pulls determines the torque, their sum the stiffness.
 
+For models affine in pressure the inverse is exact: the torque is constant along a straight line in
+the plane of the two pressures, and the stiffness is linear along this line. For other models the
+line is iterated with secants through the last two points until it converges.
+
 Source: section on antagonistic joints of "A Review of Design and Modeling of Pneumatic
-Artificial Muscle". For models affine in pressure the inverse is exact: the torque is constant along
-a straight line in the plane of the two pressures, and the stiffness is linear along this line. For
-other models the line is iterated with secants through the last two points until it converges.
+Artificial Muscle".
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class JointEstimator:
         self._positions: dict[str, tuple[float, float, float]] = {}
 
     def take_pressures(self, stamp: float, names: Sequence[str], pressures: Sequence[float]) -> int:
-        """Store measured gauge pressures [Pa]; names that are no muscle of the rig are ignored.
+        """Store measured gauge pressures [Pa]; names that are not in the rig are ignored.
 
         Returns the number of names that belong to this rig.
         """
@@ -111,7 +111,7 @@ class JointEstimator:
         return taken
 
     def _is_overtaken(self, stamp: float, kept: tuple[float, ...] | None) -> bool:
-        """Whether the stored value is newer; if it is much newer, the clock was set back: False."""
+        """Whether the stored value is newer, by at most `max_age`; else the clock was set back."""
         return kept is not None and 0.0 < kept[0] - stamp <= self.max_age
 
     def estimate(self, now: float) -> Estimate:
