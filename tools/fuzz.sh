@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Coverage-guided fuzzing (atheris) of the byte targets: tools/fuzz.sh [seconds per target] [target ...]
-# The least that reaches as much as all that was found is kept in tests/data/fuzz_corpus, which the
-# tests replay; what fails is written to out/fuzz. Exit code 1 if anything failed.
+# The smallest set of inputs with the full coverage is kept in tests/data/fuzz_corpus, and the tests
+# replay it. Inputs that fail are written to out/fuzz. Exit code 1 if anything failed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-60}
@@ -9,7 +9,7 @@ shift || true
 targets=("$@")
 ((${#targets[@]})) || targets=(frames commands driver)
 python=$PWD/.venv/bin/python
-# beside the project's environment, not in it: nothing else needs the tool
+# installed outside the project's environment, since nothing else needs the tool
 tool=$PWD/.cache/fuzz-$(sha256sum <tools/fuzz.lock | cut -c1-12)
 if [[ ! -d $tool ]]; then
   "$python" -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps \

@@ -1,4 +1,4 @@
-"""The kept inputs of a fuzz target, one line of hexadecimal digits each: to files and back."""
+"""Converts the kept inputs of a fuzz target, lines of hexadecimal digits, to files and back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def unpack(kept: Path, folder: Path) -> None:
-    """A file for each line."""
+    """Write one file for each line."""
     folder.mkdir(parents=True, exist_ok=True)
     for line in kept.read_text().split() if kept.exists() else ():
         data = bytes.fromhex(line)
@@ -16,7 +16,7 @@ def unpack(kept: Path, folder: Path) -> None:
 
 
 def pack(kept: Path, folder: Path) -> int:
-    """A line for each file that is not empty; how many."""
+    """Write one line for each file that is not empty; returns the number of lines."""
     inputs = sorted({path.read_bytes().hex() for path in folder.iterdir()} - {""})
     if inputs:
         kept.parent.mkdir(parents=True, exist_ok=True)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Runs a byte target under atheris; started by tools/fuzz.sh with libFuzzer's arguments.
 
-The target is named by FUZZ_TARGET, not by an argument: to merge, libFuzzer starts this file anew
-with arguments of its own.
+The environment variable FUZZ_TARGET names the target. It cannot be an argument, since libFuzzer
+starts this file again with its own arguments when it merges inputs.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Rules about imports that import-linter has no contract for; `make lint` checks them.
+"""Rules about imports for which import-linter has no contract; `make lint` checks them.
 
-pyproject.toml names them under `tool.importlinter` beside the contracts of import-linter itself.
+pyproject.toml lists them under `tool.importlinter` together with import-linter's own contracts.
 """
 
 from __future__ import annotations
@@ -10,21 +10,21 @@ from importlinter import Contract, ContractCheck, fields, output
 
 
 def _is_node(module: str) -> bool:
-    """Whether a module is a ROS node, as its file's name says."""
+    """Whether a module is a ROS node, according to its file name."""
     return module.endswith("_node")
 
 
 class _ImportRule(Contract):
-    """A rule about single imports; a subclass lists those that break it."""
+    """A rule about single imports; a subclass lists the imports that break it."""
 
     advice = ""
 
     def broken(self, graph: ImportGraph) -> list[tuple[str, str]]:
-        """Importer and imported module of every import that breaks the rule."""
+        """The importing and the imported module of every import that breaks the rule."""
         raise NotImplementedError
 
     def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:
-        """Look at the graph of all imports."""
+        """Check the graph of all imports."""
         lines = []
         for importer, imported in sorted(set(self.broken(graph))):
             details = graph.get_import_details(importer=importer, imported=imported)
@@ -33,7 +33,7 @@ class _ImportRule(Contract):
         return ContractCheck(kept=not lines, metadata={"lines": lines})
 
     def render_broken_contract(self, check: ContractCheck) -> None:
-        """Print what breaks the rule and what to do instead."""
+        """Print the imports that break the rule, and what to do instead."""
         for line in check.metadata["lines"]:
             output.print_error(f"- {line}")
         output.new_line()
@@ -44,12 +44,12 @@ class NodesAreStartedNotImported(_ImportRule):
     """Only a program's entry point, `__main__`, may import a module called `*_node`."""
 
     advice = (
-        "Start the node as a process, or move what is needed into a module without ROS; "
-        "what needs an object of the node gets it from __main__."
+        "Start the node as a process, or move the needed code into a module without ROS; "
+        "code that needs an object of the node gets it from __main__."
     )
 
     def broken(self, graph: ImportGraph) -> list[tuple[str, str]]:
-        """Imports of nodes by anything but an entry point."""
+        """Imports of nodes by modules that are not entry points."""
         return [
             (importer, node)
             for node in graph.modules
@@ -66,7 +66,7 @@ class RosStaysInNodes(_ImportRule):
     advice = "Put the algorithm into a module without ROS, and call it from a *_node.py."
 
     def broken(self, graph: ImportGraph) -> list[tuple[str, str]]:
-        """Imports of ROS elsewhere."""
+        """Imports of ROS by other modules."""
         return [
             (importer, package)
             for package in self.ros_packages & graph.modules

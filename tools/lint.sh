@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Style, types and import rules of the whole tree.
+# Checks style, types and import rules of the whole tree.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 .venv/bin/ruff check .

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Rewrites requirements.lock from requirements.in: all versions, all hashes, no index address.
+# Generates requirements.lock from requirements.in, with all versions and hashes, without an index address.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 .venv/bin/pip-compile --quiet --generate-hashes --allow-unsafe --no-strip-extras --no-header \

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Changes the driver's safety path, one small change at a time, in a copy of the tree, and sees
-# whether the tests notice. A pattern (for example 'pam_driver.safety.sensor_checks*') narrows it down.
-# Result: out/mutation/report.txt. Exit code 1 if less than 90 % are noticed.
+# Makes small changes to the driver's safety code, one at a time, in a copy of the tree, and checks
+# whether the tests detect them. A pattern (for example 'pam_driver.safety.sensor_checks*') selects modules.
+# Result: out/mutation/report.txt. Exit code 1 if less than 90 % are detected.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
 python=$root/.venv/bin/python
 out=$root/out/mutation
-# beside the project's environment, not in it: nothing else needs the tool
+# installed outside the project's environment, since nothing else needs the tool
 tool=$root/.cache/mutation-$(sha256sum <tools/mutation.lock | cut -c1-12)
 if [[ ! -d $tool ]]; then
   "$python" -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps \

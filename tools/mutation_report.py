@@ -1,4 +1,4 @@
-"""Table of mutants per module and the change that each survivor made, from mutmut's results."""
+"""Prints mutmut's results: a table of mutants per module, and the change of each survivor."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 
 from mutmut.mutation.diff_apply import get_diff_for_mutant
 
-SURVIVED, NOT_TESTED = (0, 5), (33, 34)  # codes that mutmut keeps
+SURVIVED, NOT_TESTED = (0, 5), (33, 34)  # result codes of mutmut
 LEAST = 0.9
 
 
 def main(folder: Path) -> int:
-    """Print it; 1 if too many survive."""
+    """Print the report; returns 1 if too many mutants survive, 2 if none was run."""
     survivors: list[str] = []
     total = killed = 0
     print("| module | mutants | noticed | share |\n|---|---|---|---|")

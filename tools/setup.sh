@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes .venv: Python 3.12, requirements.lock, the six packages as editable. Does nothing when it is up to date.
-# With ROS 2 Jazzy sourced the venv sees the system's packages and takes that ROS instead of the wheels.
+# Makes .venv: Python 3.12, requirements.lock, and all packages in src as editable. Does nothing if it is up to date.
+# If ROS 2 Jazzy is sourced, the venv uses the system's packages and that ROS instead of the wheels.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -62,7 +62,7 @@ if ! is_current lock-stamp "$lock_stamp"; then
     awk '/^[^ #]/ { keep = ($0 !~ /^ros-/) } keep || /^#/' requirements.lock >"$lock"
   fi
   echo "setup: installing $(grep -c '^[^ #].*==' "$lock") pinned packages"
-  # The lock holds the full set, so pip need not resolve anything.
+  # The lock contains all dependencies, so pip need not resolve any.
   pip_install --require-hashes --no-deps -r "$lock"
   printf '%s' "$lock_stamp" >.venv/.lock-stamp
 fi

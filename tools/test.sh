@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The whole test suite: style, types, unit, property and process tests, then the SocketCAN tests on vcan.
-# Runs everything even when a part fails; the last line has the totals.
+# Runs the whole test suite: style, types, unit, property and process tests, then the SocketCAN tests on vcan.
+# All parts run even if one fails; the last line shows the totals.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
@@ -14,14 +14,14 @@ tools/lint.sh || failed+=("lint")
 .venv/bin/python -m pytest -q -m "not vcan" --durations=10 --junitxml="$out/bus-free.xml" \
   --cov --cov-report=term:skip-covered --cov-report=html:"$out/coverage" || failed+=("tests")
 
-# What is fitted must not depend on the processor: OpenBLAS picks its kernel by it, here by name.
+# Fits must not depend on the processor. OpenBLAS selects its kernel by the processor, here by name.
 for kernel in Haswell Prescott; do
   OPENBLAS_CORETYPE="$kernel" OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -q \
     tests/pam_model/test_fit_and_compare.py tests/pam_model/test_dual_numbers.py \
     tests/pam_model/test_comparison_page.py || failed+=("fits with the BLAS kernel $kernel")
 done
 
-# only the files that have such tests: an emulated processor takes minutes to read the others
+# only the files with such tests: an emulated processor takes minutes to import the others
 mapfile -t vcan_files < <(grep -rlw vcan tests --include='test_*.py')
 tools/with_vcan.sh "$out" .venv/bin/python -m pytest -v -m vcan -p no:cacheprovider \
   --durations=10 --junitxml="$out/vcan.xml" "${vcan_files[@]}" || failed+=("vcan tests")

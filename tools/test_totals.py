@@ -1,7 +1,7 @@
-"""Add up pytest's JUnit files and print one closing line.
+"""Add up pytest's JUnit files and print one line with the totals.
 
-Usage: ``python tools/test_totals.py FILE.xml...``. Exits 1 when a file is missing, holds no test,
-or counts a failure or an error, and when a SocketCAN test was skipped.
+Usage: ``python tools/test_totals.py FILE.xml...``. The exit code is 1 if a file is missing, if
+it contains no test, a failure or an error, or if a SocketCAN test was skipped.
 """
 
 import sys

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Runs a command with a CAN interface vcan0: tools/with_vcan.sh WRITABLE_FOLDER COMMAND...
-# Uses this kernel's vcan if it has one, else boots a Debian kernel that has (under virtme-ng) and runs the
-# command inside. The exit code is the command's. The command is told by PAM_TEST_CAN_CHANNEL, and by
-# PAM_TEST_SLOW_HOST=1 that the processor is emulated.
+# Uses the vcan of this kernel if there is one; otherwise it boots a distribution kernel that has vcan (under
+# virtme-ng) and runs the command inside. The exit code is that of the command. The command receives the
+# interface in PAM_TEST_CAN_CHANNEL, and PAM_TEST_SLOW_HOST=1 if the processor is emulated.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=$(realpath "$1")
@@ -24,7 +24,7 @@ if native_vcan; then
   PAM_TEST_CAN_CHANNEL=vcan0 exec "$@"
 fi
 
-echo "vcan: this kernel has none, booting one that has"
+echo "vcan: this kernel has no vcan, booting a kernel that has"
 [[ $(uname -m) == x86_64 ]] || die "the test kernel is for x86_64, this machine is $(uname -m); load the module vcan instead"
 command -v apt-get >/dev/null || die "needs apt-get to fetch qemu and a kernel; load the module vcan instead"
 
@@ -52,7 +52,7 @@ fetch_kernel() {
   image=$(apt-cache depends --important "$meta" | sed -n 's/^ *Depends: \(linux-image-[0-9].*\)$/\1/p' | head -1)
   [[ -n $image ]] || die "apt knows no kernel image ($meta)"
   packages=("$image")
-  # Ubuntu splits the modules off into packages of their own
+  # Ubuntu has the modules in separate packages
   if [[ $id == ubuntu ]]; then
     packages+=("${image/image/modules}" "${image/image/modules-extra}")
   fi
@@ -60,7 +60,7 @@ fetch_kernel() {
   work=$(mktemp -d)
   (
     cd "$work"
-    # apt's own download user cannot write here
+    # apt's download user has no permission to write here
     apt-get -o APT::Sandbox::User=root download -qq "${packages[@]}"
     mkdir root
     for package in *.deb; do
@@ -77,10 +77,10 @@ fetch_kernel() {
 }
 kernel() { compgen -G "$kernel_dir/boot/vmlinuz-*" | head -1; }
 [[ -n $(kernel) ]] || fetch_kernel
-[[ -n $(kernel) ]] || die "the kernel package holds no boot/vmlinuz"
+[[ -n $(kernel) ]] || die "the kernel package contains no boot/vmlinuz"
 [[ -x .venv/bin/vng ]] || die "virtme-ng is not in .venv; run 'make setup'"
 
-# The home folder is read-only inside; all that is written goes to the one shared folder.
+# The home folder is read-only inside; all output goes to the one shared folder.
 script=$out/in-vm.sh
 {
   printf 'set -e\nexec >%q 2>&1\ntrap "echo \\$? >%q" EXIT\n' "$out/vm.log" "$out/vm.exit-code"
@@ -94,8 +94,8 @@ script=$out/in-vm.sh
   echo
 } >"$script"
 
-# KVM is left out: nested virtualisation hangs on some hosts, and the tests are written for a slow processor.
-# Output and exit code come through the shared folder: the console needs udev, which containers lack.
+# KVM is disabled: nested virtualisation hangs on some hosts, and the tests are written for a slow processor.
+# Output and exit code are passed in the shared folder, since the console needs udev, which containers lack.
 rm -f "$out/vm.exit-code"
 : >"$out/vm.log"
 tail -f -n +1 "$out/vm.log" &

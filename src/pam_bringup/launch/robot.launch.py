@@ -2,10 +2,10 @@
 
 `ros2 launch pam_bringup robot.launch.py rig_file:=/path/to/rig.yaml bus_channel:=can0`
 
-When the driver ends, `on_driver_exit` decides what follows. By default everything ends: model and
-controller are of no use without it. With `on_driver_exit:=restart` the driver is started again, but
-it does not configure or activate itself: that air moves again is always somebody's decision
-(`ros2 lifecycle set /pam_driver configure`, then `activate`).
+The argument `on_driver_exit` decides what happens when the driver ends. By default all nodes end,
+since model and controller are of no use without the driver. With `on_driver_exit:=restart` the
+driver is started again, but it does not configure or activate itself: only a person may let air
+move again (`ros2 lifecycle set /pam_driver configure`, then `activate`).
 """
 
 from launch.actions import (
@@ -25,12 +25,12 @@ from launch_ros.substitutions import FindPackageShare
 
 from launch import Action, LaunchContext, LaunchDescription
 
-USERS_MISTAKE = 2  # the driver's exit code; to start it again would end the same way
-RESTART_DELAY = 2.0  # s, for the boards to vent and for the bus to be given back
+USERS_MISTAKE = 2  # the driver's exit code for a user's mistake; a restart would fail again
+RESTART_DELAY = 2.0  # s, until the boards have vented and the bus is closed
 
 
 def start_driver(autostart: ParameterValue | bool) -> list[Action]:
-    """The driver's node, and what follows when it ends."""
+    """The driver's node, and the action when it ends."""
     bus = {
         "bus.interface": ParameterValue(LaunchConfiguration("bus_interface"), value_type=str),
         "bus.channel": ParameterValue(LaunchConfiguration("bus_channel"), value_type=str),
@@ -52,35 +52,39 @@ def start_driver(autostart: ParameterValue | bool) -> list[Action]:
 
 
 def after_driver(event: ProcessExited, context: LaunchContext) -> list[Action]:
-    """End the launch or start the driver again, as `on_driver_exit` says."""
+    """End the launch or start the driver again, depending on `on_driver_exit`."""
     if context.is_shutdown:
         return []
-    told = f"the driver has ended with code {event.returncode}"
+    reason = f"the driver has ended with code {event.returncode}"
     choice = LaunchConfiguration("on_driver_exit").perform(context)
     if choice == "restart" and event.returncode != USERS_MISTAKE:
-        text = f"{told}; starting it again, to be configured and activated by hand"
+        text = f"{reason}; it is started again, and must be configured and activated by hand"
         again = TimerAction(period=RESTART_DELAY, actions=start_driver(autostart=False))
         return [LogInfo(msg=text), again]
-    return [EmitEvent(event=Shutdown(reason=told))]
+    return [EmitEvent(event=Shutdown(reason=reason))]
 
 
 def generate_launch_description() -> LaunchDescription:
     """Three nodes that read the same rig file."""
     rig_file = LaunchConfiguration("rig_file")
     namespace = LaunchConfiguration("namespace")
-    # cycles keep their time on a busy host, if the user may have that (docs/on_a_robot.md)
+    # keeps cycles punctual on a busy host, if the user has the permission (docs/on_a_robot.md)
     priority = ParameterValue(LaunchConfiguration("realtime_priority"), value_type=int)
     elbow = PathJoinSubstitution([FindPackageShare("pam_bringup"), "config", "elbow.yaml"])
     return LaunchDescription(
         [
-            DeclareLaunchArgument("rig_file", default_value=elbow, description="the robot"),
+            DeclareLaunchArgument(
+                "rig_file", default_value=elbow, description="rig file of the robot"
+            ),
             DeclareLaunchArgument(
                 "namespace",
                 default_value="",
-                description="of all nodes and topics; one for each robot on a network",
+                description="namespace of all nodes and topics; one for each robot on a network",
             ),
             DeclareLaunchArgument(
-                "bus_interface", default_value="socketcan", description="python-can's name"
+                "bus_interface",
+                default_value="socketcan",
+                description="python-can's name of the interface",
             ),
             DeclareLaunchArgument(
                 "bus_channel", default_value="can0", description="network interface"
@@ -88,12 +92,12 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "bus_port",
                 default_value="43113",
-                description="UDP port, for bus_interface:=udp_multicast alone",
+                description="UDP port, used by bus_interface:=udp_multicast only",
             ),
             DeclareLaunchArgument(
                 "autostart",
                 default_value="true",
-                description="the driver configures and activates itself; false: ros2 lifecycle",
+                description="the driver configures and activates itself; false: by ros2 lifecycle",
             ),
             DeclareLaunchArgument(
                 "startup_timeout",
@@ -103,13 +107,13 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "realtime_priority",
                 default_value="20",
-                description="of the driver's and controller's loops, where permitted; 0: ordinary",
+                description="real-time priority of the driver's and controller's loops; 0: none",
             ),
             DeclareLaunchArgument(
                 "on_driver_exit",
                 default_value="shutdown",
                 choices=["shutdown", "restart"],
-                description="when the driver ends: end all, or start it again without autostart",
+                description="when the driver ends: end all nodes, or restart it without autostart",
             ),
             *start_driver(ParameterValue(LaunchConfiguration("autostart"), value_type=bool)),
             Node(

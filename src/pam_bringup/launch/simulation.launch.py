@@ -1,6 +1,6 @@
-"""The simulated rig with driver, model and controller, on a loopback bus or on vcan0.
+"""The simulated rig with driver, model and controller, on a multicast bus or on vcan0.
 
-`ros2 launch pam_bringup simulation.launch.py`, or with
+`ros2 launch pam_bringup simulation.launch.py`; for vcan0 add
 `bus_interface:=socketcan bus_channel:=vcan0`. A second robot on the same machine needs a namespace
 and a multicast group or port of its own:
 `namespace:=second bus_channel:=239.74.163.3`.
@@ -16,7 +16,7 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The simulated rig in the robot's place."""
+    """The simulated rig in place of the robot."""
     share = FindPackageShare("pam_bringup")
     names = ("rig_file", "namespace", "bus_interface", "bus_channel", "bus_port", "on_driver_exit")
     arguments = {name: LaunchConfiguration(name) for name in names}
@@ -30,15 +30,17 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "rig_file",
                 default_value=PathJoinSubstitution([share, "config", "elbow.yaml"]),
-                description="the robot",
+                description="rig file of the robot",
             ),
             DeclareLaunchArgument(
                 "namespace",
                 default_value="",
-                description="of all nodes and topics; one for each robot on a network",
+                description="namespace of all nodes and topics; one for each robot on a network",
             ),
             DeclareLaunchArgument(
-                "bus_interface", default_value="udp_multicast", description="python-can's name"
+                "bus_interface",
+                default_value="udp_multicast",
+                description="python-can's name of the interface",
             ),
             DeclareLaunchArgument(
                 "bus_channel",
@@ -48,13 +50,13 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "bus_port",
                 default_value="43113",
-                description="UDP port, for bus_interface:=udp_multicast alone",
+                description="UDP port, used by bus_interface:=udp_multicast only",
             ),
             DeclareLaunchArgument(
                 "on_driver_exit",
                 default_value="shutdown",
                 choices=["shutdown", "restart"],
-                description="when the driver ends: end all, or start it again without autostart",
+                description="when the driver ends: end all nodes, or restart it without autostart",
             ),
             Node(
                 package="pam_sim",
@@ -65,7 +67,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             IncludeLaunchDescription(
                 PathJoinSubstitution([share, "launch", "robot.launch.py"]),
-                # the rig compiles its plant when it runs for the first time
+                # the simulated rig compiles its plant when it runs for the first time
                 launch_arguments=[*arguments.items(), ("startup_timeout", "120.0")],
             ),
         ]

@@ -1,3 +1,3 @@
-"""Launch files that put the nodes of the PAM suite together."""
+"""Launch files that start the nodes of the PAM suite."""
 
 __version__ = "0.1.0"

@@ -44,7 +44,7 @@ class DriverTopics:
         snapshot : Snapshot
             Result of the cycle.
         intake : CommandIntake
-            Knows the units of the commands.
+            Converts commands to their units.
         wall_now, sent_at : float
             When the cycle began, and when its commands had been sent; wall clock [s].
         """

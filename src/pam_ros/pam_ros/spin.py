@@ -43,9 +43,9 @@ def spin_node(
     check : callable, optional
         Called with the node in every turn; it raises the exception of the node's loop, if any.
     mistake : exception type
-        The exception that `make_node` and `check` raise for a user's mistake, beside
-        ParameterError: its text is printed, and the node ends. Any other exception is a fault of
-        the program and is raised.
+        The exception that `make_node` and `check` raise for a user's mistake. For this one and for
+        ParameterError the text is printed, and the node ends. Any other exception is a fault of the
+        program and is raised.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The field of a sensor_msgs/JointState that holds a valve's command, as on `valve_commands`.
+"""Which field of a sensor_msgs/JointState contains a valve's command, as on `valve_commands`.
 
 The kind of valve decides the field. The command of a flow valve is the opening of its spool, from
 -1 (exhaust fully open) over 0 (shut) to 1 (supply fully open), in the field `position`. The command

@@ -67,7 +67,7 @@ class SimulatedRig:
     effects : mapping of str to float, optional
         Further effects, see `apply_effects`.
     options : mapping of str to str, optional
-        Options for the kinds of board beside the rig file, such as `dbc`.
+        Options for the kinds of board in addition to the rig file, such as `dbc`.
     board : BoardSettings, optional
         Rates and watchdog; limits come from the rig.
     quality : SensorQuality, optional

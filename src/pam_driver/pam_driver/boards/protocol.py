@@ -269,7 +269,7 @@ class BoardKind(Protocol):
 
 
 KindOptions = Mapping[str, str]
-"""Options beside the rig file, by name: `dbc`, the path of a DBC file."""
+"""Options in addition to the rig file, by name: `dbc`, the path of a DBC file."""
 
 MakeKind = Callable[[KindOptions], BoardKind]
 """The registered callable; raises a PamError for options that cannot be used."""

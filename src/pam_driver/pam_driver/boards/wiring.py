@@ -32,7 +32,7 @@ class RigWiring:
     rig : Rig
         Every muscle needs board and channel, every joint an encoder.
     options : mapping of str to str, optional
-        Options for the kinds of board beside the rig file, such as `dbc`.
+        Options for the kinds of board in addition to the rig file, such as `dbc`.
     kinds : mapping of str to MakeKind, optional
         Kinds by name; by default all that are installed.
 

@@ -1,7 +1,7 @@
 """The driver's table of states drawn as a diagram, for the documentation.
 
-Mermaid text, which code hosts and most Markdown viewers draw. docs/safety.md holds the same text,
-written by `python -m pam_sim fault-tables docs/safety.md`; a test compares the two.
+The diagram is Mermaid text, which code hosts and most Markdown viewers draw. docs/safety.md has the
+same text, written by `python -m pam_sim fault-tables docs/safety.md`; a test compares the two.
 """
 
 from __future__ import annotations
