@@ -99,12 +99,12 @@ def _refuse_other_valve(rig: Rig, muscle: str, recording: Recording) -> None:
     share = 0.99 if kind == "flow" else 1.0
     largest = float(np.quantile(np.abs(recording.values[channel]), share))
     if kind == "flow" and largest > LARGEST_OPENING:
-        told = f"reaches {largest:g}, so it is in Pa; the rig file has a flow valve (-1 to 1)"
+        difference = f"reaches {largest:g}, so it is in Pa; the rig file has a flow valve (-1 to 1)"
     elif kind == "pressure_regulator" and 0.0 < largest <= SMALLEST_PRESSURE:
-        told = f"stays within {largest:g}, a spool opening; the rig file has a regulator (Pa)"
+        difference = f"stays within {largest:g}, a spool opening; the rig file has a regulator (Pa)"
     else:
         return
-    raise RecordingError(f"{recording.source}: {channel} {told}; see {muscle}.valve.kind")
+    raise RecordingError(f"{recording.source}: {channel} {difference}; see {muscle}.valve.kind")
 
 
 def _named(recording: Recording, prefix: str) -> list[str]:
