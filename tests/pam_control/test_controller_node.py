@@ -17,7 +17,7 @@ import pytest
 rclpy = pytest.importorskip("rclpy")
 
 from builtin_interfaces.msg import Duration  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue  # noqa: E402
 from rcl_interfaces.srv import DescribeParameters, SetParameters  # noqa: E402
 from rclpy.context import Context  # noqa: E402
@@ -31,6 +31,7 @@ from pam_check.chain import private_domain  # noqa: E402
 from pam_model.plant.parameters import PlantParameters  # noqa: E402
 from pam_model.plant.simulate import Plant  # noqa: E402
 from pam_model.rig import load_rig  # noqa: E402
+from pam_ros.driver_state import LATCHED, driver_state_message  # noqa: E402
 from support.processes import end  # noqa: E402
 from support.reruns import HOST_STALLS  # noqa: E402
 
@@ -403,3 +404,26 @@ def test_says_that_gains_are_designed_and_how_long_it_took(domain, tmp_path):
                for text in said)  # fmt: skip
     assert re.search(r"designing the gains .*gains took \d+\.\d s: 1 designed", said[0], re.DOTALL)
     assert re.search(r"gains took \d+\.\d s: 0 designed, 1 read from an earlier start", said[1])
+
+
+def test_after_a_vent_it_takes_over_where_the_joint_is(bench, controller):
+    """A reference from before a vent, or sent during it, must not move the joint afterwards."""
+    state = bench.node.create_publisher(DiagnosticStatus, "pam_driver/state", LATCHED)
+    bench.measuring, bench.position_of_nan = True, False
+    bench.wait(lambda: bench.health["pam_controller: loop"].level == b"\x00", "control")
+    state.publish(driver_state_message("pam_driver", "vented", "a call of ~/vent"))
+    bench.wait(
+        lambda: "a call of ~/vent" in bench.health["pam_controller: loop"].message, "the vent"
+    )
+    count = len(bench.commands)
+    bench.send([-0.5], 0.1)
+    said = "the driver is vented"
+    bench.wait(lambda: said in bench.health["pam_controller: commands"].message, "the refusal")
+    assert len(bench.commands) <= count + 1  # one may have been on its way
+    bench.references.clear()
+    state.publish(driver_state_message("pam_driver", "ready", ""))
+    bench.wait(lambda: len(bench.commands) > count + 50, "commands again")
+    assert abs(bench.references[0].position[0] - bench.position) < 0.1
+    assert all(
+        abs(r.position[0] - bench.references[0].position[0]) < 1e-3 for r in bench.references
+    )

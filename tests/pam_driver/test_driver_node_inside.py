@@ -203,3 +203,28 @@ def test_a_simulated_clock_is_refused(inside: Inside) -> None:
     assert not answer.successful
     assert "use_sim_time" in answer.reason
     assert not inside.node.get_parameter("use_sim_time").value
+
+
+def test_every_change_of_state_is_published_with_its_reason(
+    inside: Inside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The controller follows this topic, so it must be right and early."""
+    node = inside.node
+    told: list[str] = []
+    monkeypatch.setattr(
+        node, "_state_topic", SimpleNamespace(publish=lambda message: told.append(message.message))
+    )
+    assert node.autostart()
+    inside.answer(inside.healthy)
+    node._watch()
+    assert inside.is_active()
+    node._on_vent(Trigger.Request(), Trigger.Response())
+    node._watch()
+    node._watch()
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert told == [
+        "vented: configured, not activated yet",
+        "ready",
+        "vented: a call of ~/vent",
+        "unconfigured",
+    ]

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -41,6 +41,7 @@ from pam_control.rig_order import in_order
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros import diagnostics as health
+from pam_ros.driver_state import LATCHED, reason_against_commands
 from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
@@ -97,6 +98,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._pressures: tuple[list[float], float] = ([], -math.inf)
         self._command_format = ValveCommandFormat(self.rig.valve_kinds)
         self._reason = "no measurement yet"
+        self._driver_reason = ""  # why the driver takes no commands; empty without such a driver
         self._counts = [_JointCounts() for _ in self.rig.joints]
         self._rejected = 0
         self._last_rejection = ("", -math.inf)
@@ -115,6 +117,9 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.create_subscription(JointState, "~/commands", self._on_stream, latest)
         self.create_subscription(
             Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
+        )
+        self.create_subscription(
+            DiagnosticStatus, "pam_driver/state", self._on_driver_state, LATCHED
         )
         self.create_timer(1.0, self._report)
         # The process arguments would give this node the same name as the first one. Therefore it
@@ -238,6 +243,17 @@ class ControllerNode(Node):  # type: ignore[misc]
         with self._rejecting("stiffness_commands"), self._lock:
             self._controller.set_stiffness(list(message.data))
 
+    def _on_driver_state(self, message: Any) -> None:
+        """Follow the driver: while it takes no commands, references are dropped and refused.
+
+        When it takes commands again, the next cycle takes over the joints where they are.
+        """
+        with self._lock:
+            self._driver_reason = reason_against_commands(message)
+            if self._driver_reason:
+                self._controller.deactivate()
+                self._reason = self._driver_reason
+
     def _require_active(self, what: str) -> None:
         if not self._controller.active:
             raise CommandError(f"{what} rejected: the controller is not active: {self._reason}")
@@ -273,6 +289,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         pressures, pressure_time = self._pressures
         measurement = Measurement(positions, pressures, position_time, pressure_time)
         with self._lock:
+            if self._driver_reason:
+                return
             try:
                 output = self._controller.step(now, measurement)
                 commands, reason = output.commands, output.reason

@@ -263,6 +263,11 @@ HELP = NodeHelp(
         Endpoint("~/stiffness_commands", "std_msgs/Float64MultiArray", "[N m/rad], one per joint"),
         Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
         Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
+        Endpoint(
+            "pam_driver/state",
+            "diagnostic_msgs/DiagnosticStatus",
+            "state of the driver; no commands and no references while it takes none",
+        ),
     ),
     publishes=(
         Endpoint(

@@ -15,9 +15,10 @@ from functools import partial
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
@@ -35,6 +36,7 @@ from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import diagnostic_array
+from pam_ros.driver_state import LATCHED, driver_state_message
 from pam_ros.errors import ParameterError
 from pam_ros.lifecycle import refuse_impossible_transitions
 from pam_ros.node_help import MISTAKE, tell_mistake
@@ -74,6 +76,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._activate_until: float | None = None
         self._fault_reported = False
         self._latched = ""  # the fault with which the node was cleaned up
+        self._published_state = ""
+        self._vent_reason = ""
         refuse_impossible_transitions(self)
 
         self._topics = DriverTopics(self, self._rig)
@@ -83,6 +87,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         )
         self.create_service(Trigger, "~/vent", self._on_vent)
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
+        # a plain publisher: that of a lifecycle node is silent until the node is active
+        self._state_topic = Node.create_publisher(self, DiagnosticStatus, "~/state", LATCHED)
+        self._publish_state()
         self.create_timer(_WATCH_PERIOD, self._watch)
         self.create_timer(1.0, self._publish_diagnostics)
         rate = self._values.number("fluid_pressure_rate")
@@ -129,6 +136,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         )
         self._loop.start()
         self.get_logger().info(f"measuring on {port.name}, valves vented")
+        self._vent_reason = "configured, not activated yet"
+        self._publish_state()
         return _SUCCESS
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
@@ -145,6 +154,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         except PamError as error:
             return self._fail(f"not activated: {error}")
         self._active = True
+        self._vent_reason = ""
+        self._publish_state()
         self.get_logger().info("active: valves follow valve_commands")
         return super().on_activate(state)
 
@@ -153,6 +164,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._active = False
         if self._driver is not None:
             self._driver.deactivate(time.monotonic())
+        self._vent_reason = self._vent_reason or "deactivated"
+        self._publish_state()
         self.get_logger().info("inactive: valves vented")
         return super().on_deactivate(state)
 
@@ -230,6 +243,23 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
                 driver.close(time.monotonic())
             if port is not None:
                 port.close()
+            self._vent_reason = ""
+            if rclpy.ok():
+                self._publish_state()
+
+    def _publish_state(self) -> None:
+        """Publish the driver's state and its reason, if either has changed."""
+        driver = self._driver
+        state = SafetyState.UNCONFIGURED if driver is None else driver.state
+        reason = self._vent_reason
+        if driver is not None and state is SafetyState.FAULT:
+            reason = "; ".join(str(fault) for fault in driver.faults)
+        elif self._latched:
+            reason = f"a fault is latched from before the clean-up: {self._latched}"
+        message = driver_state_message(self.get_name(), state.value, reason)
+        if message.message != self._published_state:
+            self._published_state = message.message
+            self._state_topic.publish(message)
 
     def _cycle(self, driver: Driver, now: float) -> None:
         """One cycle, in the I/O thread."""
@@ -260,6 +290,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             response.success, response.message = False, "not configured: the bus is not open"
             return response
         self._driver.vent(time.monotonic())
+        self._vent_reason = "a call of ~/vent"
+        self._publish_state()
         response.success, response.message = True, "vented; activate again to move"
         if self._activate_until is not None:
             self._activate_until = None
@@ -277,6 +309,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         driver.clear_faults(time.monotonic())
         self._fault_reported = False
         self._latched = ""
+        self._vent_reason = "faults cleared, not activated yet"
+        self._publish_state()
         response.success = driver.state is not SafetyState.FAULT
         response.message = f"{driver.state.value}; activate to move"
         return response
@@ -286,6 +320,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         driver = self._driver
         if driver is None:
             return
+        self._publish_state()
         if driver.state is SafetyState.FAULT and not self._fault_reported:
             self._fault_reported = True
             reasons = "; ".join(str(fault) for fault in driver.faults)

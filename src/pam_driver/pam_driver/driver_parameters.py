@@ -89,6 +89,9 @@ HELP: Final = NodeHelp(
             "the commands that were sent to the boards, and when",
         ),
         Endpoint("<muscle>/pressure", "sensor_msgs/FluidPressure", "absolute [Pa], at a low rate"),
+        Endpoint(
+            "~/state", "diagnostic_msgs/DiagnosticStatus", "state and reason; latched, on change"
+        ),
         Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
     ),
     serves=(

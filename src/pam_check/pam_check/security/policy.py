@@ -58,14 +58,16 @@ POLICY: Mapping[str, Rights] = {
     "pam_driver": Rights(
         publishes=(
             "pressure_states", "joint_states", "sent_valve_commands", "{muscle}/pressure",
-            "diagnostics", "~/transition_event",
+            "diagnostics", "~/transition_event", "~/state",
         ),
         subscribes=("valve_commands",),
         serves=("~/vent", "~/clear_faults", *_LIFECYCLE_SERVES),
     ),
     "pam_controller": Rights(
         publishes=("valve_commands", "~/reference", "~/error", "diagnostics"),
-        subscribes=("~/joint_trajectory", "~/commands", "~/stiffness_commands"),
+        subscribes=(
+            "~/joint_trajectory", "~/commands", "~/stiffness_commands", "pam_driver/state",
+        ),
     ),
     "pam_controller_inputs": Rights(
         subscribes=("joint_states", "pressure_states"),

@@ -1,0 +1,52 @@
+"""The driver's state as a latched topic: what a controller must know before it moves anything.
+
+The driver publishes a DiagnosticStatus on `~/state` whenever its state changes, and once when it
+starts. The topic is latched (transient local), so that a node that starts later hears the present
+state at once. `values` holds `state` and `reason` for programs, `message` both for people.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+LATCHED: Final = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""Quality of service of the topic, for publisher and subscriber."""
+COMMANDABLE: Final = frozenset({"ready", "active"})
+"""States in which the driver takes commands; the first command leads from ready to active."""
+
+
+def driver_state_message(name: str, state: str, reason: str) -> Any:
+    """A message for the topic.
+
+    Parameters
+    ----------
+    name : str
+        Of the driver's node.
+    state : str
+        One of the states on the driver's page.
+    reason : str
+        What brought it there; may be empty.
+    """
+    level = DiagnosticStatus.ERROR if state == "fault" else DiagnosticStatus.OK
+    return DiagnosticStatus(
+        level=level,
+        name=f"{name}: state",
+        message=f"{state}: {reason}" if reason else state,
+        values=[KeyValue(key="state", value=state), KeyValue(key="reason", value=reason)],
+    )
+
+
+def reason_against_commands(message: Any) -> str:
+    """Why the driver takes no commands in the state of this message; empty if it does."""
+    values = {pair.key: pair.value for pair in message.values}
+    state, reason = values.get("state", ""), values.get("reason", "")
+    if state in COMMANDABLE:
+        return ""
+    return f"the driver is {state or 'in an unknown state'}" + (f" ({reason})" if reason else "")
