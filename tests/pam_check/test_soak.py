@@ -43,7 +43,7 @@ def test_sixteen_muscles_come_up_on_eight_boards(rig):
         (lambda r: {"times": soak.Lag(0.0, -0.001, 0.0)}, "stamps drift"),
         (lambda r: {"times": soak.Lag()}, "stamps drift"),
         (lambda r: {"missed_heartbeats": 1}, "heartbeats missed"),
-        (lambda r: {"heartbeats": 0}, "no heartbeat heard"),
+        (lambda r: {"heartbeats": 0}, "no heartbeat received"),
         (lambda r: {"refused": 1}, "commands refused"),
         (lambda r: {"frames_lost": 1}, "measurements lost"),
         (lambda r: {"worst_error": float("nan")}, "the joints do not follow"),

@@ -65,13 +65,15 @@ class PlayerNode(Node):  # type: ignore[misc]
         PamError
             If `timeout` passes.
         """
-        heard: list[Any] = []
+        received: list[Any] = []
         subscription = self.create_subscription(
-            JointState, "pam_controller/reference", heard.append, QoSProfile(depth=1)
+            JointState, "pam_controller/reference", received.append, QoSProfile(depth=1)
         )
         deadline = time.monotonic() + timeout
         publishers = (self._trajectory, self._stream, self._stiffness)
-        while not heard or not all(publisher.get_subscription_count() for publisher in publishers):
+        while not received or not all(
+            publisher.get_subscription_count() for publisher in publishers
+        ):
             check()
             if time.monotonic() > deadline:
                 raise PamError(
@@ -120,7 +122,7 @@ class PlayerNode(Node):  # type: ignore[misc]
         deadline = time.monotonic() + ANSWER_TIMEOUT
         while not self._call(ChangeState, "pam_driver/change_state", request, check).success:
             if time.monotonic() > deadline:
-                raise PamError("the driver cannot be activated; its log says why")
+                raise PamError("the driver cannot be activated; see its log for the reason")
             time.sleep(0.05)
 
     def _call(self, kind: Any, name: str, request: Any, check: Callable[[], None]) -> Any:

@@ -81,7 +81,7 @@ class Recorder(Node):  # type: ignore[misc]
 
 
 def record(out: Path) -> None:
-    """Record to the folder `out` until asked to end.
+    """Record to the folder `out` until a signal ends it.
 
     Raises
     ------

@@ -60,8 +60,8 @@ FIELDS = {
 def _values(message: Any, field: str) -> Sequence[float]:
     if field != COMMAND:
         return cast(Sequence[float], getattr(message, field))
-    told = commands_of_any_kind(message.name, message.position, message.effort).values
-    return [told.get(name, math.nan) for name in message.name]
+    commands = commands_of_any_kind(message.name, message.position, message.effort).values
+    return [commands.get(name, math.nan) for name in message.name]
 
 
 def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str, Series]:

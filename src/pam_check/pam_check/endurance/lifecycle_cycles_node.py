@@ -209,7 +209,9 @@ def draw_losses(cycles: int, unplugged: int, seed: int) -> dict[int, tuple[str, 
     """
     free = range(WARM, cycles)
     if unplugged > len(free):
-        raise PamError(f"unplugged = {unplugged}: expected at most {len(free)}, cycles less {WARM}")
+        raise PamError(
+            f"unplugged = {unplugged}: expected at most {len(free)}, cycles minus {WARM}"
+        )
     draw = random.Random(seed)
     chosen = draw.sample(free, unplugged)
     # each way occurs equally often; their order is drawn at random

@@ -112,7 +112,7 @@ class SoakResult:
                 lag.drift <= DRIFT_ALLOWED for lag in (self.stamps, self.times)
             ),
             "heartbeats missed": self.missed_heartbeats > 0,
-            "no heartbeat heard": self.heartbeats == 0,
+            "no heartbeat received": self.heartbeats == 0,
             "commands refused": self.refused > 0,
             "measurements lost": self.frames_lost > 0,
             "the joints do not follow": not self.worst_error < AMPLITUDE,
@@ -130,7 +130,7 @@ class SoakResult:
                 f"threads {self.before.threads} to {self.after.threads}",
                 f"stamps against the wall clock: drift {1e6 * self.stamps.drift:.2f} us; "
                 f"times against the monotonic clock: drift {1e6 * self.times.drift:.2f} us",
-                f"heartbeats: {self.heartbeats} heard, {self.missed_heartbeats} missed",
+                f"heartbeats: {self.heartbeats} received, {self.missed_heartbeats} missed",
                 f"commands refused: {self.refused}; measurements lost: {self.frames_lost}",
                 f"largest angle error: {self.worst_error:.3f} rad",
             ]
@@ -214,7 +214,7 @@ class _Heartbeats:
         self._boards = _pam_boards(chain)
         self._last: list[Heartbeat | None] = [board.heartbeat for board in self._boards]
         self._at = [chain.now] * len(self._last)
-        self.heard = 0
+        self.received = 0
         self.missed = 0
 
     def look(self, now: float, end: bool = False) -> None:
@@ -226,7 +226,7 @@ class _Heartbeats:
             due = (now - self._at[index]) / HEARTBEAT_PERIOD
             self.missed += max(0, round(due) - 1 if new else math.floor(due - 0.5))
             if new:
-                self.heard += 1
+                self.received += 1
                 self._last[index], self._at[index] = board.heartbeat, now
 
 
@@ -290,7 +290,7 @@ def soak(
         after=use_of(),
         stamps=stamps,
         times=times,
-        heartbeats=beats.heard,
+        heartbeats=beats.received,
         missed_heartbeats=beats.missed,
         refused=chain.noticed.total() + sum(board.rejected_frames for board in boards),
         frames_lost=sum(board.frames_lost for board in driven),

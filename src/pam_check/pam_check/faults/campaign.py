@@ -25,7 +25,7 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.faults.kinds import KINDS, FaultKind, kinds_called
 
-TRIALS_OF_EACH = 8  # kinds, where nothing else is asked for
+TRIALS_OF_EACH = 8  # default number of trials per kind
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s
 
 

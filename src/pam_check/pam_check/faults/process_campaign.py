@@ -71,14 +71,14 @@ class Observation:
         Whether no node was left that could report it.
     after : float
         Time from the fault to the last report of air flow [s].
-    told : str
+    diagnostics : str
         Text of the driver's diagnostics.
     """
 
     stopped: bool
     silent: bool
     after: float
-    told: str
+    diagnostics: str
 
 
 class Operator(Protocol):
@@ -133,9 +133,9 @@ OpenOperator = Callable[
 """Creates the operator of these joints on this bus, in the ROS domain of this environment."""
 
 
-def time_outs(told: str) -> set[str]:
+def time_outs(diagnostics: str) -> set[str]:
     """The time-outs in the diagnostics; empty if a stop also has another reason."""
-    _, _, reasons = told.partition("latched: ")
+    _, _, reasons = diagnostics.partition("latched: ")
     found: set[str] = set()
     for reason in filter(None, reasons.split("; ")):
         if reason.startswith("last refused"):  # an addition to command_timeout
@@ -163,11 +163,11 @@ def judge(kind: FaultKind, seen: Observation) -> tuple[str, str]:
 def _doubt(kind: FaultKind, seen: Observation) -> str:
     """Why the host may be the cause of a stop; empty if the fault is the cause."""
     vents = kind.reaction is Reaction.VENT
-    by = time_outs(seen.told)
+    by = time_outs(seen.diagnostics)
     why = ", ".join(sorted(by)) or "an unknown cause"
     # a time-out may also appear as the board's own fault
     expected = by & set(kind.detected_by) or "board_fault" in kind.detected_by
-    unexplained = not vents and not seen.told
+    unexplained = not vents and not seen.diagnostics
     if kind.reaction is not Reaction.EITHER and (by or unexplained) and not expected:
         return f"stopped by {why}"
     if vents and seen.after > kind.bound + HOST:
@@ -223,8 +223,8 @@ def observe(chain: Chain, operator: Operator, kind: FaultKind) -> Observation:
     # a stopped driver reports nothing, so its last report proves nothing
     silent = kind.name.startswith("driver") and not stopped
     _end(chain, kind)
-    said: Callable[[], bool] = lambda: bool(operator.fault or operator.suspicion)  # noqa: E731
-    operator.run(1.3, (lambda: bool(operator.fault)) if stopped else said)
+    reported: Callable[[], bool] = lambda: bool(operator.fault or operator.suspicion)  # noqa: E731
+    operator.run(1.3, (lambda: bool(operator.fault)) if stopped else reported)
     return Observation(stopped, silent, max(after, 0.0), operator.fault or operator.suspicion)
 
 
@@ -238,9 +238,9 @@ def run_kind(chain: Chain, operator: Operator, kind: FaultKind) -> Row:
         verdict, why = judge(kind, seen)
         if verdict == REPEAT:
             print(f"{kind.name}: {1e3 * seen.after:.0f} ms, {why}: repeat", flush=True)
-    told = seen.told.replace("|", "/")
+    diagnostics = seen.diagnostics.replace("|", "/")
     shown = KEPT if verdict == KEPT else f"failed: {why}"
-    return kind.name, kind.reaction.value, f"{1e3 * seen.after:.0f}", told, str(tries), shown
+    return kind.name, kind.reaction.value, f"{1e3 * seen.after:.0f}", diagnostics, str(tries), shown
 
 
 def run_all(
