@@ -193,7 +193,7 @@ def test_list_tells_names_for_a_rig_file_from_other_rows(
         said[row.key] = lines[at + 2].strip()
         assert said[row.key].startswith("in a rig file: ")
     assert said["mooney_rivlin"] == "in a rig file: braid_bladder"
-    assert "no length-force model" in said["fill_time"]
+    assert "not a length-force model" in said["fill_time"]
     for row in catalogue():
         for name in row.models:
             assert name in said[row.key]
