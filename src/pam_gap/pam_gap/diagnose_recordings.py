@@ -146,7 +146,7 @@ def what_is_missing(
          "joint and sensing effects on the position cannot be judged"),
         *((f"valve_commands.{m}", "the valve stage cannot be judged") for m in entry.muscles),
         *((f"muscle_states.{m}.effort",
-           "force effects and joint effects can be distinguished only by the motion")
+           "without a load cell, only the motion distinguishes force effects from joint effects")
           for m in entry.muscles),
     ):  # fmt: skip
         shut_valve = recording.mounting == SHUT and name.startswith(COMMANDS)
