@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from pam_check.chain import BusChoice, multicast_bus, private_domain
@@ -19,6 +20,10 @@ from support.rigs import ELBOW
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 ROOT = Path(__file__).resolve().parents[1]
+
+# A busy host is slow; how long an example takes says nothing about the code.
+hypothesis.settings.register_profile("any_host", deadline=None)
+hypothesis.settings.load_profile("any_host")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
