@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from pam_model.catalogue.gallery import default_model
 from pam_model.domain import require
 from pam_model.errors import DomainError
 from pam_model.identify.fit import fit
-from pam_model.identify.gallery import default_model
 from pam_model.identify.measurements import Measurements
 from pam_model.muscles.force_model import (
     MuscleGeometry,

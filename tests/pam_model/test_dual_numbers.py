@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from pam_model.catalogue.gallery import default_model
 from pam_model.dual_numbers import Dual, root_with_slopes, value_of
 from pam_model.identify.fit_problem import FitProblem
-from pam_model.identify.gallery import default_model
 from pam_model.identify.measurements import Measurements
 from pam_model.muscles.force_model import registered_models
 

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_model.__main__ import main
+from pam_model.catalogue.catalogue import FAMILIES, catalogue
+from pam_model.catalogue.gallery import default_model, draw_row
 from pam_model.errors import DomainError, PamError
-from pam_model.identify.catalogue import FAMILIES, catalogue
 from pam_model.identify.design import design, jam_angle
-from pam_model.identify.gallery import default_model, draw_row
 from pam_model.muscles.braid import NEUTRAL_ANGLE
 from pam_model.muscles.force_model import MuscleGeometry, create_force_model, registered_models
 from pam_model.muscles.models.gaylord import Gaylord

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def _list(chosen: Arguments) -> Outcome:
-    from pam_model.identify.catalogue import FAMILIES, catalogue  # noqa: PLC0415  (numpy)
+    from pam_model.catalogue.catalogue import FAMILIES, catalogue  # noqa: PLC0415  (numpy)
     from pam_model.muscles.force_model import registered_models  # noqa: PLC0415
 
     rows = catalogue()
@@ -41,8 +41,8 @@ def _list(chosen: Arguments) -> Outcome:
 
 
 def _show(chosen: Arguments) -> Outcome:
-    from pam_model.identify.catalogue import find_row  # noqa: PLC0415  (numpy)
-    from pam_model.identify.gallery import default_model, draw_row  # noqa: PLC0415  (matplotlib)
+    from pam_model.catalogue.catalogue import find_row  # noqa: PLC0415  (numpy)
+    from pam_model.catalogue.gallery import default_model, draw_row  # noqa: PLC0415  (matplotlib)
     from pam_model.identify.show import (  # noqa: PLC0415
         PRESSURES,
         draw_force_model,
@@ -158,7 +158,7 @@ def _design(chosen: Arguments) -> Outcome:
 
 
 def _gallery(chosen: Arguments) -> Outcome:
-    from pam_model.identify.gallery import write_gallery  # noqa: PLC0415  (matplotlib)
+    from pam_model.catalogue.gallery import write_gallery  # noqa: PLC0415  (matplotlib)
 
     written = write_gallery(chosen.folder)
     size = sum(path.stat().st_size for path in written)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pam_model.catalogue.catalogue import FAMILIES, CatalogueRow, catalogue
 from pam_model.errors import DomainError, PamError
-from pam_model.identify.catalogue import FAMILIES, CatalogueRow, catalogue
 from pam_model.identify.show import CONTRACTOR, EXTENSOR, draw_force_model, save_figure
 from pam_model.muscles.force_model import (
     ForceModel,
@@ -55,7 +55,7 @@ def draw_row(row: CatalogueRow) -> Figure:
     PamError
         If there is none.
     """
-    from pam_model.identify.pictures import PICTURES  # noqa: PLC0415  (loads every model)
+    from pam_model.catalogue.pictures import PICTURES  # noqa: PLC0415  (loads every model)
 
     if row.key in PICTURES:
         return PICTURES[row.key]()

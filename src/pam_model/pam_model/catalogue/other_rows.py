@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pam_model.identify.catalogue_types import CatalogueRow
-from pam_model.identify.length_force_rows import LENGTH_FORCE_ROWS
+from pam_model.catalogue.length_force_rows import LENGTH_FORCE_ROWS
+from pam_model.catalogue.types import CatalogueRow
 
 ROWS: tuple[CatalogueRow, ...] = (
     *LENGTH_FORCE_ROWS,

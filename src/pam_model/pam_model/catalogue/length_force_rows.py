@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pam_model.identify.catalogue_types import CatalogueRow
+from pam_model.catalogue.types import CatalogueRow
 
 _LENGTH = "contraction and extension"
 _ANGLE = "0 < L < b"

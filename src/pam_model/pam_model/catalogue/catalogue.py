@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from pam_model.catalogue.other_rows import ROWS
+from pam_model.catalogue.types import FAMILIES, CatalogueRow
 from pam_model.errors import PamError
-from pam_model.identify.catalogue_rows import ROWS
-from pam_model.identify.catalogue_types import FAMILIES, CatalogueRow
 from pam_model.muscles.force_model import RegisteredModel, registered_models
 
 __all__ = ["FAMILIES", "CatalogueRow", "catalogue", "find_row"]
