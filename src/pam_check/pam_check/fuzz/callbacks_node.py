@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.logging import LoggingSeverity
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -46,7 +47,22 @@ class Messages:
             JointTrajectory: self._trajectory,
             Float64MultiArray: lambda: Float64MultiArray(data=self._numbers()),
             String: lambda: String(data=injection(draw)),
+            DiagnosticStatus: self._status,
         }
+
+    def _status(self) -> Any:
+        """A driver's state, with keys and states that may be unknown, missing or doubled."""
+        draw = self._draw
+        keys, states = (
+            ("state", "reason", "", "STATE"),
+            ("active", "ready", "fault", "", "nonsense"),
+        )
+        return DiagnosticStatus(
+            values=[
+                KeyValue(key=draw.choice(keys), value=draw.choice(states))
+                for _ in range(draw.randrange(5))
+            ]
+        )
 
     def message(self, kind: type) -> Any:
         """One of this type.
