@@ -70,8 +70,9 @@ def test_any_node_may_end(suite, how):
     at = end(suite, "controller", how)
     suite.frames.wait_for("vented without the controller", is_vented, timeout, at)
     suite.start("controller")
-    suite.wait_until_controlling()
+    # it follows the driver, and controls nothing before someone has activated it again
     suite.recover()
+    suite.wait_until_controlling()
     pressurise(suite)
 
     at = end(suite, "driver", how)
