@@ -149,6 +149,7 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
         for node in nodes:
             if hasattr(node, "close"):
                 node.close()
+            node.get_logger().set_level(LoggingSeverity.UNSET)  # levels outlive the node
             node.destroy_node()
         rclpy.try_shutdown()
 
