@@ -16,6 +16,7 @@ from pam_model.rig.keys import NUMBERS
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config"
+MOTION_LIMITS = ("max_velocity", "max_acceleration", "max_tracking_error", "max_stiffness_rate")
 
 
 @pytest.fixture
@@ -80,6 +81,8 @@ def test_defaults(rig: Rig) -> None:
         del tree[key]
     for key in ("viscous_friction", "gravity_torque", "gravity_angle", "encoder"):
         del tree["elbow"][key]
+    for key in MOTION_LIMITS:
+        del tree["elbow"][key]
     for key in ("wall_thickness", "dead_volume", "max_pressure", "board", "channel"):
         del tree["elbow_flexor"][key]
     del tree["elbow_flexor"]["valve"]["full_scale"]
@@ -90,6 +93,14 @@ def test_defaults(rig: Rig) -> None:
     assert rig.muscle("elbow_flexor").board is None
     assert rig.joint("elbow").encoder is None
     assert rig.joint("elbow").gravity_torque == 0.0
+    assert [getattr(rig.joint("elbow"), key) for key in MOTION_LIMITS] == [6.0, 200.0, 0.5, 50.0]
+
+
+def test_motion_limits_are_read_and_saved(rig: Rig, tmp_path: Path) -> None:
+    limits = dict(zip(MOTION_LIMITS, (2.5, 30.0, 0.2, 15.0), strict=True))
+    save_rig(rig.with_joint(replace(rig.joint("elbow"), **limits)), tmp_path / "rig.yaml")
+    elbow = load_rig(tmp_path / "rig.yaml").joint("elbow")
+    assert {key: getattr(elbow, key) for key in MOTION_LIMITS} == limits
 
 
 def test_whole_numbers_and_points_left_out_are_numbers(tmp_path: Path) -> None:

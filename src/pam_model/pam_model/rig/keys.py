@@ -41,6 +41,10 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "viscous_friction": Key("N m s/rad", 0.0, 1e3, 0.0),
         "gravity_torque": Key("N m", -1e4, 1e4, 0.0),
         "gravity_angle": Key("rad", -TURN, TURN, 0.0),
+        "max_velocity": Key("rad/s", 0.01, 100.0, 6.0),
+        "max_acceleration": Key("rad/s^2", 0.1, 1e5, 200.0),
+        "max_tracking_error": Key("rad", 1e-3, 10.0, 0.5),
+        "max_stiffness_rate": Key("N m/(rad s)", 1e-2, 1e5, 50.0),
     },
     "muscle": {
         "thread_length": Key("m", 5e-3, 10.0),
@@ -78,6 +82,7 @@ _SCALES: Mapping[str, tuple[tuple[str, float], ...]] = {
     "m": (("mm", 1e-3), ("cm", 1e-2)),
     "m^3": (("cm^3 or ml", 1e-6), ("litres", 1e-3)),
     "rad": (("deg", math.pi / 180.0),),
+    "rad/s": (("deg/s", math.pi / 180.0),),
     "s": (("ms", 1e-3),),
     "m^3/(s Pa)": (("L/(s bar)", 1e-8), ("L/(min bar)", 1e-8 / 60.0)),
 }

@@ -156,6 +156,15 @@ class Joint:
         m g l [N m]; torque = -gravity_torque sin(position - gravity_angle).
     gravity_angle : float
         [rad].
+    max_velocity : float
+        Largest speed of the joint [rad/s]. References stay below it, and the driver stops a joint
+        that is measured to be faster.
+    max_acceleration : float
+        Largest acceleration of a reference [rad/s^2].
+    max_tracking_error : float
+        Largest difference between reference and measurement that may last [rad].
+    max_stiffness_rate : float
+        Largest rate of change of the stiffness reference [N m/(rad s)].
     encoder : Encoder or None
         A rig for offline use needs none.
     effects : mapping
@@ -170,6 +179,10 @@ class Joint:
     viscous_friction: float = 0.0
     gravity_torque: float = 0.0
     gravity_angle: float = 0.0
+    max_velocity: float = 6.0
+    max_acceleration: float = 200.0
+    max_tracking_error: float = 0.5
+    max_stiffness_rate: float = 50.0
     encoder: Encoder | None = None
     effects: EffectValues = field(default_factory=dict)
 
