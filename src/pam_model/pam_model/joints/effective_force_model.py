@@ -9,14 +9,14 @@ dynamic effects hysteresis and creep are not included. The laws are in the files
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
 from pam_model.effects import active, adjusted, filled
 from pam_model.effects.end_caps import length_inside_caps
 from pam_model.effects.slots import Law2, Law3, PassivePull, Thread
-from pam_model.muscles.braid import trapped_gas_slope
+from pam_model.muscles.closed_chamber import ClosedChamber
 from pam_model.muscles.force_model import AffineForceModel, ForceModel, ModelParameter
 from pam_model.rig.types import Muscle, Rig
 
@@ -66,7 +66,7 @@ def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
     return model
 
 
-class _Wrapper(ABC):
+class _Wrapper(ClosedChamber):
     """A model based on another one; by default, finite differences give the pressure slope."""
 
     name: ClassVar[str] = "effective"
@@ -96,25 +96,6 @@ class _Wrapper(ABC):
 
     def volume_slope(self, length: float) -> float:
         return float(self.inner.volume_slope(length))
-
-    def closed_stiffness(
-        self,
-        pressure: float,
-        length: float,
-        *,
-        dead_volume: float,
-        ambient_pressure: float,
-        exponent: float,
-    ) -> float:
-        gas = trapped_gas_slope(
-            pressure,
-            self.volume(length),
-            self.volume_slope(length),
-            dead_volume=dead_volume,
-            ambient_pressure=ambient_pressure,
-            exponent=exponent,
-        )
-        return self.stiffness(pressure, length) + self.pressure_slope(pressure, length) * float(gas)
 
 
 class _Ends(_Wrapper):

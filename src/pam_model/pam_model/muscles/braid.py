@@ -1,13 +1,13 @@
 """Shared parts of the models of a braided cylinder: thread geometry, and force from volume.
 
 Source: equations (2), (5), (6), (23) of "A Review of Design and Modeling of Pneumatic Artificial
-Muscle"; forces from virtual work, F = -P dV/dL; trapped gas from P_abs (V + dead)^exponent.
+Muscle"; forces from virtual work, F = -P dV/dL.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from pam_model.domain import ROUNDING
 from pam_model.dual_numbers import value_of
 from pam_model.errors import DomainError
+from pam_model.muscles.closed_chamber import ClosedChamber
 from pam_model.muscles.elementary import arc_cosine, is_finite_positive, square_root
 
 NEUTRAL_ANGLE = math.acos(1.0 / math.sqrt(3.0))
@@ -92,20 +93,7 @@ def require_length(
     raise DomainError(f"length {worst:g} m is outside ({low:g}, {high:g}{end} m, {reason}")
 
 
-def trapped_gas_slope(
-    pressure: Any,
-    volume: Any,
-    volume_slope: Any,
-    *,
-    dead_volume: float,
-    ambient_pressure: float,
-    exponent: float,
-) -> Any:
-    """dP/dL [Pa/m] of a shut chamber: P_abs (V + dead_volume)^exponent stays constant."""
-    return -exponent * (pressure + ambient_pressure) * volume_slope / (volume + dead_volume)
-
-
-class AffineMuscle(ABC):
+class AffineMuscle(ClosedChamber):
     """Force, stiffness and closed stiffness of a model with F = pressure * A(L) + B(L).
 
     A subclass defines `coefficients`, `coefficient_slopes`, `volume` and `volume_slope`.
@@ -121,14 +109,6 @@ class AffineMuscle(ABC):
     def coefficient_slopes(self, length: Any) -> tuple[Any, Any]:
         """dA/dL [m] and dB/dL [N/m]."""
 
-    @abstractmethod
-    def volume(self, length: Any) -> Any:
-        """Gas volume [m^3], without the rig's dead volume."""
-
-    @abstractmethod
-    def volume_slope(self, length: Any) -> Any:
-        """dV/dL [m^2]."""
-
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
         """Pull [N] at gauge pressure [Pa] and length [m]; it does not depend on speed."""
         scale, passive = self.coefficients(length)
@@ -139,25 +119,9 @@ class AffineMuscle(ABC):
         scale, passive = self.coefficient_slopes(length)
         return pressure * scale + passive
 
-    def closed_stiffness(
-        self,
-        pressure: Any,
-        length: Any,
-        *,
-        dead_volume: float,
-        ambient_pressure: float,
-        exponent: float,
-    ) -> Any:
-        """dF/dL [N/m] with the gas shut in: constant-pressure stiffness plus A dP/dL."""
-        gas = trapped_gas_slope(
-            pressure,
-            self.volume(length),
-            self.volume_slope(length),
-            dead_volume=dead_volume,
-            ambient_pressure=ambient_pressure,
-            exponent=exponent,
-        )
-        return self.stiffness(pressure, length) + self.coefficients(length)[0] * gas
+    def pressure_slope(self, pressure: Any, length: Any) -> Any:
+        """dF/dP at constant length [m^2], which is A(L)."""
+        return self.coefficients(length)[0]
 
 
 class ThinCylinder(AffineMuscle):

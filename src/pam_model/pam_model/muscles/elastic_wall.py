@@ -7,7 +7,6 @@ opposes dL/dt. In a shut chamber P_abs (V + dead volume)^exponent stays constant
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Protocol
 
 from scipy.optimize import brentq
@@ -19,8 +18,8 @@ from pam_model.muscles.braid import (
     braid_diameter,
     require_length,
     require_positive,
-    trapped_gas_slope,
 )
+from pam_model.muscles.closed_chamber import ClosedChamber
 from pam_model.muscles.elementary import direction
 from pam_model.muscles.force_model import MuscleGeometry
 
@@ -144,7 +143,7 @@ class ElasticCylinder(ThinCylinder):
         return super().volume(length) - self.wall_volume
 
 
-class CurvedMuscle(ABC):
+class CurvedMuscle(ClosedChamber):
     """A muscle whose force is not affine in pressure; it provides dF/dP instead.
 
     A subclass defines `force`, `stiffness` and `pressure_slope`; the gas volume is by default
@@ -159,14 +158,6 @@ class CurvedMuscle(ABC):
         """(0, b) [m]."""
         return self.braid.length_bounds
 
-    @abstractmethod
-    def stiffness(self, pressure: Any, length: Any) -> Any:
-        """dF/dL at constant pressure [N/m]."""
-
-    @abstractmethod
-    def pressure_slope(self, pressure: Any, length: Any) -> Any:
-        """dF/dP at constant length [m^2]."""
-
     def volume(self, length: Any) -> Any:
         """The ideal braid's gas volume [m^3]."""
         return self.braid.volume(length)
@@ -174,23 +165,3 @@ class CurvedMuscle(ABC):
     def volume_slope(self, length: Any) -> Any:
         """The ideal braid's dV/dL [m^2]."""
         return self.braid.volume_slope(length)
-
-    def closed_stiffness(
-        self,
-        pressure: Any,
-        length: Any,
-        *,
-        dead_volume: float,
-        ambient_pressure: float,
-        exponent: float,
-    ) -> Any:
-        """dF/dL [N/m] with the gas shut in: constant-pressure stiffness plus dF/dP dP/dL."""
-        gas = trapped_gas_slope(
-            pressure,
-            self.volume(length),
-            self.volume_slope(length),
-            dead_volume=dead_volume,
-            ambient_pressure=ambient_pressure,
-            exponent=exponent,
-        )
-        return self.stiffness(pressure, length) + self.pressure_slope(pressure, length) * gas

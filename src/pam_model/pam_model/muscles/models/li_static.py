@@ -10,13 +10,12 @@ contribute to the force.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, ClassVar
 
 from pam_model.muscles.braid import ThinCylinder
 from pam_model.muscles.force_model import ModelParameter, register
 from pam_model.muscles.models.friction_loss_static import FrictionLossStatic
-from pam_model.muscles.rubber_wall import RubberWall
-from pam_model.muscles.thread_friction import ThreadFriction
 
 
 @register(
@@ -27,44 +26,15 @@ from pam_model.muscles.thread_friction import ThreadFriction
 class LiStatic(FrictionLossStatic):
     """Force of the cylindrical part; the gas volume includes the cones (not one energy).
 
-    Parameters
-    ----------
-    thread_length : float
-        b of the cylindrical part [m].
-    turns : float
-        n of the cylindrical part [-].
-    cone_slant : float
-        L_z [m].
-    fitting_diameter : float
-        d [m].
-    bladder : RubberWall
-        The bladder along the cylindrical part.
-    friction : ThreadFriction
-        The friction along the cylindrical part.
-
-    Raises
-    ------
-    DomainError
-        As `FrictionLossStatic`.
+    Its parameters and errors are those of `FrictionLossStatic`.
     """
 
     name: ClassVar[str] = "li_static"
     parameters: ClassVar[Mapping[str, ModelParameter]] = FrictionLossStatic.parameters
 
-    def __init__(
-        self,
-        thread_length: float,
-        turns: float,
-        cone_slant: float,
-        fitting_diameter: float,
-        *,
-        bladder: RubberWall,
-        friction: ThreadFriction,
-    ) -> None:
-        super().__init__(
-            thread_length, turns, cone_slant, fitting_diameter, bladder=bladder, friction=friction
-        )
-        self._cylinder = ThinCylinder(thread_length, turns)
+    @cached_property
+    def _cylinder(self) -> ThinCylinder:
+        return ThinCylinder(self.thread_length, self.turns)
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:
         """A of the ideal cylinder [m^2] and the bladder's pull B [N], both at L_m."""

@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from pam_model.muscles.braid import ThinCylinder, require_positive, trapped_gas_slope
+from pam_model.muscles.braid import ThinCylinder, require_positive
+from pam_model.muscles.elastic_wall import CurvedMuscle
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
 
 
@@ -20,7 +21,7 @@ from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, regist
     status="empirical",
     summary="stiffness as a polynomial of pressure and stretch (Wickramatunge, Leephakpreeda)",
 )
-class Wickramatunge:
+class Wickramatunge(CurvedMuscle):
     """Not affine in pressure, so its inverse is found by bracketing.
 
     Parameters
@@ -58,7 +59,7 @@ class Wickramatunge:
         rest_length: float,
         constants: Mapping[str, float],
     ) -> None:
-        self._braid = ThinCylinder(thread_length, turns)
+        self.braid = ThinCylinder(thread_length, turns)
         self._a = tuple(constants[key] for key in ("a0", "a1", "a2", "a3"))
         require_positive(rest_length=rest_length)
         self.zero_force_length = constants["zero_force_ratio"] * rest_length
@@ -69,11 +70,6 @@ class Wickramatunge:
     ) -> Wickramatunge:
         """The model of a muscle in a rig file."""
         return cls(geometry.thread_length, geometry.turns, geometry.rest_length, constants)
-
-    @property
-    def length_bounds(self) -> tuple[float, float]:
-        """(0, b) [m]."""
-        return self._braid.length_bounds
 
     def secant_stiffness(self, pressure: Any, stretch: Any) -> Any:
         """K = F/L_s [N/m] at gauge pressure [Pa] and stretch from the zero-force length [m]."""
@@ -87,7 +83,7 @@ class Wickramatunge:
         return a3 * pressure * pressure + rise + a0
 
     def _stretch(self, length: Any) -> Any:
-        self._braid.volume(length)  # raises for a length outside (0, b]
+        self.braid.volume(length)  # raises for a length outside (0, b]
         return length - self.zero_force_length
 
     def force(self, pressure: Any, length: Any, velocity: Any = 0.0) -> Any:
@@ -99,32 +95,7 @@ class Wickramatunge:
         """dF/dL at constant pressure [N/m]."""
         return self.stretch_stiffness(pressure, self._stretch(length))
 
-    def volume(self, length: Any) -> Any:
-        """The ideal braid's volume [m^3]; the model itself defines no volume."""
-        return self._braid.volume(length)
-
-    def volume_slope(self, length: Any) -> Any:
-        """The ideal braid's dV/dL [m^2]."""
-        return self._braid.volume_slope(length)
-
-    def closed_stiffness(
-        self,
-        pressure: Any,
-        length: Any,
-        *,
-        dead_volume: float,
-        ambient_pressure: float,
-        exponent: float,
-    ) -> Any:
-        """dF/dL [N/m] with the gas shut in: constant-pressure stiffness plus dF/dP dP/dL."""
+    def pressure_slope(self, pressure: Any, length: Any) -> Any:
+        """dF/dP at constant length [m^2]."""
         stretch = self._stretch(length)
-        by_pressure = stretch * (2.0 * self._a[3] * pressure + self._a[2] * stretch)
-        gas = trapped_gas_slope(
-            pressure,
-            self.volume(length),
-            self.volume_slope(length),
-            dead_volume=dead_volume,
-            ambient_pressure=ambient_pressure,
-            exponent=exponent,
-        )
-        return self.stretch_stiffness(pressure, stretch) + by_pressure * gas
+        return stretch * (2.0 * self._a[3] * pressure + self._a[2] * stretch)
