@@ -110,6 +110,16 @@ def test_the_simulation_hands_on_what_the_robots_launch_file_takes():
     assert set(handed) <= set(arguments(ROBOT))
 
 
+def test_moving_air_at_the_start_is_asked_for_in_the_simulation_only():
+    assert arguments(ROBOT)["activate_on_start"]["default_value"] == "false"
+    assert parameters(nodes(ROBOT)["pam_driver"])["activate_on_start"] == "activate_on_start"
+    (include,) = all_of("IncludeLaunchDescription", description(SIMULATION))
+    handed = {key: plain(value) for key, value in include["launch_arguments"]}
+    assert handed["activate_on_start"] == "true"
+    (default,) = [one.default for one in DRIVER_PARAMETERS if one.name == "activate_on_start"]
+    assert default is False
+
+
 def ending(choice: str, code: int, *, ends_anyway: bool = False) -> Any:
     """What robot.launch.py does when the driver it started ends with this code."""
     (handler,) = all_of("OnProcessExit", description(ROBOT))
@@ -135,6 +145,7 @@ def test_a_driver_that_is_started_again_waits_to_be_activated_by_hand():
     (driver,) = all_of("Node", made)
     assert driver["package"] == "pam_driver"
     assert parameters(driver)["autostart"] is False
+    assert parameters(driver)["activate_on_start"] is False
     assert parameters(driver)["bus.port"] == "bus_port"
     assert plain(driver["namespace"]) == "namespace"
     (handler,) = all_of("OnProcessExit", made)

@@ -24,6 +24,7 @@ from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
+from support.commands import offer
 
 NAMES = ("elbow_flexor", "elbow_extensor")
 GOOD = (0.25, -0.5)
@@ -131,7 +132,7 @@ class ExactBench:
                 for board in self.boards:
                     self.hear_all(board)
             if command:
-                self.driver.set_commands(NamedCommand(NAMES, command), self.now)
+                offer(self.driver, NamedCommand(NAMES, command), self.now)
             snapshot = self.driver.cycle(self.now, self.wall)
         return snapshot
 

@@ -37,6 +37,7 @@ PARAMETERS = {
     "command_timeout": 1.0,
     "sensor_timeout": 1.0,
     "board_timeout": 5.0,
+    "activate_on_start": True,
     "startup_timeout": PATIENCE,
     # the fake board's pressures obey no physics
     "plausibility": False,

@@ -26,6 +26,7 @@ from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig
+from support.commands import offer
 
 from .fake_board import FakeBoard
 
@@ -57,7 +58,7 @@ class Bench:
             if board:
                 self.board.step(self.now)
             if command is not None:
-                self.driver.set_commands(NamedCommand(NAMES, command), self.now)
+                offer(self.driver, NamedCommand(NAMES, command), self.now)
             # the virtual bus stamps with the wall clock, which stands still against this one
             self.snapshot = self.driver.cycle(self.now, 0.0)
         assert self.snapshot is not None
@@ -106,6 +107,35 @@ def test_a_command_from_before_activation_is_not_used(bench: Bench) -> None:
     bench.driver.activate(bench.now)
     bench.step(0.05)
     assert bench.board.air == (0.0, 0.0)
+
+
+def test_a_command_that_was_computed_before_the_activation_and_arrives_after_it_is_refused(
+    bench: Bench,
+) -> None:
+    """It may have been on its way when a person stopped the arm."""
+    bench.step(0.2)
+    bench.driver.activate(bench.now)
+    bench.step(0.01)
+    with pytest.raises(CommandError, match="computed before the driver was activated"):
+        bench.driver.set_commands(NamedCommand(NAMES, (0.25, 0.25), age=0.02), bench.now)
+    assert bench.driver.state is SafetyState.READY
+    bench.driver.set_commands(NamedCommand(NAMES, (0.25, 0.25), age=0.005), bench.now)
+    assert bench.driver.state is SafetyState.ACTIVE
+
+
+def test_commands_that_nobody_may_follow_are_counted_with_the_reason(bench: Bench) -> None:
+    command = NamedCommand(NAMES, (0.25, 0.25))
+    bench.step(0.2)
+    with pytest.raises(CommandError, match="the driver is vented; activate it first"):
+        bench.driver.set_commands(command, bench.now)
+    bench.start()
+    assert bench.driver.intake.last_rejection == ""
+    burst(bench)
+    bench.step(0.05)
+    with pytest.raises(CommandError, match="a fault is latched; clear it, then activate"):
+        bench.driver.set_commands(command, bench.now)
+    assert bench.driver.intake.rejected == {"not_active": 2}
+    assert bench.driver.intake.accepted == 350
 
 
 def test_activation_names_the_missing_board(bench: Bench) -> None:
@@ -448,7 +478,7 @@ def test_two_joints_on_two_boards(rig: Rig, codec: BoardCodec) -> None:
             for board in boards:
                 board.step(now)
             if values:
-                driver.set_commands(NamedCommand(names, values), now)
+                offer(driver, NamedCommand(names, values), now)
             snapshot = driver.cycle(now, 0.0)
         return snapshot
 

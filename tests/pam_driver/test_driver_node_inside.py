@@ -11,17 +11,26 @@ import pytest
 import rclpy
 from lifecycle_msgs.msg import State
 from rclpy.lifecycle import TransitionCallbackReturn
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from pam_check.chain import private_domain
 from pam_driver import driver_node
-from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, BoardCommand, ValveCommand
+from pam_driver.boards.pam_board.codec import (
+    BoardCode,
+    BoardCodec,
+    BoardCommand,
+    BoardFault,
+    BoardState,
+    ValveCommand,
+)
 from pam_driver.bus import BusError, CanPort, open_bus
 from pam_driver.driver_node import DriverNode
 from pam_driver.safety.states import SafetyState
+from pam_ros.errors import ParameterError
 
 from .fake_board import FakeBoard
-from .node_bench import ELBOW, PATIENCE
+from .node_bench import ELBOW, NAMES, PATIENCE
 
 TIMEOUT = 30.0
 PARAMETERS = {
@@ -37,10 +46,12 @@ PARAMETERS = {
 class Inside:
     """A node, the far end of its bus, and a clock of the node that can be put forward."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, codec: BoardCodec) -> None:
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, codec: BoardCodec, *extra: tuple[str, object]
+    ) -> None:
         channel = f"bus_{uuid.uuid4().hex}"
         arguments = ["--ros-args", "--params-file", str(ELBOW), "-p", f"bus.channel:={channel}"]
-        for name, value in PARAMETERS.items():
+        for name, value in [*PARAMETERS.items(), *extra]:
             arguments += ["-p", f"{name}:={value}"]
         rclpy.init(args=arguments, domain_id=int(private_domain()["ROS_DOMAIN_ID"]))
         self.ahead = 0.0
@@ -82,6 +93,14 @@ def inside(monkeypatch: pytest.MonkeyPatch, codec: BoardCodec) -> Iterator[Insid
     bench.close()
 
 
+@pytest.fixture
+def eager(monkeypatch: pytest.MonkeyPatch, codec: BoardCodec) -> Iterator[Inside]:
+    """A node that is asked to activate itself."""
+    bench = Inside(monkeypatch, codec, ("activate_on_start", "true"))
+    yield bench
+    bench.close()
+
+
 def test_autostart_gives_up_after_its_time_and_a_late_board_starts_nothing(
     inside: Inside, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -101,16 +120,42 @@ def test_autostart_gives_up_after_its_time_and_a_late_board_starts_nothing(
     assert inside.is_active()
 
 
-def test_autostart_activates_a_board_that_answers_in_time(inside: Inside) -> None:
+def test_autostart_measures_and_leaves_moving_air_to_a_person(
+    inside: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
     assert inside.node.autostart()
     inside.answer(inside.healthy)
-    inside.ahead = TIMEOUT - 1.0
-    inside.node._watch()  # the node's clock says: silent for long
+    for _ in range(3):
+        inside.node._watch()
     assert not inside.is_active()
-    inside.ahead = 0.0
-    inside.answer(inside.healthy)
-    inside.node._watch()
-    assert inside.is_active()
+    driver = inside.node._driver
+    assert driver is not None
+    assert driver.state is SafetyState.VENTED
+    told = capfd.readouterr().err
+    assert told.count("to move: ros2 lifecycle set /pam_driver activate") == 1
+    assert inside.node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+
+
+def test_a_start_that_is_asked_to_activate_waits_for_the_board(eager: Inside) -> None:
+    assert eager.node.autostart()
+    eager.answer(eager.healthy)
+    eager.ahead = TIMEOUT - 1.0
+    eager.node._watch()  # the node's clock says: silent for long
+    assert not eager.is_active()
+    eager.ahead = 0.0
+    eager.answer(eager.healthy)
+    eager.node._watch()
+    assert eager.is_active()
+
+
+def test_activation_at_start_without_autostart_is_a_mistake(
+    monkeypatch: pytest.MonkeyPatch, codec: BoardCodec
+) -> None:
+    try:
+        with pytest.raises(ParameterError, match="activate_on_start: true needs autostart: true"):
+            Inside(monkeypatch, codec, ("activate_on_start", "true"), ("autostart", "false"))
+    finally:
+        rclpy.try_shutdown()
 
 
 def test_a_refused_activation_says_why_after_autostart_has_ended(
@@ -158,16 +203,64 @@ def test_the_last_words_are_vents_said_several_times(inside: Inside) -> None:
     assert not any(any(one.enable) for one in after if isinstance(one, ValveCommand))
 
 
-def test_a_stop_before_the_board_answers_cancels_the_start(inside: Inside) -> None:
+def test_a_stop_before_the_board_answers_cancels_the_start(eager: Inside) -> None:
     """An operator who calls ~/vent while autostart waits must not see the arm fill later."""
-    node = inside.node
+    node = eager.node
     assert node.autostart()
     answer = node._on_vent(Trigger.Request(), Trigger.Response())
     assert answer.success
     assert "cancelled" in answer.message
-    inside.answer(inside.healthy)
+    eager.answer(eager.healthy)
     node._watch()
-    assert not inside.is_active()
+    assert not eager.is_active()
+
+
+def test_a_fault_before_the_start_cancels_it_even_when_it_is_cleared(
+    eager: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Clearing a fault is no request to move."""
+    node = eager.node
+    eager.board.state, eager.board.faults = BoardState.FAULT, BoardFault.WATCHDOG
+    assert node.autostart()
+    driver = node._driver
+    assert driver is not None
+    eager.answer(lambda: any(one.kind == "board_fault" for one in driver.conditions))
+    node._watch()
+    assert "the activation at start-up is cancelled by board 0: " in capfd.readouterr().err
+    assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
+    eager.answer(eager.healthy)
+    node._watch()
+    assert not eager.is_active()
+
+
+def test_a_clean_up_before_the_start_cancels_it(
+    eager: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = eager.node
+    assert node.autostart()
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert "the activation at start-up is cancelled by a clean-up" in capfd.readouterr().err
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    eager.answer(eager.healthy)
+    node._watch()
+    assert not eager.is_active()
+
+
+def test_commands_before_the_activation_are_counted_and_the_reason_is_shown(
+    inside: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = inside.node
+    command = JointState(name=NAMES, position=[0.25, -0.25])
+    node._on_valve_commands(command)
+    assert "valve_commands refused: not configured" in capfd.readouterr().err
+    assert node.autostart()
+    node._on_valve_commands(command)
+    driver, diagnostics = node._driver, node._diagnostics
+    assert driver is not None
+    assert diagnostics is not None
+    assert driver.intake.rejected["not_active"] == 1
+    assert driver.intake.accepted == 0
+    assert "the driver is vented; activate it first" in diagnostics._commands().message
 
 
 def test_a_latched_fault_outlives_a_clean_up(
@@ -216,8 +309,7 @@ def test_every_change_of_state_is_published_with_its_reason(
     )
     assert node.autostart()
     inside.answer(inside.healthy)
-    node._watch()
-    assert inside.is_active()
+    assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
     node._on_vent(Trigger.Request(), Trigger.Response())
     node._watch()
     node._watch()

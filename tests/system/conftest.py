@@ -28,6 +28,7 @@ RELAXED: dict[str, dict[str, Setting]] = {
         "rate": RATE,
         # simulated time falls behind on a busy host, and valves seem slow then
         "plausibility": False,
+        "activate_on_start": True,
         "startup_timeout": 120.0,
         "command_timeout": 1.0,
         "sensor_timeout": 1.0,
@@ -47,6 +48,7 @@ SLOW: dict[str, dict[str, Setting]] = {
     "rig": {"rate": 100.0, "measurement_rate": 50.0, "step": 0.001, "watchdog": 5.0},
     "driver": {
         "rate": 50.0,
+        "activate_on_start": True,
         "startup_timeout": 600.0,
         "command_timeout": 1.0,
         "sensor_timeout": 1.0,

@@ -29,6 +29,7 @@ from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import load_rig
 from pam_sim.simulated_rig import SimulatedRig
+from support.commands import offer
 from support.reruns import EMULATED
 
 ROOT = Path(__file__).parents[2]
@@ -70,7 +71,7 @@ class Chain:
                 if self.rig_is_heard:
                     self.ports[1].send(frame_id, data, self.now)
             if fractions is not None:
-                self.driver.set_commands(NamedCommand(NAMES, fractions), self.now)
+                offer(self.driver, NamedCommand(NAMES, fractions), self.now)
             self.driver.cycle(self.now, 0.0)
 
     def pressures(self) -> tuple[float, ...]:

@@ -2,6 +2,10 @@
 
 `ros2 launch pam_bringup robot.launch.py rig_file:=/path/to/rig.yaml bus_channel:=can0`
 
+The driver begins to measure by itself, with all valves vented. Air moves only after
+`ros2 lifecycle set /pam_driver activate`. The argument `activate_on_start:=true` makes this call
+unnecessary, for robots that may begin to move without a person.
+
 The argument `on_driver_exit` decides what happens when the driver ends. By default all nodes end,
 since model and controller are of no use without the driver. With `on_driver_exit:=restart` the
 driver is started again, but it does not configure or activate itself: only a person may let air
@@ -29,8 +33,9 @@ USERS_MISTAKE = 2  # the driver's exit code for a user's mistake; a restart woul
 RESTART_DELAY = 2.0  # s, until the boards have vented and the bus is closed
 
 
-def start_driver(autostart: ParameterValue | bool) -> list[Action]:
+def start_driver(autostart: ParameterValue | bool, activate: ParameterValue | bool) -> list[Action]:
     """The driver's node, and the action when it ends."""
+    starting = {"autostart": autostart, "activate_on_start": activate}
     bus = {
         "bus.interface": ParameterValue(LaunchConfiguration("bus_interface"), value_type=str),
         "bus.channel": ParameterValue(LaunchConfiguration("bus_channel"), value_type=str),
@@ -44,7 +49,7 @@ def start_driver(autostart: ParameterValue | bool) -> list[Action]:
         package="pam_driver",
         executable="driver_node",
         namespace=LaunchConfiguration("namespace"),
-        parameters=[LaunchConfiguration("rig_file"), bus, {"autostart": autostart}],
+        parameters=[LaunchConfiguration("rig_file"), bus, starting],
         output="screen",
     )
     follow = OnProcessExit(target_action=driver, on_exit=after_driver)
@@ -59,7 +64,7 @@ def after_driver(event: ProcessExited, context: LaunchContext) -> list[Action]:
     choice = LaunchConfiguration("on_driver_exit").perform(context)
     if choice == "restart" and event.returncode != USERS_MISTAKE:
         text = f"{reason}; it is started again, and must be configured and activated by hand"
-        again = TimerAction(period=RESTART_DELAY, actions=start_driver(autostart=False))
+        again = TimerAction(period=RESTART_DELAY, actions=start_driver(False, False))
         return [LogInfo(msg=text), again]
     return [EmitEvent(event=Shutdown(reason=reason))]
 
@@ -97,7 +102,12 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "autostart",
                 default_value="true",
-                description="the driver configures and activates itself; false: by ros2 lifecycle",
+                description="the driver begins to measure by itself; false: by ros2 lifecycle",
+            ),
+            DeclareLaunchArgument(
+                "activate_on_start",
+                default_value="false",
+                description="the driver also activates itself, so that the robot may move",
             ),
             DeclareLaunchArgument(
                 "startup_timeout",
@@ -115,7 +125,10 @@ def generate_launch_description() -> LaunchDescription:
                 choices=["shutdown", "restart"],
                 description="when the driver ends: end all nodes, or restart it without autostart",
             ),
-            *start_driver(ParameterValue(LaunchConfiguration("autostart"), value_type=bool)),
+            *start_driver(
+                ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
+                ParameterValue(LaunchConfiguration("activate_on_start"), value_type=bool),
+            ),
             Node(
                 package="pam_model",
                 executable="model_node",

@@ -67,8 +67,13 @@ def generate_launch_description() -> LaunchDescription:
             ),
             IncludeLaunchDescription(
                 PathJoinSubstitution([share, "launch", "robot.launch.py"]),
-                # the simulated rig compiles its plant when it runs for the first time
-                launch_arguments=[*arguments.items(), ("startup_timeout", "120.0")],
+                # Nobody stands beside the simulated rig, so it may move without being asked.
+                # It compiles its plant when it runs for the first time.
+                launch_arguments=[
+                    *arguments.items(),
+                    ("activate_on_start", "true"),
+                    ("startup_timeout", "120.0"),
+                ],
             ),
         ]
     )

@@ -104,7 +104,8 @@ def perform(
             arguments=["--out", str(bag)],
         )
         chain.start("rig", plant | REALTIME["rig"])
-        chain.start("driver", {"startup_timeout": START_TIMEOUT} | REALTIME["driver"])
+        asked = {"activate_on_start": True, "startup_timeout": START_TIMEOUT}
+        chain.start("driver", asked | REALTIME["driver"])
         chain.start("model")
         player.wait_for_driver(START_TIMEOUT, chain.check)
         law_now = ""

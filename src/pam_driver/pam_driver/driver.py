@@ -10,7 +10,7 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from pam_driver.board_set import BoardSet, Port
 from pam_driver.boards.protocol import NEVER, Address, Board, Condition
@@ -22,6 +22,8 @@ from pam_driver.safety.command_intake import CommandIntake, NamedCommand
 from pam_driver.safety.states import OUTPUTS, SafetyEvent, SafetyState, next_state
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+
+_COMMANDABLE: Final = frozenset({SafetyState.READY, SafetyState.ACTIVE})
 
 
 class ActivationError(PamError):
@@ -116,6 +118,7 @@ class Driver:
         self._fractions: tuple[float, ...] | None = None
         self._command_time = NEVER
         self._active_since = math.inf
+        self._ready_since = math.inf
         self._event(SafetyEvent.CONFIGURE, 0.0)
 
     @property
@@ -147,11 +150,16 @@ class Driver:
             If it is refused; the previous command stays in use until it is too old.
         """
         with self._lock:
-            fractions = self.intake.take(command, now)
-            if self.state in {SafetyState.READY, SafetyState.ACTIVE}:
-                self._fractions = fractions
-                self._command_time = now - command.age
-                self._event(SafetyEvent.COMMAND, now)
+            if self.state is SafetyState.FAULT:
+                self.intake.refuse("not_active", "a fault is latched; clear it, then activate")
+            if self.state not in _COMMANDABLE:
+                reason = f"the driver is {self.state.value}; activate it first"
+                self.intake.refuse("not_active", reason)
+            if self.state is SafetyState.READY and now - command.age < self._ready_since:
+                self.intake.refuse("not_active", "computed before the driver was activated")
+            self._fractions = self.intake.take(command, now)
+            self._command_time = now - command.age
+            self._event(SafetyEvent.COMMAND, now)
 
     def missing_boards(self, now: float) -> list[str]:
         """Names of boards that do not send all frames that they should."""
@@ -189,6 +197,8 @@ class Driver:
             if problem:
                 raise ActivationError(problem)
             self._boards.acknowledge()
+            self.intake.last_rejection = ""
+            self._ready_since = now
             self._event(SafetyEvent.ACTIVATE, now)
 
     def deactivate(self, now: float) -> None:
@@ -235,7 +245,7 @@ class Driver:
             self._judge.judge(self._setpoints(), readings, now)
             found = tuple(self._conditions(now))
             self.conditions = found
-            if found and self.state in {SafetyState.READY, SafetyState.ACTIVE}:
+            if found and self.state in _COMMANDABLE:
                 self.faults = found
                 self._event(SafetyEvent.FAULT, now)
             sent = self._send_valve_commands(now) if OUTPUTS[self.state].send else ()

@@ -1,6 +1,7 @@
 """The driver as a ROS 2 lifecycle node: it connects valve boards on a CAN bus with topics.
 
 "configure" opens the bus and begins to measure, "activate" lets valves move, "deactivate" vents.
+At start-up the node configures itself; it activates itself only where a parameter asks for it.
 A fault vents, is latched, and returns the node to inactive. See docs/driver.md.
 """
 
@@ -66,6 +67,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._values = NodeParameters(self, TABLE, rig_of_node, keeps_real_time=True)
         self._rig = self._values.described
         bus_options(str(self._values["bus.options"]))
+        if self._values["activate_on_start"] and not self._values["autostart"]:
+            raise ParameterError("activate_on_start: true needs autostart: true")
         self._port: CanPort | None = None
         self._driver: Driver | None = None
         self._loop: PeriodicLoop | None = None
@@ -73,7 +76,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._snapshot: Snapshot | None = None
         self._active = False
         self._starting = False
-        self._activate_until: float | None = None
+        self._startup_until: float | None = None  # while autostart waits for the boards
+        self._activates = False  # whether autostart shall activate then
         self._fault_reported = False
         self._latched = ""  # the fault with which the node was cleaned up
         self._published_state = ""
@@ -96,7 +100,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self.create_timer(1.0 / rate, self._publish_fluid_pressures)
 
     def autostart(self) -> bool:
-        """Configure now, and activate when every board answers; False if configuring failed."""
+        """Configure now, and activate when every board answers if `activate_on_start` asks for it.
+
+        Returns False if configuring failed.
+        """
         if not self._values["autostart"]:
             return True
         self._starting = True
@@ -104,7 +111,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._starting = False
         if not configured:
             return False
-        self._activate_until = time.monotonic() + self._values.number("startup_timeout")
+        self._startup_until = time.monotonic() + self._values.number("startup_timeout")
+        self._activates = bool(self._values["activate_on_start"])
         return True
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
@@ -171,6 +179,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
         """Vent and close the bus."""
+        self._cancel_start("a clean-up")
         self._close()
         return _SUCCESS
 
@@ -226,8 +235,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         loop, self._loop = self._loop, None
         driver, self._driver = self._driver, None
         port, self._port = self._port, None
-        self._diagnostics = self._snapshot = self._activate_until = None
-        self._active = False
+        self._diagnostics = self._snapshot = self._startup_until = None
+        self._active = self._activates = False
         if driver is not None and driver.state is SafetyState.FAULT:
             self._latched = "; ".join(str(fault) for fault in driver.faults)
         try:
@@ -272,6 +281,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def _on_valve_commands(self, message: Any) -> None:
         driver = self._driver
         if driver is None:
+            self.get_logger().warning(
+                "valve_commands refused: not configured", throttle_duration_sec=1.0
+            )
             return
         stamp = message.header.stamp
         seconds = stamp.sec + 1e-9 * stamp.nanosec
@@ -293,12 +305,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._vent_reason = "a call of ~/vent"
         self._publish_state()
         response.success, response.message = True, "vented; activate again to move"
-        if self._activate_until is not None:
-            self._activate_until = None
+        if self._cancel_start("a call of ~/vent"):
             response.message = (
                 "vented, and the activation at start-up is cancelled; activate to move"
             )
-            self.get_logger().warning("a call of ~/vent has cancelled the activation at start-up")
         return response
 
     def _on_clear_faults(self, request: Any, response: Any) -> Any:
@@ -328,20 +338,36 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._active and driver.state not in _MOVING:
             self.trigger_deactivate()
         if self._active:
-            self._activate_until = None
-        if self._activate_until is not None:
-            now = time.monotonic()
-            problem = driver.activation_problem(now)
-            if not problem:
+            self._startup_until = None
+        if self._startup_until is not None:
+            self._watch_start(driver, self._startup_until)
+
+    def _watch_start(self, driver: Driver, until: float) -> None:
+        """While autostart waits: activate if this was asked for, else say what is needed."""
+        now = time.monotonic()
+        problem = driver.activation_problem(now)
+        command = f"ros2 lifecycle set {self.get_fully_qualified_name()} activate"
+        faulty = [found for found in driver.conditions if found.kind == "board_fault"]
+        if faulty and self._cancel_start(str(faulty[0])):
+            return
+        if not problem:
+            self._startup_until = None
+            if self._activates:
                 self.trigger_activate()
-                self._activate_until = None
-            elif now > self._activate_until:
-                # a robot must not start by itself when someone plugs it in later
-                self.get_logger().error(
-                    f"not activated: {problem}; when this is repaired: ros2 lifecycle set "
-                    f"{self.get_fully_qualified_name()} activate"
-                )
-                self._activate_until = None
+            else:
+                self.get_logger().info(f"all boards answer, valves vented; to move: {command}")
+        elif now > until:
+            # a robot must not start by itself when someone plugs it in later
+            self._startup_until = None
+            self.get_logger().error(f"not activated: {problem}; when this is repaired: {command}")
+
+    def _cancel_start(self, reason: str) -> bool:
+        """Cancel the activation at start-up, if one is waiting, and say so."""
+        if self._startup_until is None or not self._activates:
+            return False
+        self._activates = False
+        self.get_logger().warning(f"the activation at start-up is cancelled by {reason}")
+        return True
 
     def _publish_fluid_pressures(self) -> None:
         if self._snapshot is not None:

@@ -13,7 +13,14 @@ from pam_ros.parameters import NodeParameters, Parameter
 _D = DriverSettings()
 
 TABLE: Final = (
-    Parameter("autostart", True, "-", 0, 1, "configure and activate by itself at start-up"),
+    Parameter(
+        "autostart", True, "-", 0, 1, "configure by itself at start-up: measure, with all valves "
+        "vented"
+    ),
+    Parameter(
+        "activate_on_start", False, "-", 0, 1, "with autostart: also activate by itself, once all "
+        "boards answer; a vent, a fault or a clean-up before cancels it"
+    ),
     Parameter(
         "startup_timeout", 10.0, "s", 0.1, 600.0, "how long autostart waits for all boards"
     ),
@@ -69,7 +76,7 @@ HELP: Final = NodeHelp(
     program="ros2 run pam_driver driver_node",
     purpose="Drives the valve boards of a rig over a CAN bus: valve commands in, measurements out. "
     "It vents on every fault, and stays vented until the fault is cleared. It is a lifecycle node; "
-    "with autostart it configures and activates by itself.",
+    "with autostart it begins to measure by itself, and activate_on_start asks for moving air too.",
     parameters=TABLE,
     other_keys="the keys of the rig file, which docs/rig_file.md describes",
     example="--ros-args --params-file config/elbow.yaml -p bus.channel:=can0",

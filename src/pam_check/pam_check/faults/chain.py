@@ -35,6 +35,7 @@ STEP: Final = 1e-3
 MODEL_STEPS: Final = 10  # between two estimates
 AMPLITUDE, FREQUENCY = 0.35, 0.6  # amplitude and frequency of the motion [rad], [Hz]
 START_UP = 0.5
+COMMANDABLE: Final = frozenset({SafetyState.READY, SafetyState.ACTIVE})
 BUS_OFF, RESTARTED, CONTROLLER = 0x40, 0x100, 0x04  # linux/can/error.h
 
 
@@ -247,6 +248,9 @@ class FaultChain:
             action(self.now)
         seen = self.snapshot
         if seen is None:
+            return
+        if self.driver.state not in COMMANDABLE:  # the node follows the driver's state
+            self.controller.deactivate()
             return
         references = self.controller.references
         if self.controller.active:

@@ -96,12 +96,34 @@ class CommandIntake:
         try:
             values = self._checked(command, now)
         except CommandError as error:
-            self.rejected[error.kind] += 1
-            self.last_rejection = str(error)
+            self._count(error)
             raise
         self._newest = now - command.age
         self.accepted += 1
         return values
+
+    def refuse(self, kind: str, reason: str) -> None:
+        """Count a command that is refused for a reason outside of it.
+
+        Parameters
+        ----------
+        kind : str
+            Name under which it is counted.
+        reason : str
+            Why it is refused.
+
+        Raises
+        ------
+        CommandError
+            Always.
+        """
+        error = CommandError(kind, reason)
+        self._count(error)
+        raise error
+
+    def _count(self, error: CommandError) -> None:
+        self.rejected[error.kind] += 1
+        self.last_rejection = str(error)
 
     def in_units(self, fractions: Sequence[float]) -> ValveFields:
         """Fractions of full scale, by muscle, as the fields of a JointState."""
