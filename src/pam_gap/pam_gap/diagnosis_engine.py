@@ -11,7 +11,7 @@ import numpy as np
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.write_answer import AnswerForm, advice
 from pam_gap.experiments.next_experiment import propose
-from pam_gap.inference.candidates import applicable, candidates_for
+from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.decision import Judge
 from pam_gap.inference.evidence import KeptEvidence
 from pam_gap.inference.held_out import (
@@ -31,7 +31,7 @@ from pam_gap.prediction.fit import FitResult
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.locate import locate
 from pam_gap.prediction.problem import PredictionProblem
-from pam_gap.recordings.recording import SHUT, Recording, RecordingError
+from pam_gap.recordings.recording import LOCKED, SHUT, Recording, RecordingError
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.rig import Rig
 
@@ -92,10 +92,10 @@ class JointDiagnosis:
         mean = sums.sum(0) / np.maximum(counts.sum(0), 1.0)
         return HeldOut.of(Hypothesis((), result, mean), sums, counts)
 
-    def search(self) -> SearchResult:
-        """Search single effects, then further effects while they improve the fit enough."""
+    def candidates(self) -> list[Candidate]:
+        """The effects that the recorded channels and motions can show at all."""
         present = self.present
-        candidates = [
+        return [
             candidate
             for candidate in candidates_for(self.rig, self.rig.joints[self.joint])
             if applicable(
@@ -104,9 +104,13 @@ class JointDiagnosis:
                 position=bool(present[POSITION]),
                 pulls=bool(present[BOTH_FORCES].any()),
                 shut=all(d.recording.mounting == SHUT for d in self.problem.data),
+                moves=not all(d.recording.mounting == LOCKED for d in self.problem.data),
             )
         ]
-        search = Search(self.fitter, candidates, self.progress)
+
+    def search(self) -> SearchResult:
+        """Search single effects, then further effects while they improve the fit enough."""
+        search = Search(self.fitter, self.candidates(), self.progress)
         result = search.singles()
         low, high = 0.4, 0.75
         while self._goes_on(search, result):

@@ -148,7 +148,13 @@ def candidates_for(rig: Rig, joint: Joint) -> tuple[Candidate, ...]:
 
 
 def applicable(
-    effect: str, *, commands: bool, position: bool, pulls: bool, shut: bool = False
+    effect: str,
+    *,
+    commands: bool,
+    position: bool,
+    pulls: bool,
+    shut: bool = False,
+    moves: bool = True,
 ) -> bool:
     """Whether the recorded channels can show an effect at all.
 
@@ -160,8 +166,12 @@ def applicable(
         Whether valve commands, joint position and load cells were recorded.
     shut : bool
         Whether the valves were shut all the time.
+    moves : bool
+        Whether the joint moved in any recording. A locked joint shows no effect of the joint.
     """
     search = EFFECTS[effect].search
+    if not moves and EFFECTS[effect].stage == "joint":
+        return False
     if shut and EFFECTS[effect].stage == "valve":
         return search.shows_when_shut
     recorded = {"commands": commands, "position": position, "pulls": pulls}

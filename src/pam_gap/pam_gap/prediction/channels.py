@@ -7,18 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array
 from pam_gap.recordings.noise_floor import ChannelNoise, noise_floor
 from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
+    LOCKED,
     MUSCLES,
     PRESSURES,
     SHUT,
     Recording,
     RecordingError,
 )
+from pam_gap.recordings.still_channels import finest_deviations
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.rig import Rig
 
@@ -42,6 +44,9 @@ class Channels:
         because they are constant while the joint is at rest.
     has_commands : bool
         Whether valve commands were recorded, or are known since the valves were shut.
+    votes : ndarray of bool, shape (N_CHANNELS,)
+        Whether a channel is compared with its prediction. The position of a locked joint and the
+        `silent` channels of a recording are known but not compared.
     external : ndarray, shape (N,) or None
         External torque on the joint [N m]; None if it was not recorded.
     """
@@ -53,6 +58,7 @@ class Channels:
     deviation: Array
     block_deviation: Array
     has_commands: bool
+    votes: npt.NDArray[np.bool_]
     external: Array | None = None
 
 
@@ -85,17 +91,21 @@ def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DE
     measured = np.zeros((count, N_CHANNELS))
     known = np.zeros((count, N_CHANNELS), dtype=np.bool_)
     noise: dict[str, ChannelNoise] = dict(noise_floor(recording, rules.recording))
+    finest = finest_deviations(rig, joint, rules.recording)
+    votes = np.ones(N_CHANNELS, dtype=np.bool_)
     deviation = np.full(N_CHANNELS, np.nan)
     block_deviation = np.full(N_CHANNELS, np.nan)
     for i, name in enumerate(names):
         if recording.has(name):
             measured[:, i] = recording.values[name]
             known[:, i] = recording.valid[name]
-            deviation[i] = noise[name].deviation
+            found = noise[name].at_least(float(finest[i]))
+            deviation[i] = found.deviation
             block_deviation[i] = np.sqrt(
-                noise[name].deviation ** 2 / rules.prediction.block
-                + noise[name].resolution ** 2 / 12.0
+                found.deviation**2 / rules.prediction.block + found.resolution**2 / 12.0
             )
+            votes[i] = name not in recording.silent
+    votes[POSITION] &= recording.mounting != LOCKED
     commands = np.zeros((count, 2))
     command_names = [f"{COMMANDS}{m}" for m in rig.joints[joint].muscles]
     torque = recording.values.get(f"{JOINTS}{rig.joints[joint].name}.effort")
@@ -105,7 +115,15 @@ def joint_channels(recording: Recording, rig: Rig, joint: int, rules: Rules = DE
         for i, name in enumerate(command_names):
             commands[:, i] = recording.values[name]
     return Channels(
-        recording, commands, measured, known, deviation, block_deviation, has_commands, torque
+        recording,
+        commands,
+        measured,
+        known,
+        deviation,
+        block_deviation,
+        has_commands,
+        votes,
+        torque,
     )
 
 

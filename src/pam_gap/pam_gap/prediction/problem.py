@@ -167,10 +167,11 @@ class PredictionProblem:
         self.threads = threads
         self.has_commands = all(data.has_commands for data in self.data)
         self.tables = tuple(for_kernel(table) for table in self.base.tables)
-        self.present = np.array(
+        self.recorded = np.array(
             [all(np.isfinite(data.deviation[i]) for data in self.data) for i in range(N_CHANNELS)]
         )
-        self.recorded = self.present.copy()
+        votes = np.array([data.votes for data in self.data])
+        self.present = np.logical_and(self.recorded, votes.any(axis=0))
         if not self.has_commands:
             # Without commands the measured pressures are inputs, so they have no prediction error.
             self.present[BOTH_PRESSURES] = False
@@ -257,10 +258,11 @@ class PredictionProblem:
                 catch_bandwidth=rules.catch_bandwidth,
                 threads=self.threads,
             )
-            parts.append(error / data.block_deviation)
+            parts.append(np.where(data.votes, error / data.block_deviation, np.nan))
         self.simulations += len(values)
         result = np.concatenate(parts, axis=1)
-        return np.clip(result, -1e6, 1e6)
+        clipped: Array = np.clip(result, -1e6, 1e6)
+        return clipped
 
     def predictor(
         self, base: Array, targets: Sequence[Sequence[str]], is_factor: Sequence[bool]

@@ -10,7 +10,7 @@ of third order; quantisation noise is one step over the square root of twelve.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,13 +30,42 @@ class ChannelNoise:
     resolution: float
     is_smoothed: bool = False
 
+    def at_least(self, deviation: float) -> ChannelNoise:
+        """The same noise, but never below a deviation that no sensor falls below."""
+        return replace(self, deviation=max(self.deviation, deviation))
+
+
+def is_still(values: Array, noise: ChannelNoise, rules: RecordingRules = DEFAULT.recording) -> bool:
+    """Whether a channel never changes by more than its noise and its quantisation.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+        True samples of the channel, in its unit.
+    noise : ChannelNoise
+        Noise of the channel, in the same unit.
+    rules : RecordingRules
+        Constants of the judgement.
+    """
+    count = max(1, min(values.size // rules.stretch, values.size))
+    means = [float(part.mean()) for part in np.array_split(values, count) if part.size]
+    if not means:
+        return True
+    expected = np.hypot(noise.deviation / np.sqrt(rules.stretch), noise.resolution / np.sqrt(12.0))
+    return max(means) - min(means) <= rules.still_span * float(expected)
+
 
 def quantisation(values: Array, rules: RecordingRules = DEFAULT.recording) -> float:
     """The quantisation step, of which every change is a multiple; 0 if there is none."""
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 1e-12 * (float(np.max(np.abs(values))) + 1e-300)]
-    if steps.size < 20:
+    if values.size < 2:
         return 0.0
+    changes = np.abs(np.diff(values))
+    steps = changes[changes > 1e-12 * (float(np.max(np.abs(values))) + 1e-300)]
+    if steps.size < rules.fewest_steps:
+        # Too few to compare with each other. A channel that repeats its value nearly always is
+        # not resolved more finely than its smallest change.
+        repeats = 0 < steps.size < rules.few_values * changes.size
+        return float(np.min(steps)) if repeats else 0.0
     step = float(np.min(steps))
     few = np.unique(np.round(steps / step, 6)).size
     if few > rules.few_values * steps.size:

@@ -102,6 +102,8 @@ class Recording:
         were interpolated.
     one_clock : bool
         Whether all channels share their time stamps.
+    silent : frozenset of str
+        Measured channels that never change, so that they are not compared with a prediction.
     """
 
     source: Path
@@ -113,6 +115,7 @@ class Recording:
     mounting: str = ""
     samples: Mapping[str, Array] = field(default_factory=dict)
     one_clock: bool = True
+    silent: frozenset[str] = frozenset()
 
     def has(self, channel: str) -> bool:
         """Whether the channel was recorded."""

@@ -55,6 +55,14 @@ class RecordingRules:
         "without the gaps; below it, the true samples are joined.",
         trades="Matters only in recordings with many missing samples.",
     )
+    fewest_steps: int = rule(
+        20,
+        unit="changes",
+        decides="Number of changes of a channel below which its quantisation step is its smallest "
+        "change.",
+        trades="Larger: the step of a channel that seldom changes is overestimated.",
+        origin=NUMERICAL,
+    )
     few_values: float = rule(
         0.2,
         unit="of the steps",
@@ -73,6 +81,27 @@ class RecordingRules:
         unit="of the changes",
         decides="Share of the changes that must be whole numbers of quantisation steps.",
         trades="Smaller: a smooth channel can count as quantised.",
+    )
+    finest_share: float = rule(
+        6e-8,
+        unit="of full scale",
+        decides="Step below which no sensor resolves: one part in 2^24 of the supply pressure, of "
+        "one turn, or of the force of the muscle at supply pressure. The noise of a channel is "
+        "never assumed to be below this step divided by the square root of twelve.",
+        trades="Larger: gaps in very good channels are hidden. Smaller: rounding of the simulation "
+        "counts as a gap in a channel that is constant or was computed.",
+        origin="The resolution of 24 bit converters.",
+    )
+    still_span: float = rule(
+        8.0,
+        unit="of the noise",
+        decides="Span of the means over `stretch` samples, relative to the noise expected in them, "
+        "up to which a channel counts as constant. A position that is constant belongs to a locked "
+        "joint, and a channel without any noise that is constant is not compared.",
+        trades="Larger: very small motions count as no motion. Smaller: a drifting sensor on a "
+        "locked joint counts as a motion.",
+        origin="The largest of a few hundred means of white noise is below 4 deviations on either "
+        "side.",
     )
     computed_difference: float = rule(
         1e-2,
