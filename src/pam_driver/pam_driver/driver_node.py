@@ -33,6 +33,7 @@ from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
 from pam_driver.driver_topics import DriverTopics
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
+from pam_driver.safety.start_up import Advice, StartUp
 from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
@@ -76,10 +77,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._snapshot: Snapshot | None = None
         self._active = False
         self._starting = False
-        self._startup_until: float | None = None  # while autostart waits for the boards
-        self._activates = False  # whether autostart shall activate then
+        self._start_up = StartUp()
         self._fault_reported = False
-        self._latched = ""  # the fault with which the node was cleaned up
         self._published_state = ""
         self._vent_reason = ""
         refuse_impossible_transitions(self)
@@ -111,8 +110,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._starting = False
         if not configured:
             return False
-        self._startup_until = time.monotonic() + self._values.number("startup_timeout")
-        self._activates = bool(self._values["activate_on_start"])
+        until = time.monotonic() + self._values.number("startup_timeout")
+        self._start_up.begin(until, bool(self._values["activate_on_start"]))
         return True
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
@@ -152,13 +151,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Let valves follow commands, beginning with the next one, if nothing is wrong."""
         if self._driver is None:
             return _FAILURE
-        if self._latched:
-            return self._fail(
-                "not activated: a fault from before the clean-up is still latched "
-                f"({self._latched}); when its cause is gone, call ~/clear_faults"
-            )
         try:
-            self._driver.activate(time.monotonic())
+            self._start_up.activate(self._driver, time.monotonic())
         except PamError as error:
             return self._fail(f"not activated: {error}")
         self._active = True
@@ -235,10 +229,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         loop, self._loop = self._loop, None
         driver, self._driver = self._driver, None
         port, self._port = self._port, None
-        self._diagnostics = self._snapshot = self._startup_until = None
-        self._active = self._activates = False
-        if driver is not None and driver.state is SafetyState.FAULT:
-            self._latched = "; ".join(str(fault) for fault in driver.faults)
+        self._diagnostics = self._snapshot = None
+        self._active = False
+        if driver is not None:
+            self._start_up.leave(driver)
         try:
             if loop is not None:
                 loop.stop(timeout=1.0)
@@ -263,8 +257,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         reason = self._vent_reason
         if driver is not None and state is SafetyState.FAULT:
             reason = "; ".join(str(fault) for fault in driver.faults)
-        elif self._latched:
-            reason = f"a fault is latched from before the clean-up: {self._latched}"
+        elif self._start_up.latched:
+            reason = f"a fault is latched from before the clean-up: {self._start_up.latched}"
         message = driver_state_message(self.get_name(), state.value, reason)
         if message.message != self._published_state:
             self._published_state = message.message
@@ -316,9 +310,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if driver is None:
             response.success, response.message = False, "not configured: the bus is not open"
             return response
-        driver.clear_faults(time.monotonic())
+        self._start_up.clear_faults(driver, time.monotonic())
         self._fault_reported = False
-        self._latched = ""
         self._vent_reason = "faults cleared, not activated yet"
         self._publish_state()
         response.success = driver.state is not SafetyState.FAULT
@@ -338,36 +331,31 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._active and driver.state not in _MOVING:
             self.trigger_deactivate()
         if self._active:
-            self._startup_until = None
-        if self._startup_until is not None:
-            self._watch_start(driver, self._startup_until)
+            self._start_up.end()
+        self._watch_start(driver)
 
-    def _watch_start(self, driver: Driver, until: float) -> None:
-        """While autostart waits: activate if this was asked for, else say what is needed."""
-        now = time.monotonic()
-        problem = driver.activation_problem(now)
+    def _watch_start(self, driver: Driver) -> None:
+        """While the node starts: activate if this was asked for, else say what is needed."""
+        advice, reason = self._start_up.step(driver, time.monotonic())
         command = f"ros2 lifecycle set {self.get_fully_qualified_name()} activate"
-        faulty = [found for found in driver.conditions if found.kind == "board_fault"]
-        if faulty and self._cancel_start(str(faulty[0])):
-            return
-        if not problem:
-            self._startup_until = None
-            if self._activates:
-                self.trigger_activate()
-            else:
-                self.get_logger().info(f"all boards answer, valves vented; to move: {command}")
-        elif now > until:
-            # a robot must not start by itself when someone plugs it in later
-            self._startup_until = None
-            self.get_logger().error(f"not activated: {problem}; when this is repaired: {command}")
+        if advice is Advice.ACTIVATE:
+            self.trigger_activate()
+        elif advice is Advice.READY:
+            self.get_logger().info(f"all boards answer, valves vented; to move: {command}")
+        elif advice is Advice.CANCELLED:
+            self._tell_cancelled(reason)
+        elif advice is Advice.GIVE_UP:
+            self.get_logger().error(f"not activated: {reason}; when this is repaired: {command}")
 
     def _cancel_start(self, reason: str) -> bool:
         """Cancel the activation at start-up, if one is waiting, and say so."""
-        if self._startup_until is None or not self._activates:
-            return False
-        self._activates = False
+        if self._start_up.cancel():
+            self._tell_cancelled(reason)
+            return True
+        return False
+
+    def _tell_cancelled(self, reason: str) -> None:
         self.get_logger().warning(f"the activation at start-up is cancelled by {reason}")
-        return True
 
     def _publish_fluid_pressures(self) -> None:
         if self._snapshot is not None:
