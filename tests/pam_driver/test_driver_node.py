@@ -144,6 +144,9 @@ def test_after_kill_the_board_vents_by_itself(
     again = bench.start(parameters={"startup_timeout": 2.0})
     bench.peer.until(lambda: "watchdog" in again.errors, "the fault by name")
     assert bench.vented()
+    # the killed driver's services are still listed: wait until the peer hears the new driver
+    bench.peer.heard["pressure_states"].clear()
+    bench.peer.until(lambda: bench.peer.heard["pressure_states"], "the new driver")
     assert bench.peer.trigger("clear_faults").success
     bench.peer.until(lambda: bench.board.state is BoardState.VENTED, "cleared")
     assert bench.vented()
