@@ -33,8 +33,8 @@ from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
 from pam_driver.driver_topics import DriverTopics
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
-from pam_driver.safety.start_up import Advice, StartUp
 from pam_driver.safety.states import SafetyState
+from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import diagnostic_array
