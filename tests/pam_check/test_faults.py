@@ -15,6 +15,7 @@ from pam_check.faults import host_faults
 from pam_check.faults.campaign import in_a_fork, make_chain
 from pam_check.faults.process_campaign import KEPT, REPEAT, Observation, judge, time_outs
 from pam_check.faults.report import write_report
+from pam_check.faults.rig_bounds import bounds_of
 from pam_check.faults.trial import Trial, draw_values, error_bound, problem_of, run_trial
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardState, FrameError
 from pam_driver.safety.states import TRANSITIONS, SafetyState
@@ -25,8 +26,9 @@ from pam_sim.boards.pam_board_twin import SimulatedPamBoard
 from pam_sim.boards.protocol import BoardValve
 from pam_sim.fault_injection import parse_injection
 from pam_sim.faults import rig_faults
+from pam_sim.faults.fault_kind import Reaction, Stays
 from pam_sim.faults.frame_faults import FrameFault, FrameFaults
-from pam_sim.faults.kinds import KINDS, Reaction, kind_called, write_into
+from pam_sim.faults.kinds import KINDS, kind_called, write_into
 from pam_sim.faults.rig_faults import POSITION, RigFaults
 from support.rigs import ELBOW
 
@@ -192,7 +194,7 @@ def test_a_hung_board_is_held_to_the_driver_s_reaction_and_not_to_its_own_reset(
 )
 def test_a_joint_that_need_not_stop_is_held_to_its_error(chain, kind):
     """Also where a fault may end either way: the error counts while air moves."""
-    bound = error_bound(kind, chain.rig)
+    bound = error_bound(kind, bounds_of(chain.rig))
     trial = Trial(kind.name, {}, list(kind.detected_by), peak_error=bound - 1e-3)
     assert problem_of(chain, kind, trial) == ""
     trial.peak_error = bound + 1e-3
@@ -202,8 +204,10 @@ def test_a_joint_that_need_not_stop_is_held_to_its_error(chain, kind):
 def test_two_publishers_may_move_the_joint_within_its_limits_and_no_further(chain):
     kind = kind_called("command_two_publishers")
     limits = chain.rig.joints[0].position_limits
-    assert error_bound(kind, chain.rig) == pytest.approx(max(limits) + 0.35 + 0.1)
-    assert [each.name for each in KINDS if each.to_the_limits] == [kind.name]
+    stop = chain.rig.plausibility.position_margin
+    bound = error_bound(kind, bounds_of(chain.rig))
+    assert bound == pytest.approx(max(limits) + stop + 0.35 + 0.1)
+    assert [each.name for each in KINDS if each.stays is Stays.IN_LIMITS] == [kind.name]
 
 
 def test_a_trial_finds_fault_with_a_model_that_tells_what_is_old(chain):

@@ -24,10 +24,17 @@ def _declare_faults(parser: Parser) -> None:
         "--trials",
         type=count(),
         metavar="N",
-        help="number of injections in total (default: eight of each kind)",
+        help="number of injections in total (default: 1000 for all kinds)",
     )
     _add_kinds(parser)
     _add_seed(parser, 1)
+    parser.add_argument(
+        "--jobs",
+        type=count(),
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="number of injections at the same time (default: the number of processors)",
+    )
     parser.add_argument(
         "--out", type=output_folder, default="out/faults", help="folder (default: %(default)s)"
     )

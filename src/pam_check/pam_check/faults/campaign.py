@@ -12,6 +12,7 @@ import pickle
 import random
 import signal
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
@@ -23,9 +24,10 @@ from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
-from pam_sim.faults.kinds import KINDS, FaultKind, kinds_called
+from pam_sim.faults.fault_kind import FaultKind
+from pam_sim.faults.kinds import KINDS, kinds_called
 
-TRIALS_OF_EACH = 8  # default number of trials per kind
+TRIALS = 1000  # by default, and at least one of each kind
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s
 
 
@@ -44,6 +46,43 @@ def make_chain(rig: Rig, seed: int = 0) -> FaultChain:
     return chain
 
 
+class _Fork:
+    """A function that runs in a fork of this process, so that it leaves no changes here."""
+
+    def __init__(self, work: Callable[[], Trial]) -> None:
+        self._reading, writing = os.pipe()
+        self._child = os.fork()
+        if self._child == 0:
+            code = 1
+            try:
+                signal.signal(signal.SIGINT, signal.SIG_DFL)
+                os.close(self._reading)
+                with os.fdopen(writing, "wb") as out:
+                    pickle.dump(work(), out)
+                code = 0
+            except Exception as error:
+                print(f"fault campaign: {type(error).__name__}: {error}", file=sys.stderr)
+            finally:
+                os._exit(code)
+        os.close(writing)
+
+    def result(self) -> Trial:
+        """Wait for the result.
+
+        Raises
+        ------
+        PamError
+            If the fork ended without one.
+        """
+        with os.fdopen(self._reading, "rb") as result:
+            data = result.read()
+        os.waitpid(self._child, 0)
+        if not data:
+            raise PamError("a trial ended without a result")
+        trial: Trial = pickle.loads(data)  # the data are from our own fork
+        return trial
+
+
 def in_a_fork(work: Callable[[], Trial]) -> Trial:
     """Run a function in a fork of this process, so that it leaves no changes here.
 
@@ -52,31 +91,12 @@ def in_a_fork(work: Callable[[], Trial]) -> Trial:
     PamError
         If the fork ends without a result.
     """
-    reading, writing = os.pipe()
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
-            os.close(reading)
-            with os.fdopen(writing, "wb") as out:
-                pickle.dump(work(), out)
-            code = 0
-        except Exception as error:
-            print(f"fault campaign: {type(error).__name__}: {error}", file=sys.stderr)
-        finally:
-            os._exit(code)
-    os.close(writing)
-    with os.fdopen(reading, "rb") as result:
-        data = result.read()
-    os.waitpid(child, 0)
-    if not data:
-        raise PamError("a trial ended without a result")
-    trial: Trial = pickle.loads(data)  # the data are from our own fork
-    return trial
+    return _Fork(work).result()
 
 
-def run_campaign(rig: Rig, kinds: Sequence[FaultKind], trials: int, seed: int) -> Iterator[Trial]:
+def run_campaign(
+    rig: Rig, kinds: Sequence[FaultKind], trials: int, seed: int, at_once: int = 1
+) -> Iterator[Trial]:
     """Run trials of all kinds in turn.
 
     Parameters
@@ -89,16 +109,23 @@ def run_campaign(rig: Rig, kinds: Sequence[FaultKind], trials: int, seed: int) -
         Total number of trials.
     seed : int
         Seed of all random draws.
+    at_once : int, optional
+        Number of trials that run at the same time.
     """
     chain = make_chain(rig, seed)
     draw = random.Random(seed)
+    running: deque[_Fork] = deque()
     for number in range(trials):
         kind = kinds[number % len(kinds)]
         until = chain.now + draw.uniform(0.0, LONGEST_PHASE)
         while chain.now < until:
             chain.step()
         values, trial_seed = draw_values(kind, draw), draw.randrange(1 << 30)
-        yield in_a_fork(partial(run_trial, chain, kind, values, trial_seed))
+        running.append(_Fork(partial(run_trial, chain, kind, values, trial_seed)))
+        if len(running) >= at_once:
+            yield running.popleft().result()
+    for fork in running:
+        yield fork.result()
 
 
 def run(given: Arguments) -> Outcome:
@@ -110,10 +137,11 @@ def run(given: Arguments) -> Outcome:
         For a rig or a fault that cannot be used.
     """
     kinds = kinds_called(given.kind, KINDS)
-    trials = given.trials or TRIALS_OF_EACH * len(kinds)
+    trials = given.trials or max(TRIALS * len(kinds) // len(KINDS), len(kinds))
+    rig = load_rig(chosen_rig(given))
     done: list[Trial] = []
     with progress(trials, "fault campaign") as bar:
-        for trial in run_campaign(load_rig(chosen_rig(given)), kinds, trials, given.seed):
+        for trial in run_campaign(rig, kinds, trials, given.seed, given.jobs):
             done.append(trial)
             bar.show(len(done), trial.kind)
             if trial.problem:

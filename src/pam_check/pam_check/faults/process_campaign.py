@@ -28,7 +28,8 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_sim.fault_injection import INJECTIONS
-from pam_sim.faults.kinds import KINDS, FaultKind, Reaction, kinds_called
+from pam_sim.faults.fault_kind import FaultKind, Reaction
+from pam_sim.faults.kinds import KINDS, kinds_called
 
 HOST = 0.06  # s, for the injection, the period of the board's status and a busy host
 PATIENCE = 120.0  # s, until nodes have started (again) on a busy host

@@ -11,11 +11,13 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pam_check.faults.trial import Trial
-from pam_sim.faults.kinds import FaultKind, Reaction
+from pam_sim.faults.fault_kind import FaultKind, Reaction
 
 HEADINGS = (
     "fault", "layer", "trials", "noticed by", "reaction", "safe after, median [ms]",
-    "worst [ms]", "bound [ms]", "peak pressure [kPa]", "peak angle error [rad]", "verdict",
+    "worst [ms]", "bound [ms]", "empty after, median [s]", "worst [s]", "way [rad]",
+    "peak speed [rad/s]", "peak force [N]", "peak pressure [kPa]", "peak angle error [rad]",
+    "verdict",
 )  # fmt: skip
 
 
@@ -29,6 +31,7 @@ def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str,
         by = Counter(name for trial in mine for name in trial.noticed if name in kind.detected_by)
         named = ", ".join(name for name, _ in by.most_common(2))
         times = [1e3 * after for trial in mine if (after := _bounded_time(kind, trial)) is not None]
+        empty = [trial.empty_after for trial in mine if trial.empty_after is not None]
         vents = kind.reaction is Reaction.VENT
         bad = [trial.problem for trial in mine if trial.problem]
         table.append(
@@ -43,6 +46,11 @@ def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str,
                 f"{statistics.median(times):.0f}" if times else "",
                 f"{max(times):.0f}" if times else "",
                 f"{1e3 * kind.bound:.0f}" if vents else "",
+                f"{statistics.median(empty):.2f}" if vents and empty else "",
+                f"{max(empty):.2f}" if vents and len(empty) == len(mine) else "",
+                f"{max(trial.way for trial in mine):.2f}" if vents else "",
+                f"{max(trial.peak_speed for trial in mine):.1f}",
+                f"{max(trial.peak_force for trial in mine):.0f}",
                 f"{1e-3 * max(trial.peak_pressure for trial in mine):.0f}",
                 f"{max(trial.peak_error for trial in mine):.3f}",
                 f"{len(bad)} of {len(mine)} fail: {bad[0]}" if bad else "kept",

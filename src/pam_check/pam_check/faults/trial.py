@@ -1,4 +1,4 @@
-"""One fault on a moving joint: its detection, the time until valves vented, the joint's motion."""
+"""One fault on a moving joint: its detection, when valves and muscles are vented, the motion."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from dataclasses import dataclass, field
 
 from pam_check.faults import host_faults
 from pam_check.faults.chain import AMPLITUDE, STEP, FaultChain
+from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
 from pam_driver.safety.states import SafetyState
-from pam_model.rig import Rig
 from pam_sim import fault_injection
-from pam_sim.faults.kinds import FaultKind, Reaction
+from pam_sim.faults.fault_kind import FaultKind, Reaction, Stays
+from pam_sim.simulated_rig import GroundTruth
 
 AFTERWARDS = 0.3  # s, to check that the valves stay vented
+SETTLING = 1.0  # s after the muscles are empty, for a joint that still swings
+AT_REST = 0.05  # rad/s
 ERROR_ALLOWED = 0.1  # rad, while the joint continues or until it stops
 # One draw in this many is an end of the range, where the slowest and hardest cases are.
 ENDS = 4
@@ -38,8 +41,17 @@ class Trial:
         Time from the fault until the driver left its active state [s].
     safe_after : float or None
         Time from the fault until the valves vented and stayed vented [s].
-    peak_pressure : float
-        Highest pressure in any muscle [Pa gauge].
+    empty_after : float or None
+        Time from the fault until every muscle was truly below `EMPTY` and stayed there [s].
+    peak_pressure, peak_force : float
+        Highest pressure in any muscle [Pa gauge], and largest force of any muscle [N].
+    peak_speed : float
+        Highest true speed of the first joint from the fault on [rad/s].
+    way : float
+        Largest distance of the joint from where it was at the fault; from the vent on, if the
+        valves vented [rad].
+    farthest : float
+        The true angle that was farthest from 0 [rad].
     peak_error : float
         Largest deviation of the angle from its reference while air flowed [rad].
     problem : str
@@ -52,7 +64,12 @@ class Trial:
     suspected_after: float | None = None
     stopped_after: float | None = None
     safe_after: float | None = None
+    empty_after: float | None = None
     peak_pressure: float = 0.0
+    peak_force: float = 0.0
+    peak_speed: float = 0.0
+    way: float = 0.0
+    farthest: float = 0.0
     peak_error: float = 0.0
     problem: str = ""
 
@@ -89,29 +106,47 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
     else:
         fault_injection.inject(chain, kind.name, values, draw)
     last_air = start
+    origin = chain.truth.positions[0]
+    bounds = bounds_of(chain.rig)
     vents = kind.reaction is Reaction.VENT
-    end = start + kind.bound + (0.5 if vents else 0.0)
+    end = start + kind.bound + (bounds.exhaust_time + SETTLING if vents else 0.0)
     while chain.now < end:
         chain.step()
+        truth = chain.truth
+        angle = truth.positions[0]
+        _note_motion(trial, truth)
         if chain.moves_air:
             last_air = chain.now
-            error = chain.truth.positions[0] - chain.reference
-            trial.peak_error = max(trial.peak_error, abs(error))
-        elif vents and chain.now - last_air > AFTERWARDS + STEP:
-            break
-        trial.peak_pressure = max(trial.peak_pressure, *chain.truth.pressures)
+            trial.peak_error = max(trial.peak_error, abs(angle - chain.reference))
+            if vents:
+                origin, trial.way = angle, 0.0
+        trial.way = max(trial.way, abs(angle - origin))
+        if max(truth.pressures) > EMPTY:
+            trial.empty_after = None
+        elif trial.empty_after is None:
+            trial.empty_after = chain.now - start
         _look(chain, seen)
         if chain.driver.suspicions and trial.suspected_after is None:
             trial.suspected_after = chain.now - start
         if trial.stopped_after is None and chain.driver.state is not SafetyState.ACTIVE:
             trial.stopped_after = chain.now - start
         trial.problem = trial.problem or _model_problem(chain)
+        calm = chain.now - last_air > AFTERWARDS + STEP and abs(truth.velocities[0]) < AT_REST
+        if vents and calm and trial.empty_after is not None:
+            break
     if not chain.moves_air:
         trial.safe_after = last_air - start
     seen |= set(_counts(chain) - before)
     trial.noticed = sorted(seen)
     trial.problem = trial.problem or problem_of(chain, kind, trial)
     return trial
+
+
+def _note_motion(trial: Trial, truth: GroundTruth) -> None:
+    trial.peak_pressure = max(trial.peak_pressure, *truth.pressures)
+    trial.peak_force = max(trial.peak_force, *truth.forces)
+    trial.peak_speed = max(trial.peak_speed, *map(abs, truth.velocities))
+    trial.farthest = max(trial.farthest, truth.positions[0], key=abs)
 
 
 def _counts(chain: FaultChain) -> Counter[str]:
@@ -149,22 +184,25 @@ def _model_problem(chain: FaultChain) -> str:
 
 def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
     """How the reaction in a finished trial differs from the stated one; empty if it does not."""
+    bounds = bounds_of(chain.rig)
     must_be_noticed = kind.detected_by and kind.reaction is not Reaction.EITHER
     if must_be_noticed and not set(kind.detected_by) & set(trial.noticed):
         return f"noticed by {', '.join(trial.noticed) or 'nobody'}"
     if kind.reaction is Reaction.VENT:
-        return _venting_problem(kind, trial)
-    if kind.reaction in {Reaction.RIDE, Reaction.WARN} and not (
+        problem = _venting_problem(kind, trial, bounds)
+        if problem:
+            return problem
+    elif kind.reaction in {Reaction.RIDE, Reaction.WARN} and not (
         chain.moves_air and chain.driver.state is SafetyState.ACTIVE
     ):
         reasons = "; ".join(str(fault) for fault in chain.driver.faults)
         return f"stopped: {reasons or chain.driver.state.value}"
-    if trial.peak_error > error_bound(kind, chain.rig):
+    if trial.peak_error > error_bound(kind, bounds):
         return f"angle off by {trial.peak_error:.3f} rad"
-    return ""
+    return _motion_problem(trial, bounds)
 
 
-def _venting_problem(kind: FaultKind, trial: Trial) -> str:
+def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
     if trial.safe_after is None:
         return "not vented"
     if kind.bounds_driver and (trial.stopped_after or math.inf) > kind.bound + STEP:
@@ -173,16 +211,35 @@ def _venting_problem(kind: FaultKind, trial: Trial) -> str:
     valves_bound = max(kind.bound, trial.values.get("reset_after", 0.0))
     if trial.safe_after > valves_bound + STEP:
         return f"vented after {1e3 * trial.safe_after:.0f} ms"
+    empty_after = math.inf if trial.empty_after is None else trial.empty_after
+    if not kind.keeps_air and empty_after > valves_bound + bounds.exhaust_time:
+        return f"more than {1e-3 * EMPTY:.0f} kPa in a muscle for {empty_after:.2f} s"
     return ""
 
 
-def error_bound(kind: FaultKind, rig: Rig) -> float:
+def _motion_problem(trial: Trial, bounds: RigBounds) -> str:
+    """What exceeds the limits of the rig, whatever the fault is."""
+    if trial.peak_speed > bounds.speed:
+        return f"joint at {trial.peak_speed:.1f} rad/s"
+    if not bounds.position[0] <= trial.farthest <= bounds.position[1]:
+        return f"joint at {trial.farthest:.2f} rad"
+    if trial.peak_pressure > bounds.pressure:
+        return f"{1e-3 * trial.peak_pressure:.0f} kPa in a muscle"
+    if trial.peak_force > bounds.force:
+        return f"{trial.peak_force:.0f} N in a muscle"
+    return ""
+
+
+def error_bound(kind: FaultKind, bounds: RigBounds) -> float:
     """Largest permitted angle error [rad] of a moving joint during a fault of this kind.
 
-    During a fault that is tolerated, the joint must stay near its reference. If there are two
-    sources of valid commands, it is unknown which one is right; then the joint may move anywhere
-    within its position limits.
+    During a fault that is tolerated, or that may end either way, the joint stays near its
+    reference. A fault that must vent may first take the joint as far away as the rig file permits
+    it to be for a time. If there are two sources of valid commands, it is unknown which one is
+    right; then the joint may move anywhere within its position limits.
     """
-    if not kind.to_the_limits:
-        return ERROR_ALLOWED
-    return max(map(abs, rig.joints[0].position_limits)) + AMPLITUDE + ERROR_ALLOWED
+    if kind.stays is Stays.IN_LIMITS:
+        return max(map(abs, bounds.position)) + AMPLITUDE + ERROR_ALLOWED
+    if kind.stays is Stays.TRACKING or kind.reaction is Reaction.VENT:
+        return bounds.tracking_error
+    return ERROR_ALLOWED

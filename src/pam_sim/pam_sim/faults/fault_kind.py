@@ -1,0 +1,81 @@
+"""One kind of fault as data: what happens, who detects it, what must follow, and how soon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from pam_driver.driver_settings import DriverSettings
+
+_S: Final = DriverSettings()
+WATCHDOG: Final = 0.1  # s, WatchdogTimeout in the DBC
+# From detection to vented valves: a cycle of the driver, a frame and a turn of the board, each
+# counted twice as a margin [s].
+VENT: Final = 0.012
+COMMANDS_STOP: Final = _S.command_timeout + VENT
+SENSOR_STOPS: Final = _S.sensor_timeout + VENT
+BOARD_HEARS_NOTHING: Final = WATCHDOG + 0.010
+WATCH: Final = 1.0  # s, observation of a fault that need not vent
+MOMENT: Final = {"duration": (0.2, 0.8)}
+SHARE: Final = {"share": (0.05, 0.3), **MOMENT}
+
+
+class Reaction(Enum):
+    """The required reaction to a fault; tables show the value."""
+
+    VENT = "vents, latched"
+    RIDE = "continues, counted"
+    WARN = "continues, warns"
+    EITHER = "continues or vents"
+    NOTICED = "warns or vents"
+
+
+class Stays(Enum):
+    """How far a joint may be from its reference while air moves; pages show the value."""
+
+    NEAR = "0.1 rad"
+    TRACKING = "max_tracking_error"
+    IN_LIMITS = "position_limits"
+
+
+@dataclass(frozen=True, slots=True)
+class FaultKind:
+    """One kind of fault.
+
+    Attributes
+    ----------
+    name, layer, text : str
+        Identifier; where it happens; what happens.
+    parameters : mapping of str to (low, high)
+        Ranges from which values are drawn uniformly, SI units.
+    detected_by : tuple of str
+        What may detect it: conditions and counters of the driver, faults of a board, kinds of
+        refused commands, "controller".
+    reaction : Reaction
+        The required reaction.
+    bound : float
+        Largest time from the fault to vented valves [s]; if the fault must not vent, how long the
+        trial observes.
+    reason : str
+        What determines this bound, or why the fault cannot be detected.
+    bounds_driver : bool
+        Whether the bound applies to the stop of the driver, since no frame can move the valves.
+    stays : Stays
+        How far the joint may be from its reference while air moves, unless the fault must vent.
+    keeps_air : bool
+        Whether a muscle may keep its air, since no valve of it opens to ambient.
+    """
+
+    name: str
+    layer: str
+    text: str
+    parameters: Mapping[str, tuple[float, float]]
+    detected_by: tuple[str, ...]
+    reaction: Reaction
+    bound: float
+    reason: str = ""
+    bounds_driver: bool = False
+    stays: Stays = Stays.NEAR
+    keeps_air: bool = False
