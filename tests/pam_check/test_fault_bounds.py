@@ -1,0 +1,107 @@
+"""What a trial of the fault campaign may do at most, from the limits in the rig file."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+
+from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.rig_bounds import EMPTY, bounds_of
+from pam_check.faults.trial import Trial, problem_of, run_trial
+from pam_sim.faults.kinds import kind_called
+
+
+@pytest.fixture(scope="module")
+def chain(rig):
+    return make_chain(rig)
+
+
+def within(chain) -> Trial:
+    """A trial of `vent_called` that is exactly at every bound."""
+    bounds = bounds_of(chain.rig)
+    kind = kind_called("vent_called")
+    return Trial(
+        kind.name,
+        {},
+        ["vented"],
+        stopped_after=0.0,
+        safe_after=kind.bound,
+        empty_after=kind.bound + bounds.exhaust_time,
+        peak_pressure=bounds.pressure,
+        peak_force=bounds.force,
+        peak_speed=bounds.speed,
+        farthest=bounds.position[0],
+        peak_error=bounds.tracking_error,
+    )
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "found"),
+    [
+        ("empty_after", 0.01, "20 kPa"),
+        ("peak_pressure", 1e3, "kPa in a muscle"),
+        ("peak_force", 1.0, "N in a muscle"),
+        ("peak_speed", 0.1, "rad/s"),
+        ("farthest", -0.01, "joint at -1.06 rad"),
+        ("peak_error", 0.001, "angle off by"),
+    ],
+)
+def test_a_trial_beyond_a_limit_of_the_rig_is_out_of_bounds(chain, field, change, found):
+    kind = kind_called("vent_called")
+    trial = within(chain)
+    assert problem_of(chain, kind, trial) == ""
+    setattr(trial, field, getattr(trial, field) + change)
+    assert found in problem_of(chain, kind, trial)
+
+
+def test_muscles_that_never_get_empty_are_out_of_bounds(chain):
+    """Vented valves are not enough: a muscle that keeps its air still pulls."""
+    kind = kind_called("vent_called")
+    trial = within(chain)
+    trial.empty_after = None
+    assert "20 kPa" in problem_of(chain, kind, trial)
+    keeps = dataclasses.replace(kind, keeps_air=True)
+    assert problem_of(chain, keeps, trial) == ""
+
+
+def test_the_largest_force_is_that_of_the_longest_muscle_at_the_largest_pressure(rig):
+    """F = p (3 L^2 - b^2)/(4 pi n^2) at 605 kPa and L = 0.255 m."""
+    length, thread, turns = 0.225 + 0.03, 0.2758, 1.856
+    force = 605e3 * (3.0 * length**2 - thread**2) / (4.0 * math.pi * turns**2)
+    assert bounds_of(rig).force == pytest.approx(force)
+
+
+def test_the_time_to_empty_a_muscle_is_that_of_choked_flow_and_a_tail(rig):
+    """While the flow is choked, the pressure falls with the time constant V/(R T C rho)."""
+    muscle = rig.muscles[0]
+    volume = rig.force_model(muscle.name).volume(0.195) + muscle.dead_volume
+    time_constant = volume / (287.05 * 293.15 * 1.185 * muscle.valve.sonic_conductance)
+    choked = time_constant * math.log(701325.0 / (101325.0 / 0.3))
+    tail = time_constant * math.log(101325.0 / 0.3 / (101325.0 + EMPTY))
+    assert choked + tail < bounds_of(rig).exhaust_time < choked + 2.0 * tail
+
+
+def test_a_trial_measures_when_the_muscles_are_empty_and_how_the_joint_moves(chain):
+    """Numbers of a vent in motion lie where the physics of the elbow put them."""
+    trial = in_a_fork(lambda: run_trial(chain, kind_called("vent_called"), {}, 1))
+    assert trial.problem == ""
+    assert trial.safe_after + 0.2 < trial.empty_after < bounds_of(chain.rig).exhaust_time
+    assert 0.0 < trial.way < 2.0 * 0.5
+    assert 100.0 < trial.peak_force < bounds_of(chain.rig).force
+    assert 0.0 < trial.peak_speed < chain.rig.joints[0].max_velocity
+
+
+def test_a_blocked_exhaust_is_seen_in_the_muscle_although_the_valves_are_vented(chain):
+    """The board's report alone would call this rig safe."""
+
+    def blocked() -> Trial:
+        for address, board in chain.sim.boards.items():
+            for place in range(len(board.valves)):
+                chain.sim.faults.valves[address, place] = 0.0
+        return run_trial(chain, kind_called("vent_called"), {}, 1)
+
+    trial = in_a_fork(blocked)
+    assert trial.safe_after < 0.02
+    assert "20 kPa" in trial.problem
