@@ -12,6 +12,7 @@ from pam_gap.inference.search import Progress, silent
 from pam_gap.recordings.belongs_to_rig import joints_recorded, refuse_other_rig
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.noise_floor import noise_floor
+from pam_gap.recordings.plausible_units import refuse_other_units
 from pam_gap.recordings.recording import COMMANDS, JOINTS, SHUT, Recording, RecordingError
 from pam_gap.recordings.still_channels import without_still
 from pam_gap.rules import DEFAULT, Rules
@@ -79,7 +80,7 @@ def joints_to_diagnose(
     Raises
     ------
     RecordingError
-        When there is no recording, or the recordings are of another rig.
+        When there is no recording, or the recordings are of another rig or in other units.
     UnknownJointError
         For a joint that the rig does not have.
     """
@@ -96,6 +97,7 @@ def joints_to_diagnose(
             )
     for number in numbers:
         refuse_other_rig(rig, number, recordings)
+        refuse_other_units(rig, number, recordings)
     return numbers
 
 

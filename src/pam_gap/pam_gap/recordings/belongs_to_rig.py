@@ -1,4 +1,4 @@
-"""Checks that recordings belong to the rig: by names, and by the unit of the valve commands.
+"""Checks by the names of joints and muscles that recordings belong to the rig.
 
 The check comes before any prediction. Otherwise a recording of another rig would be diagnosed for
 minutes with a meaningless result.
@@ -7,8 +7,6 @@ minutes with a meaningless result.
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
 
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -19,11 +17,6 @@ from pam_gap.recordings.recording import (
     RecordingError,
 )
 from pam_model.rig import Rig
-
-LARGEST_OPENING = 10.0
-"""The command of a flow valve is from -1 to 1; a much larger one is a pressure [Pa]."""
-SMALLEST_PRESSURE = 1.0
-"""If all commands are below this, they are spool openings and not set points [Pa]."""
 
 
 def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
@@ -51,7 +44,7 @@ def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
 
 
 def refuse_other_rig(rig: Rig, joint: int, recordings: Sequence[Recording]) -> None:
-    """Refuse recordings that name other joints and muscles, or command valves of another kind.
+    """Refuse recordings that name other joints and muscles than the rig file.
 
     A channel that is missing altogether is no reason to refuse: the answer states what cannot be
     judged without it.
@@ -86,25 +79,6 @@ def refuse_other_rig(rig: Rig, joint: int, recordings: Sequence[Recording]) -> N
                     f"{prefix}{_listed(strangers)} is, which the rig file does not know; "
                     f"expected the rig file of the recorded robot"
                 )
-        for name in entry.muscles:
-            _refuse_other_valve(rig, name, recording)
-
-
-def _refuse_other_valve(rig: Rig, muscle: str, recording: Recording) -> None:
-    channel = f"{COMMANDS}{muscle}"
-    if not recording.has(channel):
-        return
-    kind = rig.muscle(muscle).valve.kind
-    # A single wrong value among the openings must not make them pressures.
-    share = 0.99 if kind == "flow" else 1.0
-    largest = float(np.quantile(np.abs(recording.values[channel]), share))
-    if kind == "flow" and largest > LARGEST_OPENING:
-        difference = f"reaches {largest:g}, so it is in Pa; the rig file has a flow valve (-1 to 1)"
-    elif kind == "pressure_regulator" and 0.0 < largest <= SMALLEST_PRESSURE:
-        difference = f"stays within {largest:g}, a spool opening; the rig file has a regulator (Pa)"
-    else:
-        return
-    raise RecordingError(f"{recording.source}: {channel} {difference}; see {muscle}.valve.kind")
 
 
 def _named(recording: Recording, prefix: str) -> list[str]:

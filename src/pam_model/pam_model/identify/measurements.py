@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.errors import PamError
+from pam_model.unit_hints import conversion_hint
 
 STANDARD_GRAVITY = 9.80665
 NOMINAL_SPEED = 1e-3
@@ -29,6 +30,8 @@ _STAIRCASE_HEADER = ("WEIGHT", "STEPS", "mb per step", "CYCLES")
 _FIRST_DISPLACEMENT = 4
 _LEAST_PRESSURE = 1e3
 _LARGEST_LENGTH = 10.0
+_USUAL_PRESSURES = (3e4, 2.5e6)
+"""Range of the largest pressure of a table, by which a foreign unit is recognised [Pa]."""
 
 Array = npt.NDArray[np.float64]
 
@@ -193,11 +196,11 @@ def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
     pressure, place = numbers("pressure"), numbers(position[0])
     # A table in other units would give a wrong fit without an error.
     if 0.0 < (largest := float(np.max(np.abs(pressure)))) < _LEAST_PRESSURE:
-        raise PamError(
-            f"{path}: largest pressure is {largest:g}; expected Pa gauge (1 bar is 1e5 Pa)"
-        )
+        hint = conversion_hint(largest, "Pa gauge", *_USUAL_PRESSURES)
+        raise PamError(f"{path}: largest pressure is {largest:g}; expected Pa gauge{hint}")
     if (longest := float(np.max(np.abs(place)))) > _LARGEST_LENGTH:
-        raise PamError(f"{path}: largest {position[0]} is {longest:g}; expected m")
+        hint = conversion_hint(longest, "m", 0.0, _LARGEST_LENGTH)
+        raise PamError(f"{path}: largest {position[0]} is {longest:g}; expected m{hint}")
     return Measurements(
         path.name,
         pressure,

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
+from pam_model.unit_hints import units_that_fit
+
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 # YAML 1.1 reads 2e-05, without a point, as text; ROS reads it as a number
 _EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
@@ -75,26 +77,12 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
 }
 """Every number of a rig file, by section ("" is the top level)."""
 
-_PRESSURES = (("bar", 1e5), ("kPa", 1e3), ("MPa", 1e6), ("psi", 6894.757))
-_SCALES: Mapping[str, tuple[tuple[str, float], ...]] = {
-    "Pa absolute": _PRESSURES,
-    "Pa gauge": _PRESSURES,
-    "m": (("mm", 1e-3), ("cm", 1e-2)),
-    "m^3": (("cm^3 or ml", 1e-6), ("litres", 1e-3)),
-    "rad": (("deg", math.pi / 180.0),),
-    "rad/s": (("deg/s", math.pi / 180.0),),
-    "s": (("ms", 1e-3),),
-    "m^3/(s Pa)": (("L/(s bar)", 1e-8), ("L/(min bar)", 1e-8 / 60.0)),
-}
-
 
 def _looks_like(value: float, key: Key) -> str:
     """The hint which unit a value out of bounds seems to have; "" if there is none."""
     if key.unit == "K" and key.low <= value + 273.15 <= key.high:
         return "; looks like deg C"
-    units = [
-        unit for unit, scale in _SCALES.get(key.unit, ()) if key.low <= value * scale <= key.high
-    ]
+    units = [name for name, _ in units_that_fit(value, key.unit, key.low, key.high)]
     return f"; looks like {' or '.join(units)}, {key.unit.split()[0]} expected" if units else ""
 
 

@@ -1,0 +1,69 @@
+"""Recognises by its size that a number has another unit than expected.
+
+A number in bar where Pa is expected causes no error in any formula. It is wrong by a factor of
+100 000 and the result is meaningless. The rig file, the tables of `fit` and the recordings of a
+diagnosis therefore share this table of the units that people use in place of SI units.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+_PRESSURES = (("bar", 1e5), ("kPa", 1e3), ("MPa", 1e6), ("psi", 6894.757))
+SCALES: Mapping[str, tuple[tuple[str, float], ...]] = {
+    "Pa absolute": _PRESSURES,
+    "Pa gauge": _PRESSURES,
+    "m": (("mm", 1e-3), ("cm", 1e-2)),
+    "m^3": (("cm^3 or ml", 1e-6), ("litres", 1e-3)),
+    "rad": (("deg", math.pi / 180.0),),
+    "rad/s": (("deg/s", math.pi / 180.0),),
+    "s": (("ms", 1e-3),),
+    "m^3/(s Pa)": (("L/(s bar)", 1e-8), ("L/(min bar)", 1e-8 / 60.0)),
+}
+"""Unit -> other units with the factor to it."""
+RECORDED: Mapping[str, tuple[tuple[str, float], ...]] = {
+    **SCALES,
+    "Pa gauge": (*_PRESSURES, ("mbar", 100.0)),
+    "Pa absolute": (*_PRESSURES, ("mbar", 100.0)),
+    "rad": (("deg", math.pi / 180.0), ("mrad", 1e-3)),
+    "s": (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)),
+    "-": (("per cent", 0.01), ("per mille", 1e-3)),
+    "N": (("mN", 1e-3), ("kN", 1e3)),
+}
+"""The same for measured channels, which also come in the units of sensors and loggers."""
+
+Scales = Mapping[str, tuple[tuple[str, float], ...]]
+
+
+def units_that_fit(
+    value: float, unit: str, low: float, high: float, scales: Scales = SCALES
+) -> list[tuple[str, float]]:
+    """Units in which a value would lie between `low` and `high` of the expected unit.
+
+    Parameters
+    ----------
+    value : float
+        The number as given.
+    unit : str
+        Expected unit.
+    low, high : float
+        Range of the quantity in the expected unit.
+    scales : mapping
+        `SCALES` or `RECORDED`.
+
+    Returns
+    -------
+    list of (str, float)
+        Name of each unit and its factor to the expected unit.
+    """
+    return [(name, scale) for name, scale in scales.get(unit, ()) if low <= value * scale <= high]
+
+
+def conversion_hint(value: float, unit: str, low: float, high: float) -> str:
+    """The hint which unit a measured value seems to have and how to convert it; "" without one."""
+    found = units_that_fit(value, unit, low, high, RECORDED)
+    if not found:
+        return ""
+    named = " or ".join(f"{name} (multiply by {scale:.7g})" for name, scale in found)
+    return f"; looks like {named}"
