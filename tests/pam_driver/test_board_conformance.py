@@ -60,7 +60,26 @@ def pam_board_rig(folder: Path) -> Rig:
     return load_rig(CONFIG / "two_joints.yaml")
 
 
+def mapped_rig(folder: Path) -> Rig:
+    """Two joints, each on a device of the example's DBC file; the second has other identifiers."""
+    rig = load_rig(CONFIG / "elbow_vendor_dbc.yaml")
+    device, valve = rig.boards["manifold"], rig.muscles[0].valve
+    arm = load_rig(CONFIG / "two_joints.yaml")
+    sections = {}
+    for place, joint in enumerate(arm.joints):
+        board = f"manifold_{place}"
+        sections[board] = {**device, "identifier_offset": place}
+        arm = arm.with_joint(
+            replace(joint, encoder=replace(joint.encoder, board=board, channel="shaft"))
+        )
+        for name, port in zip(joint.muscles, ("port_a", "port_b"), strict=True):
+            muscle = replace(arm.muscle(name), valve=valve, board=board, channel=port)
+            arm = arm.with_muscle(muscle)
+    return replace(arm, boards=sections)
+
+
 EXAMPLES: Final[Mapping[str, Callable[[Path], Rig]]] = {
+    "mapped": mapped_rig,
     "pam_board": pam_board_rig,
     VENDOR: vendor_rig,
 }

@@ -10,8 +10,8 @@ All values in this protocol are in SI units: pressures in Pa gauge, the supply p
 absolute, angles in rad, times in s. A set point is a fraction of the valve's full scale (-1 to 1
 for a flow valve, 0 to 1 of `valve.full_scale` for a pressure regulator). The wires of a board
 contain its muscles, so that a device with other units can convert. Identifiers are whole numbers
-with the flag `EXTENDED` for 29 bits. Every board names its bus; the name is "" if the rig has only
-one bus.
+with the flag `EXTENDED` for 29 bits and the flag `FD` for a CAN FD frame. Every board names its
+bus; the name is "" if the rig has only one bus.
 
 docs/new_board.md shows how to add a kind; a kind and its simulated twin must pass the checks in
 `tests/helpers/support/board_conformance.py`.
@@ -88,6 +88,8 @@ class WiredBoard:
         Muscles whose valves it drives, and muscles whose pressures it measures.
     angles : tuple of JointWire
         Joints whose angle it measures.
+    ambient_pressure : float
+        For devices that measure absolute pressures [Pa absolute].
     """
 
     address: Address
@@ -95,6 +97,7 @@ class WiredBoard:
     valves: tuple[MuscleWire, ...]
     pressures: tuple[MuscleWire, ...]
     angles: tuple[JointWire, ...]
+    ambient_pressure: float = 101325.0
 
     @property
     def name(self) -> str:

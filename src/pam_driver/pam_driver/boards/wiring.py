@@ -170,6 +170,7 @@ def _wired_boards(
             valves=tuple(valves.get(address, ())),
             pressures=tuple(valves.get(address, ())),
             angles=tuple(angles.get(address, ())),
+            ambient_pressure=rig.gas.ambient_pressure,
         )
         for address in dict.fromkeys((*valves, *angles))
     }

@@ -7,7 +7,9 @@ parameters that a node got from `--params-file`.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Mapping
+import sys
+from collections.abc import Collection, Hashable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +85,9 @@ def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:
     parameters = section.get("ros__parameters") if isinstance(section, Mapping) else None
     if not isinstance(parameters, Mapping):
         raise RigError(f"{path}: not a rig file; it must begin with /**: and ros__parameters:")
-    return rig_from_parameters(parameters, other_keys=other_keys, source=str(path))
+    return rig_from_parameters(
+        parameters, other_keys=other_keys, source=str(path), folders=(path.parent,)
+    )
 
 
 def rig_from_parameters(
@@ -91,6 +95,7 @@ def rig_from_parameters(
     *,
     other_keys: Collection[str] = (),
     source: str = "parameters",
+    folders: Sequence[Path] = (),
 ) -> Rig:
     """Create a rig from parameters with dotted keys, nested mappings or both.
 
@@ -102,6 +107,8 @@ def rig_from_parameters(
         Keys at the top that belong to a node and not to the rig.
     source : str, optional
         Name of the source in messages.
+    folders : sequence of Path, optional
+        Where a DBC file with a relative path is searched.
 
     Raises
     ------
@@ -112,7 +119,7 @@ def rig_from_parameters(
         tree = unflatten(parameters)
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
-    return parse_rig(tree, source, other_keys)
+    return parse_rig(tree, source, other_keys, folders)
 
 
 def rig_of_node(others: Mapping[str, Any], own_keys: Collection[str]) -> Rig:
@@ -134,7 +141,14 @@ def rig_of_node(others: Mapping[str, Any], own_keys: Collection[str]) -> Rig:
     """
     if "joints" not in others and "supply_pressure" not in others:
         raise PamError("no rig: start the node with --ros-args --params-file <rig file>")
-    return rig_from_parameters(others, other_keys=own_keys)
+    return rig_from_parameters(others, other_keys=own_keys, folders=_parameter_file_folders())
+
+
+def _parameter_file_folders() -> list[Path]:
+    """The folders of the files that this process got with `--params-file`."""
+    words = sys.argv
+    named = [Path(after) for word, after in pairwise(words) if word == "--params-file"]
+    return [path.parent for path in reversed(named)]
 
 
 def save_rig(rig: Rig, path: str | Path) -> None:
@@ -146,9 +160,12 @@ def save_rig(rig: Rig, path: str | Path) -> None:
         If the file cannot be written.
     """
     path = Path(path)
-    text = yaml.safe_dump(
-        {"/**": {"ros__parameters": rig.to_parameters()}}, sort_keys=False, allow_unicode=True
-    )
+    tree = rig.to_parameters()
+    for section in tree.get("boards", {}).values():
+        # a DBC file beside the rig file stays named without its folder
+        if isinstance(dbc := section.get("dbc"), str) and Path(dbc).parent == path.parent.resolve():
+            section["dbc"] = Path(dbc).name
+    text = yaml.safe_dump({"/**": {"ros__parameters": tree}}, sort_keys=False, allow_unicode=True)
     heading = "# Units: SI; pressures gauge unless named absolute. Keys: docs/rig_file.md\n"
     draft = path.with_name(path.name + ".part")
     try:

@@ -87,7 +87,7 @@ def _looks_like(value: float, key: Key) -> str:
 
 
 class Problems:
-    """All problems of one file."""
+    """All problems of one file; without a `source`, the lines begin with the key."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -95,7 +95,8 @@ class Problems:
 
     def add(self, key: str, text: str) -> None:
         """Add a problem with a key of the file; `text` follows the key."""
-        self.lines.append(f"{self.source}: {key}{text}" if key else f"{self.source}: {text}")
+        source = f"{self.source}: " if self.source else ""
+        self.lines.append(f"{source}{key}{text}")
 
 
 class Section:

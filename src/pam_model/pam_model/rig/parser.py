@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from pam_model.effects import EFFECTS, Scope
@@ -285,7 +286,21 @@ def _muscles(
     return muscles
 
 
-def parse_rig(tree: Mapping[str, Any], source: str, other_keys: Collection[str] = ()) -> Rig:
+def _beside(section: dict[str, Any], folders: Sequence[Path]) -> dict[str, Any]:
+    """A board's section with the path `dbc`, if it is relative, found in one of the folders."""
+    name = section.get("dbc")
+    if not isinstance(name, str) or not name or Path(name).is_absolute():
+        return section
+    found = [folder / name for folder in folders if (folder / name).is_file()]
+    return {**section, "dbc": str(found[0].resolve())} if found else section
+
+
+def parse_rig(
+    tree: Mapping[str, Any],
+    source: str,
+    other_keys: Collection[str] = (),
+    folders: Sequence[Path] = (),
+) -> Rig:
     """Create a rig from a nested mapping.
 
     Parameters
@@ -296,6 +311,8 @@ def parse_rig(tree: Mapping[str, Any], source: str, other_keys: Collection[str] 
         Name of the source in messages, usually a path.
     other_keys : collection of str
         Keys at the top that do not belong to the rig, such as a node's own parameters.
+    folders : sequence of Path
+        Where `boards.<name>.dbc` is searched if it is a relative path: the rig file's folder.
 
     Raises
     ------
@@ -318,7 +335,8 @@ def parse_rig(tree: Mapping[str, Any], source: str, other_keys: Collection[str] 
     muscles = _muscles(top, wanted, [joint.name for joint in joints], gauge)
     effects = _effects(top, "rig")
     plausibility = _plausibility(top.section("plausibility"))
-    boards = top.section("boards").named_sections()
+    sections = top.section("boards").named_sections()
+    boards = {name: _beside(section, folders) for name, section in sections.items()}
     top.finish(other_keys)
     if not problems.lines and gas is not None:
         rig = Rig(

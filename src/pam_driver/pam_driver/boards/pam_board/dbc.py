@@ -11,12 +11,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import cantools
 from cantools.database import Database
 from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal
-from cantools.database.errors import Error
 
+from pam_driver.boards.dbc_file import load_dbc
 from pam_driver.boards.frame_errors import DbcError, EncodeError, FrameRangeError
 from pam_driver.boards.pam_board.messages import BoardCode, BoardFault, BoardState
 
@@ -127,26 +126,6 @@ class BoardDbc(NamedTuple):
     watchdog_timeout: float
 
 
-def _load(path: Path) -> Database:
-    """The DBC file, read by cantools."""
-    try:
-        if path.stat().st_size > _MAX_DBC_BYTES:
-            raise DbcError(f"{path}: larger than {_MAX_DBC_BYTES} bytes, not a valve board's DBC")
-        database = cantools.database.load_string(
-            path.read_text(encoding="cp1252"), database_format="dbc", strict=True
-        )
-    except OSError as error:
-        raise DbcError(f"{path}: cannot be read: {error.strerror}") from error
-    except (Error, ValueError, KeyError) as error:
-        if isinstance(error, DbcError):
-            raise
-        reason = " ".join(str(error).split())
-        raise DbcError(f"{path}: not a valid DBC file: {reason}") from error
-    if not isinstance(database, Database):
-        raise DbcError(f"{path}: not a CAN database")
-    return database
-
-
 def _attribute(path: Path, database: Database, name: str) -> int | str:
     """A network-wide attribute of the DBC."""
     attributes = database.dbc.attributes if database.dbc is not None else {}
@@ -165,7 +144,7 @@ def read_dbc(path: str | Path) -> BoardDbc:
         If the file cannot be read, is incomplete, or contradicts what the codec needs.
     """
     path = Path(path)
-    database = _load(path)
+    database = load_dbc(path, _MAX_DBC_BYTES)
     profile = _attribute(path, database, "CrcProfile")
     if profile != "SAE_J1850":
         raise DbcError(f"{path}: attribute CrcProfile is {profile!r}, expected 'SAE_J1850'")

@@ -1,0 +1,328 @@
+"""A mapped device as the driver's core sees it: frames to values and back, by the tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Final
+
+from pam_driver.boards.frame_errors import (
+    ForeignCommandError,
+    FrameCrcError,
+    FrameLengthError,
+    FrameRangeError,
+)
+from pam_driver.boards.mapped.device import (
+    ANGLE_INPUT,
+    PRESSURE_INPUT,
+    AnswerFrame,
+    CommandFrame,
+    Device,
+    FrameChecksum,
+    Input,
+    RequestFrame,
+)
+from pam_driver.boards.mapped.sample_counter import SampleCounter
+from pam_driver.boards.protocol import (
+    NEVER,
+    BoardReport,
+    Channel,
+    Condition,
+    Frame,
+    Hear,
+    Identifiers,
+    Sample,
+    WiredBoard,
+)
+
+_TURN: Final = 2.0 * math.pi
+# A frame is due half a cycle early rather than nearly a cycle late [s].
+_EARLY: Final = 0.0005
+
+
+class MappedBoard:
+    """A device that the rig file maps; docs/your_valves.md describes the keys.
+
+    Parameters
+    ----------
+    wired : WiredBoard
+        Its muscles and joints.
+    device : Device
+        The tables made from the rig file and the DBC file.
+    """
+
+    def __init__(self, wired: WiredBoard, device: Device) -> None:
+        self.name = wired.name
+        self.promises = device.promises
+        requests = [*device.vent, *device.clear_faults]
+        commands = {frame.frame_id: frame for frame in device.commands}
+        commands |= {one.frame.frame_id: one.frame for one in requests}
+        self.identifiers = Identifiers(
+            tuple(frame.frame_id for frame in device.answers), tuple(commands)
+        )
+        self.pressures: dict[Channel, Sample] = {wire.channel: Sample() for wire in wired.pressures}
+        self.angles: dict[Channel, Sample] = {angle.channel: Sample() for angle in wired.angles}
+        self.supply_pressure = math.nan
+        self.host_fault = False
+        self.restarts = 0
+        self.listeners: Mapping[int, Hear] = {
+            **{frame.frame_id: self._listener(frame) for frame in device.answers},
+            **{frame.frame_id: self._foreign(frame) for frame in commands.values()},
+        }
+        self._device = device
+        self._counters = {
+            frame.name: SampleCounter(frame.counter.mask)
+            for frame in device.answers
+            if frame.counter is not None
+        }
+        self._heard_at = {frame.name: NEVER for frame in device.answers}
+        self._state: int | None = None
+        self._state_labels = next(
+            (f.state.layout.labels for f in device.answers if f.state is not None), {}
+        )
+        self._faults: dict[str, bool] = {}
+        self._invalid: dict[tuple[str, Channel], str] = {}
+        self._echo: int | None = None
+        self._echo_at = NEVER
+        self._uptime = NEVER
+        self._restarted = False
+        self._count: dict[str, int] = dict.fromkeys((f.name for f in commands.values()), 0)
+        self._due = [NEVER] * len(device.commands)
+        self._venting = True
+
+    @property
+    def follows(self) -> bool:
+        """Whether the device reported that its valves follow; True if it does not report it."""
+        return not self.promises.tells_state or self._state in self._device.active
+
+    def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
+        """The frames that are due; a vent is always sent at once."""
+        vents = setpoints is None
+        frames = []
+        for index, frame in enumerate(self._device.commands):
+            if now < self._due[index] - _EARLY and vents is self._venting:
+                continue
+            if now > self._due[index] + frame.period:
+                self._due[index] = now
+            self._due[index] += frame.period
+            fixed = frame.disabled if setpoints is None else frame.enabled
+            base = (frame.base[0] | fixed[0], frame.base[1] | fixed[1])
+            frames.append(self._built(frame, base, setpoints))
+        self._venting = vents
+        return frames
+
+    def vent(self) -> Iterable[Frame]:
+        """The messages of `vent`; the set points that vent are sent by `command` at once."""
+        self._due = [NEVER] * len(self._due)
+        return [self._requested(one) for one in self._device.vent]
+
+    def clear_faults(self) -> Iterable[Frame]:
+        """The messages of `clear_faults`."""
+        return [self._requested(one) for one in self._device.clear_faults]
+
+    def latch_fault(self) -> Iterable[Frame]:
+        """Nothing: a mapped device keeps no fault of the host."""
+        return ()
+
+    def acknowledge(self) -> None:
+        """Discard a restart that was reported."""
+        self._restarted = False
+
+    def silent(self, now: float, timeout: float) -> list[str]:
+        """The names of the messages that are missing."""
+        return [name for name, time in self._heard_at.items() if now - time > timeout]
+
+    def conditions(
+        self, now: float, timeout: float, sensor_timeout: float, moving: bool
+    ) -> Iterator[Condition]:
+        """What is wrong with the device, see `Board.conditions`."""
+        silent = self.silent(now, timeout)
+        if silent:
+            yield Condition("board_lost", self.name, f"no {', no '.join(silent)} for {timeout:g} s")
+        for name, counter in self._counters.items():
+            if counter.frozen(now, sensor_timeout):
+                text = f"counter of {name} has not changed for {sensor_timeout:g} s"
+                yield Condition("counter_frozen", self.name, text)
+        if self._restarted:
+            yield Condition("board_restarted", self.name, "has restarted")
+        wrong = [f"{what} {channel}: {name}" for (what, channel), name in self._invalid.items()]
+        wrong += [name for name, present in self._faults.items() if present]
+        if self._state in self._device.fault:
+            wrong.append(f"state {self._state_text()}")
+        if wrong:
+            yield Condition("board_fault", self.name, f"fault: {', '.join(wrong)}")
+        elif moving and not self.follows:
+            text = f"is {self._state_text()} although it was commanded to be active"
+            yield Condition("board_not_active", self.name, text)
+        elif moving and self.promises.echoes_commands and now - self._echo_at > timeout:
+            text = f"has accepted no command for {timeout:g} s"
+            yield Condition("command_not_heard", self.name, text)
+
+    def counts(self) -> Mapping[str, int]:
+        """Counts of measurements lost, repeated and out of order, and of restarts."""
+        counters = self._counters.values()
+        return {
+            "frames_lost": sum(counter.lost for counter in counters),
+            "frames_repeated": sum(counter.repeated for counter in counters),
+            "frames_reordered": sum(counter.reordered for counter in counters),
+            "restarts": self.restarts,
+        }
+
+    def report(self) -> BoardReport:
+        """Counts, state, faults and supply pressure."""
+        values: dict[str, object] = dict(self.counts())
+        text = "state not reported by this device"
+        if self.promises.tells_state:
+            text = self._state_text()
+            values["state"] = text
+        if self.promises.tells_faults:
+            named = [name for name, present in self._faults.items() if present]
+            values["faults"] = ", ".join(named) or "none"
+        if self._invalid:
+            values["invalid"] = ", ".join(
+                f"{what} {channel}: {name}" for (what, channel), name in self._invalid.items()
+            )
+        if self.promises.measures_supply:
+            values["supply pressure [Pa absolute]"] = self.supply_pressure
+        if self._uptime != NEVER:
+            values["uptime"] = self._uptime
+        return BoardReport(text, values)
+
+    def _state_text(self) -> str:
+        if self._state is None:
+            return "no state received"
+        return self._state_labels.get(self._state, str(self._state))
+
+    def _built(
+        self, frame: CommandFrame, base: tuple[int, int], setpoints: Sequence[float] | None
+    ) -> Frame:
+        little, big = base
+        for place, layout, gain, bias, vented in frame.outputs:
+            fraction = vented if setpoints is None else setpoints[place]
+            bits = layout.bits_of_counts(gain * fraction + bias)
+            if layout.big:
+                big |= bits
+            else:
+                little |= bits
+        if frame.counter is not None:
+            self._count[frame.name] = (self._count[frame.name] + 1) & frame.counter.mask
+            bits = frame.counter.bits_of_raw(self._count[frame.name])
+            if frame.counter.big:
+                big |= bits
+            else:
+                little |= bits
+        data = (big | _swapped(little, frame.length)).to_bytes(frame.length, "big")
+        if frame.checksum is not None:
+            data = _with_checksum(frame.checksum, data)
+        return frame.frame_id, data
+
+    def _requested(self, request: RequestFrame) -> Frame:
+        return self._built(request.frame, request.base, None)
+
+    def _listener(self, frame: AnswerFrame) -> Hear:
+        readings = tuple((entry, self._store(entry)) for entry in frame.inputs)
+
+        def hear(data: bytes, time: float, stamp: float) -> None:
+            self._check(frame.name, frame.frame_id, frame.length, frame.checksum, data)
+            little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
+            found = []
+            for entry, store in readings:
+                if not entry.signal.present(little, big):
+                    continue
+                layout = entry.signal.layout
+                raw = layout.raw(little, big)
+                name, value = entry.invalid.get(raw, ""), layout.number(raw)
+                if not name and value != value:  # noqa: PLR0124  (NaN)
+                    name = "not a number"
+                if not name and not layout.raw_low <= value <= layout.raw_high:
+                    raise FrameRangeError(
+                        frame.frame_id,
+                        f"{frame.name}.{layout.name} is {value:g} raw, expected "
+                        f"{layout.raw_low:g} to {layout.raw_high:g}",
+                    )
+                found.append((entry, store, name, entry.gain * value + entry.bias))
+            if frame.counter is not None and not self._counters[frame.name].fresh(
+                frame.counter.raw(little, big), time
+            ):
+                return
+            self._heard_at[frame.name] = time
+            for entry, store, name, value in found:
+                if name:
+                    self._invalid[entry.what, entry.channel] = name
+                else:
+                    store(value, time, stamp)
+            self._hear_status(frame, little, big, time)
+
+        return hear
+
+    def _hear_status(self, frame: AnswerFrame, little: int, big: int, time: float) -> None:
+        """The signals of a frame that are no measurements."""
+        if frame.state is not None and frame.state.present(little, big):
+            self._state = frame.state.layout.raw(little, big)
+        for name, signal in frame.faults.items():
+            if signal.present(little, big):
+                self._faults[name] = signal.layout.raw(little, big) != 0
+        if frame.echo is not None and frame.echo.present(little, big):
+            echo = frame.echo.layout.raw(little, big)
+            if echo != self._echo:
+                self._echo, self._echo_at = echo, time
+        if frame.uptime is not None and frame.uptime.present(little, big):
+            layout = frame.uptime.layout
+            uptime = layout.physical(layout.raw(little, big))
+            if uptime < self._uptime:
+                self.restarts += 1
+                self._restarted = True
+                for counter in self._counters.values():
+                    counter.reset()
+            self._uptime = uptime
+
+    def _store(self, entry: Input) -> Callable[[float, float, float], None]:
+        """The function that keeps a valid measurement."""
+        key = (entry.what, entry.channel)
+
+        def pressure(value: float, time: float, stamp: float) -> None:
+            self._invalid.pop(key, None)
+            self.pressures[entry.channel] = Sample(value, time, stamp)
+
+        def angle(value: float, time: float, stamp: float) -> None:
+            self._invalid.pop(key, None)
+            if entry.wraps:
+                value = math.remainder(value, _TURN)
+            self.angles[entry.channel] = Sample(value, time, stamp)
+
+        def supply(value: float, time: float, stamp: float) -> None:
+            self._invalid.pop(key, None)
+            self.supply_pressure = value
+
+        if entry.what == PRESSURE_INPUT:
+            return pressure
+        return angle if entry.what == ANGLE_INPUT else supply
+
+    def _foreign(self, frame: CommandFrame) -> Hear:
+        def hear(data: bytes, time: float, stamp: float) -> None:
+            self._check(frame.name, frame.frame_id, frame.length, frame.checksum, data)
+            raise ForeignCommandError(frame.frame_id, f"a command to {self.name}")
+
+        return hear
+
+    @staticmethod
+    def _check(
+        name: str, frame_id: int, length: int, checksum: FrameChecksum | None, data: bytes
+    ) -> None:
+        if len(data) != length:
+            raise FrameLengthError(frame_id, f"{name} has {len(data)} bytes, expected {length}")
+        if checksum is not None:
+            little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
+            if checksum.layout.raw(little, big) != checksum.value(data):
+                raise FrameCrcError(frame_id, f"{name} fails its checksum")
+
+
+def _swapped(word: int, length: int) -> int:
+    return int.from_bytes(word.to_bytes(length, "little"), "big") if word else 0
+
+
+def _with_checksum(checksum: FrameChecksum, data: bytes) -> bytes:
+    value = checksum.value(data)
+    order = "big" if checksum.layout.big else "little"
+    own = value.to_bytes(checksum.end - checksum.start, order)  # type: ignore[arg-type]
+    return data[: checksum.start] + own + data[checksum.end :]

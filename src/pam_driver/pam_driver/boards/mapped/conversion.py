@@ -1,0 +1,163 @@
+"""From the keys `unit`, `reference`, `scale`, `sign` and `zero` to the conversion of a signal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from cantools.database.can import Message, Signal
+
+from pam_driver.boards.mapped.units import (
+    ANGLE,
+    ELECTRICAL,
+    PRESSURE,
+    SHARE,
+    UNITS,
+    Linear,
+    scale_of,
+    unit_called,
+    unknown_unit,
+)
+from pam_model.rig.keys import Key, Section
+
+_REFERENCES: Final = ("gauge", "absolute")
+_NO_UNITS: Final = frozenset({"-", "1", "raw", "count", "counts", "digit", "digits", "inc"})
+
+
+def read_conversion(
+    where: Section,
+    message: Message,
+    signal: Signal,
+    quantities: Sequence[str],
+    ambient: float,
+    *,
+    absolute: bool = False,
+) -> tuple[Linear, str] | None:
+    """The conversion from the signal's physical value to SI.
+
+    Parameters
+    ----------
+    where : Section
+        The keys of one signal in the rig file.
+    message, signal
+        From the DBC file.
+    quantities : sequence of str
+        What the signal may be, see `units`.
+    ambient : float
+        Ambient pressure [Pa absolute].
+    absolute : bool, optional
+        Whether the result of a pressure is absolute; else gauge.
+
+    Returns
+    -------
+    (Linear, str) or None
+        The conversion, and the quantity; None if a problem was added.
+    """
+    unit = _unit(where, message, signal, quantities)
+    if unit is None:
+        return None
+    scaled = _scaled(where, unit, quantities)
+    if scaled is None:
+        return None
+    result, quantity = scaled
+    if quantity == PRESSURE:
+        shift = _reference_shift(where, ambient, absolute)
+        if shift is None:
+            return None
+        result = Linear(result.factor, result.offset + shift)
+    elif where.get("reference") is not None:
+        where.add("reference", f": only a pressure is gauge or absolute, and {unit} is none")
+        return None
+    return _directed(where, result, unit, quantity), quantity
+
+
+def _scaled(where: Section, unit: str, quantities: Sequence[str]) -> tuple[Linear, str] | None:
+    """The conversion by the unit alone, or by the key `scale`; and the resulting quantity."""
+    quantity, factor = UNITS[unit]
+    scale = where.get("scale")
+    if scale is None and quantity in quantities:
+        return Linear(factor), quantity
+    if scale is None:
+        where.add(
+            "unit",
+            f" = {unit}: a scale is needed, two points that say what {unit} means, as "
+            f"scale: {{{unit}: [0.0, 10.0], {_example(quantities)}}}",
+        )
+        return None
+    if not isinstance(scale, Mapping):
+        where.add("scale", f" = {scale!r}: must be two points, as {{{unit}: [0.0, 10.0], ...}}")
+        return None
+    result = scale_of(unit, scale, quantities)
+    if isinstance(result, str):
+        where.add("scale", f": {result}")
+        return None
+    return result, UNITS[next(name for name in scale if name != unit)].quantity
+
+
+def _unit(
+    where: Section, message: Message, signal: Signal, quantities: Sequence[str]
+) -> str | None:
+    """The name of the signal's unit in the table, from the rig file or the DBC file."""
+    stated = where.get("unit")
+    in_dbc = unit_called(signal.unit) if signal.unit else None
+    allowed = [*quantities, ELECTRICAL, SHARE]
+    place = f"{message.name}.{signal.name}"
+    if stated is None and in_dbc is None:
+        given = f"has the unit {signal.unit!r}" if signal.unit else "has no unit"
+        where.add(
+            "unit",
+            f": missing, and {place} {given} in the DBC file; {unknown_unit('', allowed)}",
+        )
+        return None
+    unit = in_dbc if stated is None else unit_called(str(stated))
+    if unit is None:
+        where.add("unit", f" = {stated}: unknown unit; {unknown_unit(stated, allowed)}")
+        return None
+    has_unit = signal.unit and signal.unit.lower() not in _NO_UNITS
+    if has_unit and in_dbc != unit:
+        where.add("unit", f" = {unit}: the DBC file says {signal.unit} for {place}")
+        return None
+    if UNITS[unit].quantity not in allowed:
+        where.add(
+            "unit", f" = {unit}: {place} must be a {' or '.join(quantities)}, or have a scale"
+        )
+        return None
+    return unit
+
+
+def _reference_shift(where: Section, ambient: float, absolute: bool) -> float | None:
+    reference = where.get("reference")
+    if reference not in _REFERENCES:
+        given = ": missing" if reference is None else f" = {reference!r}"
+        where.add("reference", f"{given}; must be gauge or absolute")
+        return None
+    if (reference == "absolute") is absolute:
+        return 0.0
+    return ambient if absolute else -ambient
+
+
+def _directed(where: Section, linear: Linear, unit: str, quantity: str) -> Linear:
+    """The conversion with the sign and the zero of an angle or of a valve opening."""
+    if quantity not in {ANGLE, SHARE}:
+        return linear
+    sign = where.get("sign")
+    if sign not in {None, 1, -1} or isinstance(sign, bool):
+        where.add("sign", f" = {sign!r}: must be 1 or -1")
+        sign = 1
+    zero = where.number("zero", Key(unit, -1e6, 1e6, 0.0))
+    factor = linear.factor * (sign or 1)
+    offset = linear.offset * (sign or 1)
+    return Linear(factor, offset - factor * (zero or 0.0))
+
+
+def _example(quantities: Sequence[str]) -> str:
+    return {PRESSURE: "bar: [0.0, 6.0]", ANGLE: "deg: [0.0, 360.0]"}.get(
+        quantities[0], "percent: [-100.0, 100.0]"
+    )
+
+
+def fits(value: float, low: float, high: float) -> bool:
+    """Whether a value lies within a range, up to rounding."""
+    margin = 1e-9 * max(abs(low), abs(high), 1.0)
+    return math.isfinite(value) and low - margin <= value <= high + margin

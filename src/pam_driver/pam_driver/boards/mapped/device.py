@@ -1,0 +1,166 @@
+"""A device as the rig file and its DBC file describe it, after all checks.
+
+The tables say for each frame which bits mean what; `reader` makes them, `board` uses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from pam_driver.boards.mapped.checksum import Algorithm
+from pam_driver.boards.mapped.signal_layout import SignalLayout
+from pam_driver.boards.protocol import Channel, Promises
+
+PRESSURE_INPUT: Final = "pressure"
+ANGLE_INPUT: Final = "angle"
+SUPPLY_INPUT: Final = "supply"
+
+
+class FrameChecksum(NamedTuple):
+    """The checksum of a message: its field, its algorithm, and constant bytes before the payload.
+
+    `start` and `end` are the bytes of the payload that hold the checksum itself.
+    """
+
+    layout: SignalLayout
+    algorithm: Algorithm
+    prefix: bytes
+    start: int
+    end: int
+
+    def value(self, payload: bytes) -> int:
+        """The checksum of a payload."""
+        covered = self.prefix + payload[: self.start] + payload[self.end :]
+        return self.algorithm.compute(covered)
+
+
+class Selected(NamedTuple):
+    """A signal of a message; in a multiplexed message it is there for one value of the selector."""
+
+    layout: SignalLayout
+    selector: SignalLayout | None = None
+    selected: int = 0
+
+    def present(self, little: int, big: int) -> bool:
+        """Whether a payload contains the signal."""
+        return self.selector is None or self.selector.raw(little, big) == self.selected
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A measurement: SI = gain * counts + bias.
+
+    Attributes
+    ----------
+    what : str
+        PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute].
+    channel : int, str
+        As muscles and joints name it; "" for the supply pressure.
+    signal : Selected
+        Where it is in the message.
+    gain, bias : float
+        Conversion from counts to SI.
+    invalid : mapping of int to str
+        Raw values that mean no measurement, with their names.
+    wraps : bool
+        An angle that is brought to -pi to pi.
+    """
+
+    what: str
+    channel: Channel
+    signal: Selected
+    gain: float
+    bias: float
+    invalid: Mapping[int, str]
+    wraps: bool = False
+
+
+class Output(NamedTuple):
+    """A set point: counts = gain * fraction + bias, with the fraction of full scale."""
+
+    place: int
+    layout: SignalLayout
+    gain: float
+    bias: float
+    vented: float
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerFrame:
+    """A message from the device."""
+
+    name: str
+    frame_id: int
+    length: int
+    inputs: tuple[Input, ...] = ()
+    counter: SignalLayout | None = None
+    checksum: FrameChecksum | None = None
+    period: float | None = None
+    state: Selected | None = None
+    faults: Mapping[str, Selected] = field(default_factory=dict)
+    echo: Selected | None = None
+    uptime: Selected | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CommandFrame:
+    """A message to the device, for one value of its selector if it is multiplexed.
+
+    Attributes
+    ----------
+    base : tuple of int
+        The constant bits, in the payload read as a little-endian and as a big-endian number.
+    enabled, disabled : tuple of int
+        The bits of the enable signals, added to `base`.
+    outputs : tuple of Output
+        The set points in it.
+    period : float
+        Time between two frames [s]; 0 for every cycle of the driver.
+    """
+
+    name: str
+    frame_id: int
+    length: int
+    base: tuple[int, int]
+    enabled: tuple[int, int]
+    disabled: tuple[int, int]
+    outputs: tuple[Output, ...]
+    counter: SignalLayout | None
+    checksum: FrameChecksum | None
+    period: float
+
+
+class RequestFrame(NamedTuple):
+    """A frame that is sent on demand: a command frame that vents, with other constant bits."""
+
+    frame: CommandFrame
+    base: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """Everything that the driver knows of a device.
+
+    Attributes
+    ----------
+    answers : tuple of AnswerFrame
+        Messages from the device.
+    commands : tuple of CommandFrame
+        Messages that are sent in every cycle or periodically.
+    vent, clear_faults : tuple of RequestFrame
+        Messages that are sent in addition to vent, and to clear faults.
+    active, fault : frozenset of int
+        Raw values of the state in which the valves follow, and of those that are faults.
+    promises : Promises
+        What the device does for safety by itself.
+    """
+
+    answers: tuple[AnswerFrame, ...]
+    commands: tuple[CommandFrame, ...]
+    vent: tuple[RequestFrame, ...]
+    clear_faults: tuple[RequestFrame, ...]
+    active: frozenset[int]
+    fault: frozenset[int]
+    promises: Promises
