@@ -103,6 +103,7 @@ def _unit(
     in_dbc = unit_called(signal.unit) if signal.unit else None
     allowed = [*quantities, ELECTRICAL, SHARE]
     place = f"{message.name}.{signal.name}"
+    wanted = " or ".join(f"{'an' if name[0] in 'ae' else 'a'} {name}" for name in quantities)
     if stated is None and in_dbc is None:
         given = f"has the unit {signal.unit!r}" if signal.unit else "has no unit"
         where.add(
@@ -119,9 +120,7 @@ def _unit(
         where.add("unit", f" = {unit}: the DBC file says {signal.unit} for {place}")
         return None
     if UNITS[unit].quantity not in allowed:
-        where.add(
-            "unit", f" = {unit}: {place} must be a {' or '.join(quantities)}, or have a scale"
-        )
+        where.add("unit", f" = {unit}: {place} must be {wanted}, or have a scale")
         return None
     return unit
 

@@ -129,7 +129,7 @@ class DeviceReader:
         for name, value in stated.items():
             if value is not None and not isinstance(value, bool):
                 top.add(name, f" = {value!r}: must be true or false")
-        if stated["latches"] and not commands.clear_faults:
+        if stated["latches"] and not top.tree.get("clear_faults"):
             top.add("latches", ": clear_faults is missing, the message that clears the latch")
         measuring = [frame for frame in answers if frame.inputs]
         return Promises(
