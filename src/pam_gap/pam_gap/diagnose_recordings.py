@@ -14,6 +14,7 @@ from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.noise_floor import noise_floor
 from pam_gap.recordings.plausible_units import refuse_other_units
 from pam_gap.recordings.recording import COMMANDS, JOINTS, SHUT, Recording, RecordingError
+from pam_gap.recordings.saturation import without_saturated
 from pam_gap.recordings.still_channels import without_still
 from pam_gap.rules import DEFAULT, Rules
 from pam_gap.rules.recording_rules import RecordingRules
@@ -123,7 +124,10 @@ def diagnose_joint(
     threads, progress, rules
         As in `diagnose`.
     """
-    recordings = [without_still(r, rig, number, rules.recording) for r in recordings]
+    recordings = [
+        without_saturated(without_still(r, rig, number, rules.recording), rules.recording)
+        for r in recordings
+    ]
     workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
     engine = JointDiagnosis(
         rig, number, recordings, rules=rules, threads=workers, progress=progress

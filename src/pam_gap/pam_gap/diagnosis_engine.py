@@ -14,6 +14,7 @@ from pam_gap.experiments.next_experiment import propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.decision import Judge
 from pam_gap.inference.evidence import KeptEvidence
+from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
     Folds,
     HeldOut,
@@ -29,9 +30,10 @@ from pam_gap.inference.unknown_test import explain_leftover
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
 from pam_gap.prediction.fit import FitResult
 from pam_gap.prediction.gap_figures import noise_level
+from pam_gap.prediction.identifiable import cautions, what_is_missing
 from pam_gap.prediction.locate import locate
 from pam_gap.prediction.problem import PredictionProblem
-from pam_gap.recordings.recording import LOCKED, SHUT, Recording, RecordingError
+from pam_gap.recordings.recording import LOCKED, SHUT, Recording
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.rig import Rig
 
@@ -77,11 +79,6 @@ class JointDiagnosis:
         self.judge = Judge(self.floor, self.present, rules.decision)
         self.growth: list[tuple[GrowthStep, bool]] = []
         self.evidence: KeptEvidence | None = None
-        if not self.present.any():
-            raise RecordingError(
-                f"{recordings[0].source}: only pressures are recorded; a diagnosis also needs "
-                "valve commands, the joint position or muscle forces"
-            )
 
     def written(self) -> HeldOut:
         """Score of the plant as written in the rig file, without any fit."""
@@ -168,9 +165,23 @@ class JointDiagnosis:
         settled = score_held_out(self.fitter, self.folds, best)
         return settled if self.judge.level(settled) < self.judge.level(score) else score
 
+    def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
+        """The answer for recordings that do not hold enough; nothing is searched."""
+        base = self.problem.base.values
+        location = None
+        if self.present.any() and self.problem.counted.any():
+            location = locate(self.problem, base, self.problem.errors(base[None])[0])
+        form = AnswerForm(self.fitter, self.folds, self.judge)
+        diagnosis = form.not_identifiable(missing, self.written(), location)
+        diagnosis.next_experiment = advice(diagnosis.verdict, None, self.present)
+        return diagnosis
+
     def run(self) -> Diagnosis:
         """Perform the diagnosis."""
         started = time.monotonic()
+        missing = what_is_missing(self.problem)
+        if missing:
+            return self.not_identifiable(missing)
         result = self.search()
         self.progress("held-out scores", 0.86)
         written = self.written()
@@ -214,5 +225,7 @@ class JointDiagnosis:
             "simulations": self.problem.simulations,
         }
         diagnosis.facts = facts
+        diagnosis.cautions = cautions(self.problem)
+        diagnosis.not_shown = not_shown(self.problem, self.candidates(), self.floor)
         self.progress("done", 1.0)
         return diagnosis

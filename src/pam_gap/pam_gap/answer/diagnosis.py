@@ -87,6 +87,12 @@ class Diagnosis:
         (before - after)/(before - floor) of the pooled RMS error; None without named effects.
     next_experiment : str
         Instruction for the next recording; empty if none is needed.
+    missing : tuple of str
+        For `not_identifiable`: what the recordings lack, in full sentences.
+    cautions : tuple of str
+        What makes the answer less certain than it looks, in full sentences.
+    not_shown : tuple of str
+        Effects that would stay below the noise in these recordings at their usual size.
     """
 
     verdict: str
@@ -105,6 +111,9 @@ class Diagnosis:
     horizons: tuple[GapFigure, ...] = ()
     repairs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
+    not_shown: tuple[str, ...] = ()
     improved: Rig | None = None
     survivors: tuple[Hypothesis, ...] = ()
     proposal: Proposal | None = None
@@ -177,6 +186,9 @@ class Diagnosis:
             ],
             "repairs": list(self.repairs),
             "left_out": list(self.left_out),
+            "missing": list(self.missing),
+            "cautions": list(self.cautions),
+            "not_shown": list(self.not_shown),
             "facts": dict(self.facts),
         }
 

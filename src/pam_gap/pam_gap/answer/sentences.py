@@ -38,7 +38,11 @@ def best_left(diagnosis: Diagnosis) -> str:
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in one or two sentences."""
+    """The verdict in one or two sentences, and what makes it less certain than it looks."""
+    return " ".join([_verdict(diagnosis), *(f"Caution: {c}" for c in diagnosis.cautions)])
+
+
+def _verdict(diagnosis: Diagnosis) -> str:
     effects, closed = diagnosis.effects, diagnosis.closed
     if diagnosis.verdict == "none":
         ratios = [gap.after / gap.floor for gap in diagnosis.gap.values() if gap.floor > 0.0]
@@ -52,7 +56,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             f"tolerance, explains the recording down to the noise.{left}"
         )
     if diagnosis.verdict == "not_identifiable":
-        return "A diagnosis is not possible, because the recording lacks channels that it needs."
+        return f"A diagnosis is not possible. {' '.join(diagnosis.missing)}".rstrip()
     if diagnosis.verdict == "unknown":
         where = f" at the {diagnosis.stage} stage" if diagnosis.stage else ""
         return f"The cause of the gap{where} is unknown: {best_left(diagnosis)}"

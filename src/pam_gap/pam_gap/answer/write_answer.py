@@ -114,6 +114,37 @@ class AnswerForm:
             },
         )
 
+    def not_identifiable(
+        self, missing: Sequence[str], written: HeldOut, location: Location | None
+    ) -> Diagnosis:
+        """The answer for recordings that do not hold enough, with what they lack.
+
+        Parameters
+        ----------
+        missing : sequence of str
+            What they lack.
+        written : HeldOut
+            Score of the plant as written in the rig file.
+        location : Location or None
+            Where a gap shows, if any data count.
+        """
+        return Diagnosis(
+            verdict="not_identifiable",
+            stage=None,
+            effects=(),
+            candidates=(),
+            indistinguishable=(),
+            parameters={},
+            gap=self.gap(written, written) if location is not None else {},
+            closed=None,
+            next_experiment="",
+            joint=self.rig.joints[self.joint].name,
+            location=location,
+            missing=tuple(missing),
+            written_values=self.problem.base.values,
+            improved_values=self.problem.base.values,
+        )
+
     def parameters(self, h: Hypothesis) -> dict[str, dict[str, FoundParameter]]:
         """Parameters of the named effects with intervals and units."""
         intervals = parameter_intervals(self.fitter, self.folds, h)
@@ -196,6 +227,8 @@ def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:
     """Instruction for the next recording; empty if none is needed."""
     if proposal is not None:
         return proposal.sentence()
+    if verdict == "not_identifiable":
+        return "Record again, as docs/record_for_diagnosis.md describes."
     if verdict == "ambiguous":
         return "Record the same motion again with load cells, and with gravity at another angle."
     if verdict == "unknown":

@@ -104,6 +104,9 @@ class Recording:
         Whether all channels share their time stamps.
     silent : frozenset of str
         Measured channels that never change, so that they are not compared with a prediction.
+    saturated : mapping of str to float
+        Share of the time in which a sensor stood at an end of its range; its samples there are not
+        valid.
     """
 
     source: Path
@@ -116,6 +119,7 @@ class Recording:
     samples: Mapping[str, Array] = field(default_factory=dict)
     one_clock: bool = True
     silent: frozenset[str] = frozenset()
+    saturated: Mapping[str, float] = field(default_factory=dict)
 
     def has(self, channel: str) -> bool:
         """Whether the channel was recorded."""

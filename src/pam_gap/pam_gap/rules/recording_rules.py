@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_gap.rules.rule import NUMERICAL, rule
+from pam_gap.rules.rule import NUMERICAL, PROPOSAL, rule
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +81,67 @@ class RecordingRules:
         unit="of the changes",
         decides="Share of the changes that must be whole numbers of quantisation steps.",
         trades="Smaller: a smooth channel can count as quantised.",
+    )
+    least_seconds: float = rule(
+        6.0,
+        unit="s",
+        decides="Time that counts in the channel with the most of it, below which the verdict is "
+        "`not_identifiable`.",
+        trades="Larger: short recordings get no answer. Smaller: an effect can be named that "
+        "happened to fit a few seconds.",
+        origin="Derived: both folds need at least three score blocks of 1 s each to be compared.",
+    )
+    short_seconds: float = rule(
+        13.5,
+        unit="s",
+        decides="Time that counts below which an answer carries a warning.",
+        trades="Larger: more answers carry it. Smaller: answers from little data carry none.",
+        origin="Three whole pairs of folds of 4 s, less their guards: recordings of 15 s.",
+        acts=PROPOSAL,
+    )
+    longest_step: float = rule(
+        0.04,
+        unit="s",
+        decides="Sample time above which the verdict is `not_identifiable`.",
+        trades="Larger: joints are judged whose motion falls between the samples. Smaller: slow "
+        "logs get no answer.",
+        origin="A joint swings at 2 to 5 Hz; five samples a period, as a rule of thumb.",
+    )
+    least_excitation: float = rule(
+        1.0,
+        unit="RMS over floor",
+        decides="Change that an effect causes at its usual size, in the second in which it is "
+        "largest, below which the report says that the recording does not show this effect.",
+        trades="Larger: more effects are said not to be shown. Smaller: the absence of an effect "
+        "is claimed that could not be seen.",
+        origin="Derived: in one second the effect changes a channel by as much as its noise.",
+        acts=PROPOSAL,
+    )
+    clipped_samples: int = rule(
+        16,
+        unit="samples",
+        decides="Shortest run of samples exactly at the largest or smallest value of a noisy "
+        "channel that counts as clipped.",
+        trades="Longer: short clippings are fitted. Shorter: equal samples by chance are left out.",
+        origin=NUMERICAL,
+    )
+    clipped_noise: float = rule(
+        0.5,
+        unit="of a step",
+        decides="Noise relative to the quantisation step above which equal neighbours are no "
+        "coincidence.",
+        trades="Smaller: a channel at rest counts as clipped. Larger: clippings of coarse channels "
+        "are not seen.",
+        origin=NUMERICAL,
+    )
+    saturated_share: float = rule(
+        0.5,
+        unit="of the time",
+        decides="Share of clipped samples of a channel above which the verdict is "
+        "`not_identifiable`.",
+        trades="Larger: answers rest on the few samples that were not clipped. Smaller: recordings "
+        "with a few clipped peaks get no answer.",
+        origin="Most of the recording, by definition.",
     )
     finest_share: float = rule(
         6e-8,

@@ -1,0 +1,108 @@
+"""Whether a recording holds enough for a diagnosis, and what is missing if it does not.
+
+A search always finds a best effect, even in data that show nothing. Before it, the seconds that
+count, the motion, the sample rate and saturated sensors are compared with what an answer needs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pam_gap.prediction.channel_order import UNITS
+from pam_gap.prediction.channels import block_means
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.problem import PredictionProblem
+
+USUAL = "Record 40 s at 200 Hz or more, at rest for the first two seconds."
+
+
+def counted_seconds(problem: PredictionProblem) -> Array:
+    """Time that is compared in each channel [s], shape (N_CHANNELS,); 0 if it is not compared."""
+    seconds = np.zeros(problem.present.size)
+    for data, start, end in zip(
+        problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
+    ):
+        rows = int(end - start)
+        known = block_means(data.known.astype(np.float64), problem.block)[:rows] > 0.999
+        counted = known & problem.counted[start:end, None] & data.votes
+        seconds += counted.sum(axis=0) * problem.block * data.recording.sample_time
+    result: Array = np.where(problem.present, seconds, 0.0)
+    return result
+
+
+def is_too_still(problem: PredictionProblem) -> bool:
+    """Whether no compared channel ever changes by more than its noise."""
+    limit = problem.rules.recording.still_span
+    for data, start, end in zip(
+        problem.data, problem.offsets[:-1], problem.offsets[1:], strict=True
+    ):
+        counted = problem.counted[start:end]
+        means = block_means(data.measured, problem.block)[: int(end - start)][counted]
+        if not len(means):
+            continue
+        low, high = np.percentile(means, [2.5, 97.5], axis=0)
+        moved = (high - low) > limit * data.block_deviation
+        if (moved & data.votes & problem.present).any():
+            return False
+    return True
+
+
+def what_is_missing(problem: PredictionProblem) -> tuple[str, ...]:
+    """Reasons why a diagnosis is not possible, in full sentences; empty if it is."""
+    rules = problem.rules.recording
+    if not problem.present.any():
+        return (
+            "No channel can be compared with a prediction: this needs valve commands, a joint "
+            "position that changes, or muscle forces, beside the pressures.",
+        )
+    missing = []
+    seconds = float(counted_seconds(problem).max())
+    settling = problem.rules.prediction.settling
+    if seconds < rules.least_seconds:
+        lengths = ", ".join(f"{data.recording.duration:.3g} s" for data in problem.data[:6])
+        more = ", ..." if len(problem.data) > 6 else ""
+        missing.append(
+            f"Too short: {seconds:.3g} s of data count, and at least {rules.least_seconds:g} s are "
+            f"needed. The first {settling:g} s of every recording never count, because the state "
+            f"of the rig is unknown there (recorded: {lengths}{more}). {USUAL}"
+        )
+    elif is_too_still(problem):
+        missing.append(
+            "Too still: no compared channel changes by more than its noise. A diagnosis needs "
+            "pressures or positions that change, over the range and at the speed of the robot's "
+            "work."
+        )
+    step = max(data.recording.sample_time for data in problem.data)
+    if step > rules.longest_step:
+        missing.append(
+            f"Too slow: {1.0 / step:.3g} samples per second. At least "
+            f"{1.0 / rules.longest_step:g} Hz are needed to see a joint move; 200 Hz or more are "
+            "better."
+        )
+    return (*missing, *saturated_channels(problem))
+
+
+def cautions(problem: PredictionProblem) -> tuple[str, ...]:
+    """What makes an answer less certain than it looks, in full sentences."""
+    seconds = float(counted_seconds(problem).max())
+    if seconds >= problem.rules.recording.short_seconds:
+        return ()
+    return (
+        f"Only {seconds:.3g} s of data count, so that little is left to check a cause on data that "
+        f"took no part in its fit. {USUAL}",
+    )
+
+
+def saturated_channels(problem: PredictionProblem) -> tuple[str, ...]:
+    """Channels that stand at one end of their range for most of the time, in full sentences."""
+    notes = []
+    for c, name in enumerate(problem.names):
+        for data in problem.data:
+            part = data.recording.saturated.get(name, 0.0)
+            if problem.recorded[c] and part > problem.rules.recording.saturated_share:
+                notes.append(
+                    f"Saturated: {name} stands at the end of its sensor's range "
+                    f"[{UNITS[c]}] for {100.0 * part:.0f} % of {data.recording.source.name}. Use a "
+                    "sensor with a larger range, or a smaller motion."
+                )
+    return tuple(notes)
