@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from pam_driver.boards.pam_board.codec import (
+    PROTOCOL_VERSION,
     BoardCode,
     BoardCodec,
     BoardCommand,
@@ -116,7 +117,7 @@ class ExactBench:
     def hear_all(self, board: int) -> None:
         self.hear(board, Measurement(self.pressures, self.position, self.counter))
         self.hear(board, Status(self.state, BoardFault(0), self.echo, SUPPLY, 0))
-        self.hear(board, Heartbeat(self.uptime, 1, 1))
+        self.hear(board, Heartbeat(self.uptime, PROTOCOL_VERSION, 1))
 
     def step(self, count: int = 1, command: tuple[float, ...] = (), silent: bool = False) -> Any:
         """`count` ticks; boards say everything in each of them unless silent."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from pam_driver.boards.pam_board.codec import (
+    PROTOCOL_VERSION,
     BoardCode,
     BoardCodec,
     BoardCommand,
@@ -31,10 +32,11 @@ class FakeBoard:
         self.state = BoardState.VENTED
         self.faults = BoardFault(0)
         self.uptime = 0.0
-        self.protocol_version = 1
+        self.protocol_version = PROTOCOL_VERSION
         self.silent: set[type] = set()
         self.counter_frozen = False
         self.deaf = False
+        self.keeps_host_fault = True
         self.watchdog_timeout = codec.watchdog_timeout
         self.commands: list[ValveCommand] = []
         self.board_commands: list[BoardCommand] = []
@@ -100,6 +102,9 @@ class FakeBoard:
             if message.code is BoardCode.CLEAR_FAULTS and self.state is BoardState.FAULT:
                 self.state = BoardState.VENTED
                 self.faults = BoardFault(0)
+            if message.code is BoardCode.LATCH_FAULT and self.keeps_host_fault:
+                self.state = BoardState.FAULT
+                self.faults |= BoardFault.HOST
             self._armed = False
         elif isinstance(message, ValveCommand) and message.counter != self._heard:
             self._heard = message.counter

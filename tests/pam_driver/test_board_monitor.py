@@ -6,7 +6,14 @@ import math
 
 import pytest
 
-from pam_driver.boards.pam_board.codec import BoardFault, BoardState, Heartbeat, Measurement, Status
+from pam_driver.boards.pam_board.codec import (
+    PROTOCOL_VERSION,
+    BoardFault,
+    BoardState,
+    Heartbeat,
+    Measurement,
+    Status,
+)
 from pam_driver.boards.pam_board.monitor import BoardMonitor
 from pam_driver.boards.protocol import Condition, Sample
 
@@ -30,7 +37,7 @@ def board() -> BoardMonitor:
     board = BoardMonitor(3)
     board.hear_measurement(measurement(100), 8.0, 1008.0)
     board.hear_status(status(), 8.0)
-    board.hear_heartbeat(Heartbeat(5.0, 1, 1), 8.0)
+    board.hear_heartbeat(Heartbeat(5.0, PROTOCOL_VERSION, 1), 8.0)
     return board
 
 
@@ -106,16 +113,16 @@ def test_a_frozen_counter_takes_more_than_one_repetition_and_some_time(
     board.hear_measurement(measurement(101), 8.4, 1008.4)
     board.hear_measurement(measurement(101), 8.4, 1008.4)
     board.hear_status(status(), 8.6)
-    board.hear_heartbeat(Heartbeat(6.0, 1, 1), 8.6)
+    board.hear_heartbeat(Heartbeat(6.0, PROTOCOL_VERSION, 1), 8.6)
     assert found(board, 8.8) == []
 
 
 def test_a_smaller_uptime_is_a_restart_until_acknowledged(board: BoardMonitor) -> None:
-    board.hear_heartbeat(Heartbeat(5.0, 1, 1), 8.0)
+    board.hear_heartbeat(Heartbeat(5.0, PROTOCOL_VERSION, 1), 8.0)
     assert (board.restarts, found(board, 8.0)) == (0, [])
     for _ in range(2):
-        board.hear_heartbeat(Heartbeat(6.0, 1, 1), 8.0)
-        board.hear_heartbeat(Heartbeat(0.5, 1, 1), 8.0)
+        board.hear_heartbeat(Heartbeat(6.0, PROTOCOL_VERSION, 1), 8.0)
+        board.hear_heartbeat(Heartbeat(0.5, PROTOCOL_VERSION, 1), 8.0)
     assert board.restarts == 2
     assert found(board, 8.0) == [Condition("board_restarted", "board 3", "has restarted")]
     # its counter has begun anew
@@ -131,7 +138,7 @@ def test_what_is_silent_is_named_after_the_timeout() -> None:
     board.hear_measurement(measurement(1), 8.0, 1008.0)
     board.hear_status(status(), 8.25)
     assert board.silent(8.25, TIMEOUT)
-    board.hear_heartbeat(Heartbeat(1.0, 1, 1), 8.5)
+    board.hear_heartbeat(Heartbeat(1.0, PROTOCOL_VERSION, 1), 8.5)
     assert not board.silent(8.5, TIMEOUT)
     assert found(board, 8.5) == []
     text = "no measurement for 0.5 s"
@@ -142,8 +149,8 @@ def test_what_is_silent_is_named_after_the_timeout() -> None:
 
 
 def test_another_protocol_is_named(board: BoardMonitor) -> None:
-    board.hear_heartbeat(Heartbeat(6.0, 2, 1), 8.0)
-    text = "uses protocol version 2, expected 1"
+    board.hear_heartbeat(Heartbeat(6.0, 1, 1), 8.0)
+    text = f"uses protocol version 1, expected {PROTOCOL_VERSION}"
     assert found(board, 8.0) == [Condition("protocol_version", "board 3", text)]
 
 
@@ -179,7 +186,7 @@ def test_a_board_that_does_not_move_with_the_others_is_a_fault_only_in_motion(
 def test_a_board_that_hears_no_command_is_a_fault_only_in_motion(board: BoardMonitor) -> None:
     board.hear_status(status(counter=1), 8.5)
     board.hear_measurement(measurement(101), 8.5, 1008.5)
-    board.hear_heartbeat(Heartbeat(6.0, 1, 1), 8.5)
+    board.hear_heartbeat(Heartbeat(6.0, PROTOCOL_VERSION, 1), 8.5)
     assert found(board, 8.5, moving=True) == []
     assert found(board, 8.625) == []
     text = "has accepted no command for 0.5 s"

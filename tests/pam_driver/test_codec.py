@@ -51,7 +51,7 @@ MESSAGES = st.one_of(
     st.builds(
         Status,
         st.sampled_from(BoardState),
-        st.integers(0, 255).map(BoardFault),
+        st.integers(0, 2 * max(BoardFault) - 1).map(BoardFault),
         BYTE,
         SUPPLY,
         st.integers(0, 65535),
@@ -89,6 +89,7 @@ def signals_of(message: Any) -> dict[str, float]:
             "FaultValve": 5,
             "FaultTemperature": 6,
             "FaultInternal": 7,
+            "FaultHost": 8,
         }
         return {
             "State": message.state,

@@ -194,7 +194,7 @@ def deafen(bench: Bench) -> None:
 
 
 def other_protocol(bench: Bench) -> None:
-    bench.board.protocol_version = 2
+    bench.board.protocol_version = 99
 
 
 def bus_off(bench: Bench) -> None:

@@ -87,7 +87,8 @@ def test_a_fault_tells_the_boards_in_the_cycle_that_finds_it(bench: ExactBench) 
     bench.port.sent.clear()
     bench.pressures = (9e5, 0.0)
     bench.step(1, GOOD)
-    assert bench.board_commands() == [(BoardCode.VENT, bench.now)]
+    told = [(BoardCode.VENT, bench.now), (BoardCode.LATCH_FAULT, bench.now)]
+    assert bench.board_commands() == told
     assert [command.enable for command in bench.valve_commands()] == [(False, False)]
 
 

@@ -263,10 +263,8 @@ def test_commands_before_the_activation_are_counted_and_the_reason_is_shown(
     assert "the driver is vented; activate it first" in diagnostics._commands().message
 
 
-def test_a_latched_fault_outlives_a_clean_up(
-    inside: Inside, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """Clean-up, configure and activate in a row must not replace ~/clear_faults."""
+def fail_and_clean_up(inside: Inside) -> None:
+    """An active node whose board stops answering: a latched fault, then a clean-up."""
     node = inside.node
     assert node.autostart()
     inside.answer(inside.healthy)
@@ -279,11 +277,41 @@ def test_a_latched_fault_outlives_a_clean_up(
         time.sleep(0.01)
     node._watch()
     assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+
+
+def test_a_latched_fault_that_no_board_keeps_outlives_a_clean_up(
+    inside: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Clean-up, configure and activate in a row must not replace ~/clear_faults."""
+    node = inside.node
+    inside.board.keeps_host_fault = False
+    fail_and_clean_up(inside)
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     inside.answer(inside.healthy)
     capfd.readouterr()
     assert node.trigger_activate() != TransitionCallbackReturn.SUCCESS
     assert "a fault from before the clean-up is still latched" in capfd.readouterr().err
+    assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
+    inside.answer(inside.healthy)
+    assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+
+
+def test_a_fault_that_the_board_keeps_outlives_the_node(
+    inside: Inside, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A new process knows nothing; the board tells it, and only ~/clear_faults releases it."""
+    fail_and_clean_up(inside)
+    inside.answer(lambda: inside.board.state is BoardState.FAULT)
+    inside.node.close()
+    inside.node.destroy_node()
+    inside.node = node = DriverNode()
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    driver = node._driver
+    assert driver is not None
+    inside.answer(lambda: driver.state is SafetyState.FAULT)
+    capfd.readouterr()
+    assert node.trigger_activate() != TransitionCallbackReturn.SUCCESS
+    assert "board 0: keeps a fault that the driver latched earlier" in capfd.readouterr().err
     assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
     inside.answer(inside.healthy)
     assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS

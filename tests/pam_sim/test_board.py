@@ -187,6 +187,36 @@ def test_over_pressure_latches_until_it_is_gone():
     assert bench.board.state is BoardState.VENTED
 
 
+@pytest.mark.parametrize("armed", [True, False])
+def test_a_fault_of_the_host_is_kept_until_faults_are_cleared(armed):
+    bench = Bench()
+    if armed:
+        bench.arm()
+    bench.tell(BoardCode.LATCH_FAULT)
+    assert bench.board.valve_commands == VENTED
+    for code in (BoardCode.VENT, BoardCode.LATCH_FAULT):
+        bench.tell(code)
+        bench.wait(0.05, feed=((0.5, 0.0), (False, False)))
+        bench.wait(0.05, feed=((0.5, 0.0),))
+        assert bench.last(Status).state is BoardState.FAULT
+        assert bench.last(Status).faults == BoardFault.HOST
+    bench.tell(BoardCode.CLEAR_FAULTS)
+    assert bench.board.faults == 0
+    bench.wait(0.05, feed=((0.5, 0.0),))
+    assert bench.board.state is BoardState.VENTED
+    bench.arm()
+
+
+def test_a_fault_of_the_host_during_boot_follows_the_self_test():
+    bench = Bench(BoardSettings(boot_time=0.2))
+    bench.tell(BoardCode.LATCH_FAULT)
+    bench.wait(0.05)
+    assert bench.last(Status).state is BoardState.BOOT
+    assert bench.last(Status).faults == BoardFault.HOST
+    bench.wait(0.1)
+    assert bench.board.state is BoardState.FAULT
+
+
 def test_a_lost_sensor_is_told_and_vents():
     bench = Bench()
     bench.arm()

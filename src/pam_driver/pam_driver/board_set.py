@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from pam_driver.boards.frame_errors import ForeignCommandError, FrameError, UnknownFrameError
-from pam_driver.boards.protocol import NEVER, Address, Channel, Frame, Hear, Sample
+from pam_driver.boards.protocol import NEVER, Address, Channel, Condition, Frame, Hear, Sample
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.joint_velocity import JointVelocity
@@ -31,6 +31,9 @@ class Port(Protocol):
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
         """Send the frame or drop it."""
 
+
+LATCH_PERIOD = 0.05
+"""How often a board is told a fault of the driver until it reports that it keeps it [s]."""
 
 _Angle = tuple[JointVelocity, Mapping[Channel, Sample], Channel]
 _Route = tuple[Hear, tuple[_Angle, ...]]
@@ -90,6 +93,7 @@ class BoardSet:
         self.last_frame_error: dict[str, str] = {}
         self.foreign_at = NEVER
         self.sent_at: dict[Address, float] = dict.fromkeys(self.boards, NEVER)
+        self._latch_sent_at: dict[Address, float] = dict.fromkeys(self.boards, NEVER)
         self._kinds = tuple(wiring.kinds.values())
         self._drained_at = NEVER
         self._bus_of = {address: wired.bus for address, wired in wiring.boards.items()}
@@ -167,6 +171,23 @@ class BoardSet:
         """Command every board to clear its faults."""
         for address, board in self.boards.items():
             self._send(address, board.clear_faults(), now)
+
+    def latch_fault(self, now: float) -> None:
+        """Tell a fault of the driver to every board that keeps it and does not report it yet."""
+        for address, board in self.boards.items():
+            wanted = board.promises.keeps_host_fault and not board.host_fault
+            if wanted and now - self._latch_sent_at[address] >= LATCH_PERIOD:
+                self._latch_sent_at[address] = now
+                self._send(address, board.latch_fault(), now)
+
+    def host_faults(self) -> tuple[Condition, ...]:
+        """The boards that report a fault which a driver latched on them."""
+        text = "keeps a fault that the driver latched earlier"
+        return tuple(
+            Condition("latched_fault", board.name, text)
+            for board in self.boards.values()
+            if board.host_fault
+        )
 
     def acknowledge(self) -> None:
         """Discard conditions that are reported only once, such as a restart."""

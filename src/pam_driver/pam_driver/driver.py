@@ -119,12 +119,18 @@ class Driver:
         self._command_time = NEVER
         self._active_since = math.inf
         self._ready_since = math.inf
+        self._cleared_at = NEVER
         self._event(SafetyEvent.CONFIGURE, 0.0)
 
     @property
     def boards(self) -> Mapping[Address, Board]:
         """The boards, by the addresses that the rig file uses."""
         return self._boards.boards
+
+    @property
+    def boards_keep_fault(self) -> bool:
+        """Whether every board reports that it keeps a fault of this driver."""
+        return all(board.host_fault for board in self.boards.values())
 
     @property
     def suspicions(self) -> tuple[Condition, ...]:
@@ -219,6 +225,7 @@ class Driver:
             self._event(SafetyEvent.CLEAR_FAULTS, now)
             if self.state is SafetyState.VENTED:
                 self._boards.clear_faults(now)
+                self._cleared_at = now
                 self.faults = ()
                 self._boards.acknowledge()
 
@@ -248,6 +255,9 @@ class Driver:
             if found and self.state in _COMMANDABLE:
                 self.faults = found
                 self._event(SafetyEvent.FAULT, now)
+            self._hear_latched_faults(now)
+            if OUTPUTS[self.state].latch:
+                self._boards.latch_fault(now)
             sent = self._send_valve_commands(now) if OUTPUTS[self.state].send else ()
             return snapshot._replace(state=self.state, sent=sent)
 
@@ -264,6 +274,16 @@ class Driver:
             self._active_since = math.inf
         if OUTPUTS[self.state].vent_on_entry and before is not SafetyState.UNCONFIGURED:
             self._boards.vent(now)
+
+    def _hear_latched_faults(self, now: float) -> None:
+        """A fault that a board keeps, from an earlier run of this host, is a fault of this run."""
+        held = self._boards.host_faults()
+        # a board that was just told to clear its faults needs a moment to report it
+        if held and now - self._cleared_at > self._settings.board_timeout:
+            before = self.state
+            self._event(SafetyEvent.LATCHED_FAULT, now)
+            if self.state is not before:
+                self.faults = held
 
     def _setpoints(self) -> tuple[float, ...] | None:
         """The set points of the valves; None while they vent."""

@@ -36,7 +36,8 @@ class StartUp:
     Attributes
     ----------
     latched : str
-        The fault that was latched when the node was cleaned up; kept until faults are cleared.
+        The fault that was latched when the node was cleaned up, if not every board keeps it; kept
+        until faults are cleared.
     """
 
     def __init__(self) -> None:
@@ -112,7 +113,7 @@ class StartUp:
         self.latched = ""
 
     def leave(self, driver: Driver) -> None:
-        """Remember a latched fault when the driver is about to be closed."""
-        if driver.state is SafetyState.FAULT:
+        """Remember a latched fault that not every board keeps, before the driver is closed."""
+        if driver.state is SafetyState.FAULT and not driver.boards_keep_fault:
             self.latched = "; ".join(str(fault) for fault in driver.faults)
         self.end()

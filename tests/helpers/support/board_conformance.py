@@ -218,6 +218,29 @@ def a_board_that_latches_opens_again_only_after_faults_are_cleared(bench: BoardB
     assert bench.obeyed()
 
 
+def a_fault_of_the_host_is_kept_until_faults_are_cleared(bench: BoardBench) -> None:
+    assert not any(board.host_fault for board in bench.boards.values())
+    if not bench.promised("keeps_host_fault"):
+        assert all(not tuple(board.latch_fault()) for board in bench.boards.values())
+        return
+    bench.start()
+    for address, board in bench.boards.items():
+        bench.tell(address, board.latch_fault())
+    assert bench.vented()
+    bench.run(0.1, None)
+    for address, board in bench.boards.items():
+        bench.tell(address, board.vent())
+    bench.run(0.1, bench.fractions)
+    assert bench.vented()
+    assert all(board.host_fault for board in bench.boards.values())
+    for address, board in bench.boards.items():
+        bench.tell(address, board.clear_faults())
+    bench.run(0.1, bench.fractions)
+    assert bench.vented()
+    assert not any(board.host_fault for board in bench.boards.values())
+    bench.start()
+
+
 def wrong_frames_are_refused_by_the_driver_and_change_nothing(bench: BoardBench) -> None:
     bench.run(0.2, None)
     draw = random.Random(7)
@@ -267,6 +290,7 @@ def frames_have_the_identifiers_that_the_board_names(bench: BoardBench) -> None:
     for address, board in bench.boards.items():
         bench.tell(address, board.vent())
         bench.tell(address, board.clear_faults())
+        bench.tell(address, board.latch_fault())
         answers, commands = board.identifiers
         heard = {i for a, i in bench.heard_up if a == address}
         assert heard and heard <= set(answers)
@@ -378,6 +402,7 @@ CHECKS: Final[Sequence[Callable[[BoardBench], None]]] = (
     vent_acts_with_the_next_frame,
     a_promised_watchdog_vents_in_time_and_not_before,
     a_board_that_latches_opens_again_only_after_faults_are_cleared,
+    a_fault_of_the_host_is_kept_until_faults_are_cleared,
     wrong_frames_are_refused_by_the_driver_and_change_nothing,
     wrong_frames_are_refused_by_the_board_and_open_nothing,
     frames_have_the_identifiers_that_the_board_names,

@@ -41,6 +41,7 @@ BASE: Final = EXTENDED | 0x18FE_0000
 WEAKEST: Final = Promises(
     watchdog=None,
     latches=False,
+    keeps_host_fault=False,
     needs_arming=False,
     tells_state=False,
     tells_faults=False,
@@ -63,6 +64,7 @@ class VendorBoard:
     promises = WEAKEST
     supply_pressure = math.nan
     follows = True
+    host_fault = False
 
     def __init__(self, wired: WiredBoard) -> None:
         self.name = wired.name
@@ -91,6 +93,9 @@ class VendorBoard:
         return self.command(None, 0.0)
 
     def clear_faults(self) -> Iterable[Frame]:
+        return ()
+
+    def latch_fault(self) -> Iterable[Frame]:
         return ()
 
     def acknowledge(self) -> None:

@@ -15,6 +15,7 @@ from typing import Final
 
 from pam_check.fuzz.inputs import ViolationError
 from pam_driver.boards.pam_board.codec import (
+    PROTOCOL_VERSION,
     BoardCode,
     BoardCodec,
     BoardCommand,
@@ -189,7 +190,7 @@ class _DriverRun:
             state = BoardState.ACTIVE if self._may_move() else BoardState.VENTED
             self.hear(Measurement((0.0, 0.0), 0.0, self.counter))
             self.hear(Status(state, BoardFault(0), self.counter, 701_320.0, 0))
-            self.hear(Heartbeat(self.now, 1, 1))
+            self.hear(Heartbeat(self.now, PROTOCOL_VERSION, 1))
             self.driver.cycle(self.now, self.now)
             if self.driver.state is SafetyState.FAULT:
                 self.armed = False
@@ -203,7 +204,7 @@ class _DriverRun:
             self.hear(Measurement(pressures, 1.2 * read.share(), self.counter))
         elif kind == 1:
             state = BoardState(read.byte() % 4)
-            faults = BoardFault(read.byte())
+            faults = BoardFault(read.byte() + BoardFault.HOST * (read.byte() % 2))
             self.hear(Status(state, faults, read.byte(), 4e5 + 4e5 * read.share(), 0))
         elif kind == 2:
             self.hear(Heartbeat(100.0 * read.byte(), read.byte() % 3, 1))

@@ -72,7 +72,7 @@ def frame(codec: BoardCodec, draw: random.Random) -> tuple[int, bytes]:
         pressures = (draw.uniform(-1e5, 1.2e6), draw.choice((math.nan, 1e5)))
         message = MeasurementFrame(pressures, draw.uniform(-8.0, 8.0), draw.randrange(256))
     elif kind == 3:
-        faults = BoardFault(draw.randrange(256))
+        faults = BoardFault(draw.randrange(2 * max(BoardFault)))
         message = StatusFrame(
             BoardState(draw.randrange(4)), faults, draw.randrange(256), 7e5, draw.randrange(1 << 16)
         )

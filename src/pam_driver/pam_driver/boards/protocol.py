@@ -120,6 +120,9 @@ class Promises:
         It vents when it has received no valid command for so long [s]; None: it has no watchdog.
     latches : bool
         After a watchdog time-out or a fault it stays vented until the faults are cleared.
+    keeps_host_fault : bool
+        It latches a fault that the driver tells it, reports it, and stays vented until the faults
+        are cleared: the fault survives a crash and a restart of the host.
     needs_arming : bool
         After power-up, a vent or a fault it opens a valve only after it has received a command
         that enables no valve.
@@ -141,6 +144,7 @@ class Promises:
 
     watchdog: float | None
     latches: bool
+    keeps_host_fault: bool
     needs_arming: bool
     tells_state: bool
     tells_faults: bool
@@ -208,6 +212,10 @@ class Board(Protocol):
     def follows(self) -> bool:
         """Whether its valves follow the set points, as far as the board reports it."""
 
+    @property
+    def host_fault(self) -> bool:
+        """Whether it reports a latched fault of the host; False for a kind that keeps none."""
+
     def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
         """The frames of one cycle.
 
@@ -224,6 +232,9 @@ class Board(Protocol):
 
     def clear_faults(self) -> Iterable[Frame]:
         """Frames that clear its latched faults; empty if the kind has none."""
+
+    def latch_fault(self) -> Iterable[Frame]:
+        """Frames that make it keep a fault of the host until `clear_faults`; may be empty."""
 
     def acknowledge(self) -> None:
         """Discard conditions that are reported only once, such as a restart."""

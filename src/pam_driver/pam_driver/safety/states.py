@@ -31,6 +31,7 @@ class SafetyEvent(Enum):
     DEACTIVATE = "deactivate"
     VENT = "vent"
     FAULT = "fault"
+    LATCHED_FAULT = "latched fault"
     CLEAR_FAULTS = "clear faults"
     CLEANUP = "clean up"
 
@@ -46,6 +47,8 @@ class SafetyOutput(NamedTuple):
         The enable bits of that command: whether air may move.
     vent_on_entry : bool
         Whether each board receives the board command `vent` when the state is entered.
+    latch : bool
+        Whether each board that can keep a fault of the driver is told to keep it.
     meaning : str
         One line for the documentation.
     """
@@ -53,6 +56,7 @@ class SafetyOutput(NamedTuple):
     send: bool
     enable: bool
     vent_on_entry: bool
+    latch: bool
     meaning: str
 
 
@@ -61,12 +65,14 @@ _E = SafetyEvent
 
 OUTPUTS: Final[Mapping[SafetyState, SafetyOutput]] = {
     _S.UNCONFIGURED: SafetyOutput(
-        False, False, True, "no bus; the boards' watchdogs keep the valves vented"
+        False, False, True, False, "no bus; the boards' watchdogs keep the valves vented"
     ),
-    _S.VENTED: SafetyOutput(True, False, True, "measuring; all valves vent"),
-    _S.READY: SafetyOutput(True, False, False, "armed; vented until the first fresh command"),
-    _S.ACTIVE: SafetyOutput(True, True, False, "valves follow the commands"),
-    _S.FAULT: SafetyOutput(True, False, True, "latched; all valves vent"),
+    _S.VENTED: SafetyOutput(True, False, True, False, "measuring; all valves vent"),
+    _S.READY: SafetyOutput(
+        True, False, False, False, "armed; vented until the first fresh command"
+    ),
+    _S.ACTIVE: SafetyOutput(True, True, False, False, "valves follow the commands"),
+    _S.FAULT: SafetyOutput(True, False, True, True, "latched; all valves vent"),
 }
 
 TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
@@ -77,6 +83,7 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
         _E.DEACTIVATE: _S.UNCONFIGURED,
         _E.VENT: _S.UNCONFIGURED,
         _E.FAULT: _S.UNCONFIGURED,
+        _E.LATCHED_FAULT: _S.UNCONFIGURED,
         _E.CLEAR_FAULTS: _S.UNCONFIGURED,
         _E.CLEANUP: _S.UNCONFIGURED,
     },
@@ -88,6 +95,8 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
         _E.VENT: _S.VENTED,
         # nothing moves, so no fault is latched; a condition that persists prevents activation
         _E.FAULT: _S.VENTED,
+        # told by a board or a person, so it holds even where nothing moves
+        _E.LATCHED_FAULT: _S.FAULT,
         _E.CLEAR_FAULTS: _S.VENTED,
         _E.CLEANUP: _S.UNCONFIGURED,
     },
@@ -98,6 +107,7 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
         _E.DEACTIVATE: _S.VENTED,
         _E.VENT: _S.VENTED,
         _E.FAULT: _S.FAULT,
+        _E.LATCHED_FAULT: _S.FAULT,
         _E.CLEAR_FAULTS: _S.READY,
         _E.CLEANUP: _S.UNCONFIGURED,
     },
@@ -108,6 +118,7 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
         _E.DEACTIVATE: _S.VENTED,
         _E.VENT: _S.VENTED,
         _E.FAULT: _S.FAULT,
+        _E.LATCHED_FAULT: _S.FAULT,
         _E.CLEAR_FAULTS: _S.ACTIVE,
         _E.CLEANUP: _S.UNCONFIGURED,
     },
@@ -118,6 +129,7 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
         _E.DEACTIVATE: _S.FAULT,
         _E.VENT: _S.FAULT,
         _E.FAULT: _S.FAULT,
+        _E.LATCHED_FAULT: _S.FAULT,
         _E.CLEAR_FAULTS: _S.VENTED,
         _E.CLEANUP: _S.UNCONFIGURED,
     },

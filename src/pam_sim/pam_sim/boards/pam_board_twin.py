@@ -230,6 +230,11 @@ class SimulatedPamBoard:
         ):
             self.faults = BoardFault(0)
             self._disarm(BoardState.VENTED)
+        elif command.code is BoardCode.LATCH_FAULT:
+            if self.state is BoardState.BOOT:
+                self.faults |= BoardFault.HOST
+            else:
+                self._fail(BoardFault.HOST)
 
     def _count_crc_error(self, now: float) -> None:
         if self.state is not BoardState.ACTIVE:
@@ -242,7 +247,8 @@ class SimulatedPamBoard:
         if self.state is BoardState.BOOT:
             if now - self._started < self.settings.boot_time:
                 return
-            self.state = BoardState.VENTED
+            # a host may tell its fault before the self test has passed
+            self.state = BoardState.FAULT if self.faults else BoardState.VENTED
         if self.state is BoardState.ACTIVE and now - self._last_counted > self._watchdog:
             self._fail(BoardFault.WATCHDOG)
         self._over_pressure = any(

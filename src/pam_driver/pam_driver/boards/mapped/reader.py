@@ -135,6 +135,7 @@ class DeviceReader:
         return Promises(
             watchdog=watchdog,
             latches=stated["latches"] is True,
+            keeps_host_fault=False,
             needs_arming=stated["needs_arming"] is True,
             tells_state=any(frame.state is not None for frame in answers),
             tells_faults=any(frame.faults for frame in answers)

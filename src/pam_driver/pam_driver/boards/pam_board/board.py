@@ -11,6 +11,7 @@ from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
     BoardCommand,
+    BoardFault,
     BoardState,
     Heartbeat,
     Measurement,
@@ -69,6 +70,7 @@ class PamBoard(BoardMonitor):
         self._enable = (0 in places, 1 in places)
         self._vent = (codec.encode(number, BoardCommand(BoardCode.VENT)),)
         self._clear = (codec.encode(number, BoardCommand(BoardCode.CLEAR_FAULTS)),)
+        self._latch = (codec.encode(number, BoardCommand(BoardCode.LATCH_FAULT)),)
 
     @property
     def supply_pressure(self) -> float:
@@ -79,6 +81,11 @@ class PamBoard(BoardMonitor):
     def follows(self) -> bool:
         """Whether the last status reported that the valves are active."""
         return self.status is not None and self.status.state is BoardState.ACTIVE
+
+    @property
+    def host_fault(self) -> bool:
+        """Whether the last status reported a latched fault of the host."""
+        return self.status is not None and BoardFault.HOST in self.status.faults
 
     def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
         """One valve command; a channel without a muscle is never enabled."""
@@ -101,6 +108,10 @@ class PamBoard(BoardMonitor):
     def clear_faults(self) -> Iterable[Frame]:
         """The board command `clear_faults`."""
         return self._clear
+
+    def latch_fault(self) -> Iterable[Frame]:
+        """The board command `latch_fault`."""
+        return self._latch
 
     def counts(self) -> Mapping[str, int]:
         """Counts of measurements lost, repeated and out of order, and of restarts."""
@@ -161,6 +172,7 @@ def promises(codec: BoardCodec) -> Promises:
     return Promises(
         watchdog=codec.watchdog_timeout,
         latches=True,
+        keeps_host_fault=True,
         needs_arming=True,
         tells_state=True,
         tells_faults=True,

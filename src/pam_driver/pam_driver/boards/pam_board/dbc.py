@@ -19,7 +19,7 @@ from pam_driver.boards.dbc_file import load_dbc
 from pam_driver.boards.frame_errors import DbcError, EncodeError, FrameRangeError
 from pam_driver.boards.pam_board.messages import BoardCode, BoardFault, BoardState
 
-PROTOCOL_VERSION: Final = 1
+PROTOCOL_VERSION: Final = 2
 CLASSIC_CAN_BYTES: Final = 8
 _MAX_DBC_BYTES: Final = 1_000_000
 _NOT_AVAILABLE: Final = "not_available"

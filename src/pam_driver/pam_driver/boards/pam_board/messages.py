@@ -16,6 +16,7 @@ class BoardCode(IntEnum):
 
     VENT = 1
     CLEAR_FAULTS = 2
+    LATCH_FAULT = 3
 
 
 class BoardState(IntEnum):
@@ -28,7 +29,7 @@ class BoardState(IntEnum):
 
 
 class BoardFault(IntFlag):
-    """Latched faults of a board, one bit each in `Status`."""
+    """Latched faults of a board, one bit each in `Status`; `HOST` is one that the driver told."""
 
     WATCHDOG = 1
     CRC = 2
@@ -38,10 +39,11 @@ class BoardFault(IntFlag):
     VALVE = 32
     TEMPERATURE = 64
     INTERNAL = 128
+    HOST = 256
 
 
 class BoardCommand(NamedTuple):
-    """Vent at once, or clear latched faults."""
+    """Vent at once, clear latched faults, or latch a fault of the host."""
 
     code: BoardCode
     argument: int = 0
