@@ -17,7 +17,12 @@ from pam_check.blind.experiments import ambiguity
 from pam_gap.experiments.excitations import Excitation, Menu, smooth_path
 from pam_gap.experiments.files import COMMANDS, DETAILS, TRAJECTORY, read_experiment
 from pam_gap.experiments.loop import ExperimentLoop, loop_gain
-from pam_gap.experiments.next_experiment import ExperimentPlanner, propose, simulate_excitation
+from pam_gap.experiments.next_experiment import (
+    ExperimentPlanner,
+    difference_after_refit,
+    propose,
+    simulate_excitation,
+)
 from pam_gap.inference.candidates import candidates_for
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.prediction.problem import PredictionProblem, as_mounted
@@ -230,3 +235,17 @@ def test_hidden_rig_carries_it_out(name: str) -> None:
 def test_ambiguity_counts_the_largest_set() -> None:
     assert ambiguity({"indistinguishable": []}) == 1
     assert ambiguity({"indistinguishable": [["a", "b"], ["c", "d", "e"]]}) == 3
+
+
+@pytest.mark.parametrize("unit", [1e-7, 1.0, 1e7])
+def test_a_refit_does_not_depend_on_the_units_of_its_parameters(unit: float) -> None:
+    """With another unit, a parameter's slopes must not drop below what counts as undetermined."""
+    random = np.random.default_rng(3)
+    jacobian = random.standard_normal((200, 2, 3))
+    apart = jacobian @ np.array([0.4, -1.2, 0.7]) + 1e-3 * random.standard_normal((200, 2))
+    rows, weights = np.ones(200, dtype=bool), np.ones(2)
+    units = np.array([unit, 1.0, 1.0])
+    left = difference_after_refit(apart, jacobian * units, rows, weights, np.zeros((3, 3)), 2.0)
+    flat = jacobian.reshape(-1, 3)
+    best = np.linalg.lstsq(flat, apart.ravel(), rcond=None)[0]
+    assert left.ravel() == pytest.approx(apart.ravel() - flat @ best, abs=1e-9)

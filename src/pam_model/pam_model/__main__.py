@@ -1,9 +1,11 @@
-"""`python -m pam_model`: list, show, fit and compare models, design a muscle, draw the gallery."""
+"""`python -m pam_model`: models, muscles and rig files from the command line."""
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -157,6 +159,35 @@ def _design(chosen: Arguments) -> Outcome:
     return Outcome(made.as_dict())
 
 
+def _braid(chosen: Arguments) -> Outcome:
+    from pam_model.rig.from_datasheet import BraidFromDatasheet  # noqa: PLC0415  (numpy)
+
+    made = BraidFromDatasheet.measured(
+        chosen.diameter, chosen.length, math.radians(chosen.angle), chosen.wall_thickness
+    )
+    print(made.section(chosen.name))
+    per_bar, share = 1e5 * made.force_per_pressure, made.largest_contraction
+    print(
+        f"# ideal braid: pulls {per_bar:.3g} N per bar at rest length, contracts by at most "
+        f"{100.0 * share:.3g} %"
+    )
+    return Outcome({**asdict(made), "force_per_pressure": made.force_per_pressure,
+                    "largest_contraction": share})  # fmt: skip
+
+
+def _urdf(chosen: Arguments) -> Outcome:
+    from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
+    from pam_model.rig.urdf import rig_as_urdf  # noqa: PLC0415
+
+    document = rig_as_urdf(load_rig(chosen.rig), chosen.rig.stem)
+    if chosen.output is None:
+        print(document, end="")
+    else:
+        make_parents(chosen.output).write_text(document)
+        print(f"written: {chosen.output}")
+    return Outcome({"urdf": document, "file": chosen.output})
+
+
 def _gallery(chosen: Arguments) -> Outcome:
     from pam_model.catalogue.gallery import write_gallery  # noqa: PLC0415  (matplotlib)
 
@@ -249,6 +280,32 @@ def _declare_design(parser: Parser) -> None:
     add("--strand-strength", "N", "per strand")
 
 
+def _declare_braid(parser: Parser) -> None:
+    above: dict[str, Any] = {"required": True, "metavar": "X"}
+    parser.add_argument(
+        "--diameter", type=number("m", above=0.0), help="of the braid at rest [m]", **above
+    )
+    parser.add_argument(
+        "--length", type=number("m", above=0.0), help="between the fittings at rest [m]", **above
+    )
+    parser.add_argument(
+        "--angle", type=number("deg", above=0.0), help="between thread and axis at rest [deg]",
+        **above,
+    )  # fmt: skip
+    parser.add_argument(
+        "--wall-thickness", type=number("m", least=0.0), default=0.0, metavar="X",
+        help="of the bladder [m] (default: %(default)g)",
+    )  # fmt: skip
+    parser.add_argument("--name", default="muscle", help="(default: %(default)s)")
+
+
+def _declare_urdf(parser: Parser) -> None:
+    parser.add_argument("rig", type=input_file, help="rig file")
+    parser.add_argument(
+        "--output", type=output_file, metavar="FILE", help="(default: standard output)"
+    )
+
+
 def _effect_tables(chosen: Arguments) -> Outcome:
     from pam_model.effect_tables import write_tables  # noqa: PLC0415
 
@@ -335,6 +392,20 @@ COMMANDS = (
         examples=("python -m pam_model design --force 100 --stroke 0.05 --pressure 300000",),
     ),
     Command(
+        "braid",
+        "write the muscle section of a rig file from a data sheet",
+        _declare_braid,
+        _braid,
+        examples=("python -m pam_model braid --diameter 20e-3 --length 0.3 --angle 23",),
+    ),
+    Command(
+        "urdf",
+        "write the joints of a rig as URDF",
+        _declare_urdf,
+        _urdf,
+        examples=("python -m pam_model urdf config/elbow.yaml --output elbow.urdf",),
+    ),
+    Command(
         "gallery", "write pictures and table of models for the docs", _declare_gallery, _gallery
     ),
     Command(
@@ -345,7 +416,10 @@ COMMANDS = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
-    description = "Models of pneumatic muscles: list, draw, fit and compare them; design a muscle."
+    description = (
+        "Models of pneumatic muscles: list, draw, fit and compare them; design a muscle; "
+        "rig-file sections and URDF."
+    )
     return run_program("python -m pam_model", description, COMMANDS, arguments)
 
 

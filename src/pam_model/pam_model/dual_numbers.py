@@ -152,6 +152,14 @@ def is_dual(*numbers: Any) -> bool:
     return any(isinstance(number, Dual) for number in numbers)
 
 
+def bracketed_root(function: Callable[[Any], Any], low: Any, high: Any) -> Any:
+    """A root between two bounds at which the signs differ, with its slopes (Brent's method)."""
+    from scipy.optimize import brentq  # noqa: PLC0415  (costs every node half a second)
+
+    at = brentq(lambda x: value_of(function(x)), value_of(low), value_of(high), xtol=1e-15)
+    return root_with_slopes(float(at), function)
+
+
 def root_with_slopes(root: Any, equation: Callable[[Any], Any]) -> Any:
     """Add slopes to a root found in plain numbers, by the dual numbers in the equation.
 

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import differential_evolution
 
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.margins import ControlDesignError, LoopCase
@@ -162,6 +161,8 @@ def design_pid(joint: str, task: DesignTask) -> PidGains:
         When no gains satisfy the constraints.
     """
     cost = PidCost(task)
+    from scipy.optimize import differential_evolution  # noqa: PLC0415  (slow to import)
+
     best = differential_evolution(
         cost,
         bounds=EXPONENT_BOUNDS,

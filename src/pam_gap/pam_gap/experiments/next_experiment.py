@@ -17,6 +17,7 @@ from itertools import permutations
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from pam_gap.experiments.excitations import Excitation, Menu
 from pam_gap.experiments.files import FOLDER, write_experiment
@@ -118,6 +119,44 @@ def simulate_excitation(
     )
 
 
+def difference_after_refit(
+    apart: Array,
+    jacobian: Array,
+    rows: npt.NDArray[np.bool_],
+    weights: Array,
+    known: Array,
+    correlation: float,
+) -> Array:
+    """The difference that remains after a linearised re-fit of the imitating hypothesis.
+
+    Parameters
+    ----------
+    apart : ndarray, shape (n_rows, n_channels)
+        Difference of the two predictions; a row with NaN or infinity is not fitted.
+    jacobian : ndarray, shape (n_rows, n_channels, n_parameters)
+        Slopes of the imitating prediction.
+    rows : ndarray of bool, shape (n_rows,)
+        The rows that count.
+    weights : ndarray, shape (n_channels,)
+        Of the squares of each channel.
+    known : ndarray, shape (n_parameters, n_parameters)
+        Fisher information about the parameters from the recordings so far.
+    correlation : float
+        How many samples carry the information of one independent sample.
+    """
+    apart = np.where(np.isfinite(apart), apart, np.nan)
+    hessian, slope = normal_equations(apart, jacobian, rows, weights)
+    total = hessian / correlation + known
+    # With columns of unit size, the parameters' units do not decide which directions count as
+    # undetermined.
+    size = np.sqrt(np.diag(total))
+    size[size == 0.0] = 1.0
+    scaled = total / np.outer(size, size)
+    move = -np.linalg.lstsq(scaled, slope / size / correlation, rcond=1e-10)[0] / size
+    left: Array = apart + jacobian @ move
+    return left
+
+
 class ExperimentPlanner:
     """Chooses an excitation for the survivors of one diagnosis.
 
@@ -179,7 +218,9 @@ class ExperimentPlanner:
         worst = Separation(excitation, np.inf, np.inf, ("", ""), self.rules.decisive)
         for i, j in permutations(range(len(self.survivors)), 2):
             apart = errors[j] - errors[i]
-            left = self._after_imitation(apart, jacobians[j], rows, self.known[j])
+            left = difference_after_refit(
+                apart, jacobians[j], rows, self.weights, self.known[j], self.rules.correlation
+            )
             mean = mean_squares(left, rows)[self.problem.present]
             level = float(np.sum(np.log1p(share * mean / self.left[self.problem.present])))
             if level < worst.smallest:
@@ -187,17 +228,6 @@ class ExperimentPlanner:
                 names = (self.survivors[i].label, self.survivors[j].label)
                 worst = Separation(excitation, level, noise, names, self.rules.decisive)
         return worst
-
-    def _after_imitation(
-        self, apart: Array, jacobian: Array, rows: np.ndarray, known: Array
-    ) -> Array:
-        """Remaining difference after a linearised re-fit of the imitating hypothesis."""
-        apart = np.where(np.isfinite(apart), apart, np.nan)
-        hessian, slope = normal_equations(apart, jacobian, rows, self.weights)
-        total = hessian / self.rules.correlation + known
-        move = -np.linalg.lstsq(total, slope / self.rules.correlation, rcond=1e-10)[0]
-        left: Array = apart + jacobian @ move
-        return left
 
     def choose(self, menu: Sequence[Excitation]) -> tuple[Separation, ...]:
         """Every excitation that can be simulated, with its separation, best first."""

@@ -9,9 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, Protocol
 
-from scipy.optimize import brentq
-
-from pam_model.dual_numbers import root_with_slopes, value_of
+from pam_model.dual_numbers import bracketed_root
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import (
     ThinCylinder,
@@ -67,18 +65,13 @@ def lengths_with_room(braid: ThinCylinder, wall_volume: float) -> tuple[float, f
     def room(length: Any) -> Any:
         return length * (longest**2 - length**2) * scale - wall_volume
 
-    def edge(low: Any, high: Any) -> Any:
-        # Brent's method needs plain numbers; the derivatives of the root are added afterwards.
-        at = brentq(lambda x: value_of(room(x)), value_of(low), value_of(high), xtol=1e-15)
-        return root_with_slopes(float(at), room)
-
     widest = longest / math.sqrt(3.0)
     if not (wall_volume > 0.0 and room(widest) > 0.0):
         raise DomainError(
             f"rubber of {wall_volume:g} m^3 does not fit into a braid that holds "
             f"{room(widest) + wall_volume:g} m^3 at most"
         )
-    return edge(0.0, widest), edge(widest, longest)
+    return bracketed_root(room, 0.0, widest), bracketed_root(room, widest, longest)
 
 
 class ElasticCylinder(ThinCylinder):

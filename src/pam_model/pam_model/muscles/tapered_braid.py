@@ -10,13 +10,11 @@ the threads, and its law is not in the review).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
-from pam_model.dual_numbers import is_dual, root_with_slopes, value_of
+from pam_model.dual_numbers import bracketed_root, is_dual, root_with_slopes, value_of
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import AffineMuscle, require_length, require_positive
 from pam_model.muscles.elementary import square_root
@@ -113,9 +111,9 @@ class TaperedBraid(AffineMuscle):
         inside = 1e-9 * (high - low)
         peak = float(middles[widest])
         if room(low + inside) < 0.0:
-            low = _root(room, low + inside, peak)
+            low = bracketed_root(room, low + inside, peak)
         if room(high - inside) < 0.0:
-            high = _root(room, peak, high - inside)
+            high = bracketed_root(room, peak, high - inside)
         self.middle_bounds = low, high
         self._bounds = self._find_bounds()
 
@@ -143,7 +141,7 @@ class TaperedBraid(AffineMuscle):
 
         if slope(high) < 0.0:
             start = thread * square_root(1.0 - min(1.0, self.fitting_diameter / diameter90) ** 2)
-            high = _root(slope, max(low, start), high)
+            high = bracketed_root(slope, max(low, start), high)
         return low, high
 
     def state(self, middle_length: Any) -> EndState:
@@ -268,12 +266,6 @@ class TaperedBraid(AffineMuscle):
         """dV/dL [m^2]."""
         state = self.at(length)
         return state.volume1 / state.length1
-
-
-def _root(function: Callable[[Any], Any], low: Any, high: Any) -> Any:
-    """A root [m] between two lengths by Brent's method, with derivatives for dual numbers."""
-    at = brentq(lambda x: value_of(function(x)), value_of(low), value_of(high), xtol=1e-15)
-    return root_with_slopes(float(at), function)
 
 
 def cylindrical_part(

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 from pam_model.physics.pressure_sensor import pressure_reading
 from pam_model.plant.constants import adjusted_numbers
@@ -110,6 +109,8 @@ def measure(values: Array, time: Array, position: Array, pressures: Array) -> Me
     if delay > 0.0:
         seen = np.interp(time - delay, time, seen)
     shown = np.empty_like(pressures)
+    from scipy.signal import lfilter  # noqa: PLC0415  (costs every node a second)
+
     for i in range(len(MUSCLES)):
         k = i * N_MUSCLE_SENSORS
         lag = float(sensors[k + K_LAG])

@@ -17,10 +17,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pam_model.domain import plain
-from pam_model.dual_numbers import root_with_slopes, value_of
+from pam_model.dual_numbers import bracketed_root
 from pam_model.errors import DomainError
 from pam_model.muscles.braid import AffineMuscle, ThinCylinder, braid_diameter, require_length
 from pam_model.muscles.force_model import ModelParameter, MuscleGeometry, register
@@ -142,8 +141,7 @@ class AlFahaam(AffineMuscle):
                 f"{short:g} m on a short muscle and {long:g} m on a long one"
             )
         if short * long < 0.0:
-            found = brentq(lambda x: value_of(self._annulus(x)), low, value_of(high), xtol=1e-15)
-            edge = root_with_slopes(float(found), self._annulus)
+            edge = bracketed_root(self._annulus, low, high)
             low, high = (low, edge) if short > 0.0 else (edge, high)
         return low, high
 

@@ -1,0 +1,93 @@
+"""The muscle section of a rig file from the numbers that a data sheet gives.
+
+Source: the geometry of the braid, equations (2) to (5) of "A Review of Design and Modeling of
+Pneumatic Artificial Muscle": L = b cos(angle), D = b sin(angle) / (n pi).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pam_model.errors import PamError
+from pam_model.muscles.braid import NEUTRAL_ANGLE, ThinCylinder, require_positive
+
+
+@dataclass(frozen=True, slots=True)
+class BraidFromDatasheet:
+    """A braid as the rig file needs it.
+
+    Attributes
+    ----------
+    thread_length : float
+        b [m].
+    turns : float
+        n [-].
+    rest_length : float
+        [m].
+    wall_thickness : float
+        [m].
+    """
+
+    thread_length: float
+    turns: float
+    rest_length: float
+    wall_thickness: float = 0.0
+
+    @classmethod
+    def measured(
+        cls, diameter: float, length: float, angle: float, wall_thickness: float = 0.0
+    ) -> BraidFromDatasheet:
+        """The braid of a muscle measured at rest.
+
+        Parameters
+        ----------
+        diameter : float
+            Of the braid, at the middle of its threads [m].
+        length : float
+            Between the fittings, without pressure and load [m].
+        angle : float
+            Between thread and axis [rad].
+        wall_thickness : float
+            Of the bladder [m].
+
+        Raises
+        ------
+        DomainError
+            For a diameter or length not above 0.
+        PamError
+            For an angle at which the braid does not contract.
+        """
+        require_positive(diameter=diameter, length=length)
+        if not 0.0 < angle < NEUTRAL_ANGLE:
+            raise PamError(
+                f"angle {math.degrees(angle):g} deg: expected more than 0 and less than "
+                f"{math.degrees(NEUTRAL_ANGLE):.2f} deg between thread and axis, since a braid "
+                "with a larger angle extends under pressure"
+            )
+        thread = length / math.cos(angle)
+        return cls(thread, thread * math.sin(angle) / (math.pi * diameter), length, wall_thickness)
+
+    @property
+    def force_per_pressure(self) -> float:
+        """Pull of the ideal braid at rest length over pressure [N/Pa]."""
+        braid = ThinCylinder(self.thread_length, self.turns)
+        return float(braid.coefficients(self.rest_length)[0])
+
+    @property
+    def largest_contraction(self) -> float:
+        """Contraction at which the ideal braid has no pull, over rest length [-]."""
+        return 1.0 - self.thread_length * math.cos(NEUTRAL_ANGLE) / self.rest_length
+
+    def section(self, name: str) -> str:
+        """The keys of a muscle `name` as YAML, in the rig file's order."""
+        return "\n".join(
+            [
+                f"    {name}:",
+                "      model: chou_hannaford         # ideal braid; python -m pam_model list",
+                f"      thread_length: {self.thread_length:<14.6g} # m",
+                f"      turns: {self.turns:<22.6g} # -",
+                f"      wall_thickness: {self.wall_thickness:<13.6g} # m",
+                f"      rest_length: {self.rest_length:<16.6g} # m",
+            ]
+        )
