@@ -11,11 +11,11 @@ import pytest
 
 from pam_model.__main__ import main
 from pam_model.command_line import DONE, MISTAKE
+from pam_model.joints.urdf import STANDARD_GRAVITY, rig_as_urdf
 from pam_model.muscles.braid import ThinCylinder, braid_diameter, thread_angle
 from pam_model.rig import load_rig, rig_from_parameters
 from pam_model.rig.from_datasheet import BraidFromDatasheet
 from pam_model.rig.types import Rig
-from pam_model.rig.urdf import STANDARD_GRAVITY, rig_as_urdf
 from support.rigs import ELBOW
 
 

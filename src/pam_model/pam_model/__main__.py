@@ -176,8 +176,8 @@ def _braid(chosen: Arguments) -> Outcome:
 
 
 def _urdf(chosen: Arguments) -> Outcome:
+    from pam_model.joints.urdf import rig_as_urdf  # noqa: PLC0415
     from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
-    from pam_model.rig.urdf import rig_as_urdf  # noqa: PLC0415
 
     document = rig_as_urdf(load_rig(chosen.rig), chosen.rig.stem)
     if chosen.output is None:
