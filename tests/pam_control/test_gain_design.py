@@ -14,7 +14,7 @@ from pam_control.feedback.operating_points import operating_point
 from pam_control.feedback.pid import Pid, PidGains
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
-from pam_control.references.trajectory import JointReference
+from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint

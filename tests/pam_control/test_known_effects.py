@@ -10,7 +10,7 @@ from pam_control.control_step import Measurement
 from pam_control.feedback.margins import margins
 from pam_control.joint_channel import JointChannel, Plan
 from pam_control.laws.position_stiffness import PositionStiffnessController
-from pam_control.references.trajectory import JointReference
+from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.effects import EFFECTS
 from pam_model.rig import Joint
@@ -42,6 +42,10 @@ COMPENSATED = {
 }
 
 
+TIGHT = ControlSettings(extra_delay=0.0)
+"""No reserve for an unknown delay: what the compensation leaves is measured with the gains that
+correct most of it, so that a fault of the compensation is not taken for one of the gains."""
+
 ONE_SIDED = ("valve_null_offset", "pressure_gain", "pressure_bias")
 """Effects that hurt the position when the two muscles differ in them."""
 
@@ -67,7 +71,7 @@ def run(loop_type, controller, motion, effects, **options):
 
 @pytest.fixture(scope="module")
 def nominal(rig):
-    return PositionStiffnessController(rig, ControlSettings())
+    return PositionStiffnessController(rig, TIGHT)
 
 
 NOTHING = (1e-4, "nothing: the compensation inverts the effect exactly")
@@ -109,7 +113,7 @@ def test_of_an_effect_in_the_rig_file_remains_what_has_a_named_cause(
     hidden = {f"{side}{effect}.{key}": value for key, value in values.items()}
     nominal.deactivate()
     before = run(closed_loop, nominal, reaching, hidden).rms(SETTLE)
-    knowing = PositionStiffnessController(told(rig, effect, values), ControlSettings())
+    knowing = PositionStiffnessController(told(rig, effect, values), TIGHT)
     after = run(closed_loop, knowing, reaching, hidden).rms(SETTLE)
     limit, cause = REMAINS.get(effect, NOTHING)
     assert after < before
@@ -122,7 +126,7 @@ def test_where_the_valve_is_not_at_its_limit_nothing_of_a_flow_effect_remains(
 ):
     """The named cause of what remains: errors from the valve's limit on and 0.3 s after it."""
     values = COMPENSATED[effect]
-    knowing = PositionStiffnessController(told(rig, effect, values), ControlSettings())
+    knowing = PositionStiffnessController(told(rig, effect, values), TIGHT)
     hidden = {f"{effect}.{key}": value for key, value in values.items()}
     record = run(closed_loop, knowing, reaching, hidden)
     spools = np.abs([record.column(5, SETTLE), record.column(6, SETTLE)]).max(axis=0)
@@ -143,7 +147,7 @@ def test_leaks_are_filled_up(rig, nominal, closed_loop):
         )
     missing = []
     nominal.deactivate()
-    for controller in (nominal, PositionStiffnessController(named, ControlSettings())):
+    for controller in (nominal, PositionStiffnessController(named, TIGHT)):
         loop = closed_loop(controller, effects=hidden, pressure_noise=0.0, quantum=0.0)
         last = loop.run(SETTLE).rows[-1]
         missing.append(abs(controller.channels[0].desired[0] - last[3]))
@@ -165,8 +169,8 @@ def test_neutral_effects_change_nothing_bit_for_bit(rig, closed_loop, reaching):
         neutral = neutral.with_muscle(
             dataclasses.replace(neutral.muscle(name), effects=of["muscle"])
         )
-    fresh = PositionStiffnessController(rig, ControlSettings())
-    named = PositionStiffnessController(neutral, ControlSettings())
+    fresh = PositionStiffnessController(rig, TIGHT)
+    named = PositionStiffnessController(neutral, TIGHT)
     assert named.settings == fresh.settings
     first, second = (run(closed_loop, law, reaching, {}) for law in (fresh, named))
     assert first.rows == second.rows
@@ -186,7 +190,7 @@ def test_unequal_delays_of_the_valves_are_each_looked_ahead_for(rig, nominal, cl
     nominal.deactivate()
     before = run(closed_loop, nominal, chirp, hidden).rms(SETTLE)
     after = run(
-        closed_loop, PositionStiffnessController(knowing, ControlSettings()), chirp, hidden
+        closed_loop, PositionStiffnessController(knowing, TIGHT), chirp, hidden
     ).rms(SETTLE)
     assert after < 0.5 * before
 
@@ -207,7 +211,7 @@ def test_a_small_difference_of_the_valves_delays_keeps_the_feedforward_of_both(
     delays = {"agonist.command_delay.delay": difference * (side == 0)}
     delays["antagonist.command_delay.delay"] = difference * (side == 1)
     quiet = {"pressure_noise": 0.0, "quantum": 0.0}
-    equal = PositionStiffnessController(rig, ControlSettings())
+    equal = PositionStiffnessController(rig, TIGHT)
     apart = PositionStiffnessController(with_delay(rig, side, difference), equal.settings)
     errors = [run(closed_loop, law, chirp, delays, **quiet).rms(SETTLE) for law in (equal, apart)]
     assert errors[1] < 1.2 * errors[0]
@@ -248,7 +252,7 @@ def worst(cases, timing, gains):
 )
 def test_gain_design_sees_what_changes_the_loop(rig, nominal, effect, values):
     """The gains of the nominal rig leave less margin on the rig with the effect."""
-    knowing = PositionStiffnessController(told(rig, effect, values), ControlSettings())
+    knowing = PositionStiffnessController(told(rig, effect, values), TIGHT)
     channel, settings = knowing.channels[0], knowing.settings
     cases = knowing.cases(channel, nominal.settings)
     timing = knowing.timing(channel, nominal.settings)
@@ -271,7 +275,7 @@ def test_payload_is_a_point_mass():
 
 def test_sensor_errors_are_taken_out_of_what_is_reported(rig):
     offset = told(rig, "position_offset", {"offset": 0.1})
-    controller = PositionStiffnessController(offset, ControlSettings())
+    controller = PositionStiffnessController(offset, TIGHT)
     controller.step(0.0, Measurement([0.25], [1e5, 1e5], 0.0, 0.0))
     assert controller.channels[0].telemetry.reference == JointReference(pytest.approx(0.15))
     assert controller.channels[0].telemetry.error == pytest.approx(0.0, abs=1e-12)

@@ -46,7 +46,7 @@ def test_tracks_better_than_without_feedforward_and_than_the_pressure_ratio(
     assert errors["no feedforward"] > 3.0 * errors["model"]
     assert errors["ratio"] > 3.0 * errors["model"]
     # Baselines that are not worth comparing with would follow nothing.
-    assert max(errors.values()) < 0.1
+    assert max(errors.values()) < 0.2
 
 
 @pytest.mark.parametrize(("measured", "sent"), [(0.0, 0.001), (0.002, 0.002), (0.003, 0.007)])

@@ -7,13 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_control.references.reference_generator import ReferenceGenerator
-from pam_control.references.trajectory import (
-    CommandError,
-    JointSpline,
-    TrajectoryPoint,
-    Waypoint,
-    check_trajectory,
-)
+from pam_control.references.spline import JointSpline, Waypoint
+from pam_control.references.trajectory import CommandError, TrajectoryPoint, check_trajectory
 
 LIMITS = {"elbow": (-1.0, 1.0), "wrist": (-0.5, 0.5)}
 number = st.floats(-1.0, 1.0)

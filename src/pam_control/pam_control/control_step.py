@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pam_control.joint_channel import JointChannel, Pair
-from pam_control.references.trajectory import JointReference
+from pam_control.references.spline import JointReference
 
 
 @dataclass(frozen=True, slots=True)

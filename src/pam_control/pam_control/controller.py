@@ -15,6 +15,7 @@ import dataclasses
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
 from pam_control.feedback.gain_design import DesignTask, design_pressure_gain
@@ -23,6 +24,7 @@ from pam_control.feedback.linear_joint import LoopTiming
 from pam_control.feedback.margins import LoopCase, Margins, checked_margins
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
 from pam_control.joint_channel import JointChannel, Pair
+from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
@@ -31,7 +33,17 @@ from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
 from pam_ros.valve_command import PRESSURE_REGULATOR
 
+SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
 LONGEST_STEP = 0.02  # s; a longer time between two steps is counted as this
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedSettings:
+    """Settings as they were asked for, with designed gains, and the margins of every joint."""
+
+    asked: ControlSettings
+    designed: ControlSettings
+    margins: list[list[Margins]]
 
 
 class Controller(ABC):
@@ -58,7 +70,14 @@ class Controller(ABC):
         self.rig = rig
         self.designs = designs or KeptDesigns()
         self.references = ReferenceGenerator(
-            {joint.name: joint.position_limits for joint in rig.joints}
+            {joint.name: joint.position_limits for joint in rig.joints},
+            {
+                joint.name: MotionLimits(
+                    REFERENCE_SHARE * joint.max_velocity, joint.max_acceleration
+                )
+                for joint in rig.joints
+            },
+            max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
         )
         self.correction = SensorCorrection(rig)
         self.channels = [JointChannel(rig, joint, settings.min_pressure) for joint in rig.joints]
@@ -76,7 +95,7 @@ class Controller(ABC):
         """The linearised loops at which a joint's gains are designed and checked."""
 
     def timing(self, channel: JointChannel, settings: ControlSettings) -> LoopTiming:
-        """The delays of a joint's loop.
+        """The delays of a joint's loop, including the unknown delay that the design assumes.
 
         Raises
         ------
@@ -93,6 +112,7 @@ class Controller(ABC):
             period=settings.period,
             transport_delay=settings.measurement_delay
             + settings.command_delay
+            + settings.extra_delay
             + max(channel.command_delays)
             + max(channel.pressure_lags),
             valve_time_constant=max(channel.valve_time_constants),
@@ -156,15 +176,30 @@ class Controller(ABC):
         ControlDesignError
             When a loop would not be safe; the present settings are kept.
         """
+        self.use(self.prepare(settings))
+
+    def prepare(self, settings: ControlSettings) -> PreparedSettings:
+        """Design and check other settings, which may take seconds; nothing changes yet.
+
+        Raises
+        ------
+        ControlDesignError
+            When a loop would not be safe.
+        """
         if settings.changes_loop(self._asked):
             designed = self.designed(settings)
-            margins = self.check(designed)
-        else:
-            present = self.settings
-            designed = settings.replace(gains=present.gains, pressure_gain=present.pressure_gain)
-            margins = [channel.margins for channel in self.channels]
-        self._asked = settings
-        self._apply(designed, margins)
+            return PreparedSettings(settings, designed, self.check(designed))
+        present = self.settings
+        designed = settings.replace(gains=present.gains, pressure_gain=present.pressure_gain)
+        return PreparedSettings(settings, designed, [channel.margins for channel in self.channels])
+
+    def use(self, prepared: PreparedSettings) -> None:
+        """Use prepared settings from the next step on, without a jump of the desired pressures."""
+        self._asked = prepared.asked
+        self._apply(prepared.designed, prepared.margins)
+        if self.active:
+            for index, channel in enumerate(self.channels):
+                self._continue(index, channel)
 
     def _apply(self, settings: ControlSettings, margins: list[list[Margins]]) -> None:
         for channel, found in zip(self.channels, margins, strict=True):
@@ -173,6 +208,25 @@ class Controller(ABC):
         self.references.stream_timeout = settings.stream_timeout
         self.references.stream_bandwidth = settings.stream_bandwidth
         self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
+        # the reference is needed until the slowest valve acts, and back to the oldest measurement
+        self.references.horizon = max(
+            (max(self._acting_delays(channel, settings)) for channel in self.channels), default=0.0
+        )
+        self.references.keep(
+            settings.stale_after
+            + settings.measurement_delay
+            + max((channel.position_delay for channel in self.channels), default=0.0)
+        )
+
+    @staticmethod
+    def _acting_delays(channel: JointChannel, settings: ControlSettings) -> Pair:
+        """Time from a control cycle until each of the joint's valves acts [s]."""
+        soon = settings.command_delay + 0.5 * settings.period
+        first, second = (
+            soon + settings.lead_ratio * lag + delay
+            for lag, delay in zip(channel.valve_time_constants, channel.command_delays, strict=True)
+        )
+        return first, second
 
     # --- commands -------------------------------------------------------------------------------
 
@@ -207,6 +261,11 @@ class Controller(ABC):
         return float(low.stiffness), float(high.stiffness)
 
     # --- running --------------------------------------------------------------------------------
+
+    def drop_commands(self) -> None:
+        """Stop, and forget the stiffness that was commanded; references are dropped in any case."""
+        self.deactivate()
+        self.stiffness_commands = [self.settings.default_stiffness for _ in self.channels]
 
     def deactivate(self) -> None:
         """Stop; the next step starts without a jump from the state that is measured then."""
@@ -286,6 +345,12 @@ class Controller(ABC):
     def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
         """Initialise the law's state so that its first desired pressures are the measured ones."""
 
+    def _continue(self, index: int, channel: JointChannel) -> None:
+        """Go on with changed settings from the desired pressures that the joint has now."""
+        gains, error = self.settings.gains[channel.joint.name], channel.telemetry.error
+        self._begin(index, channel, channel.position, channel.desired)
+        channel.pid.continue_at(channel.pid.integral, error, gains)
+
     @abstractmethod
     def _plan(self, request: PlanRequest) -> PressurePlan:
         """Plan the pressures of one joint and fill the law's part of its telemetry."""
@@ -304,11 +369,7 @@ class Controller(ABC):
         gains = settings.gains[name]
         measured_at = measurement.pressure_time - settings.measurement_delay
         seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
-        soon = time + settings.command_delay + 0.5 * settings.period
-        acts = [
-            soon + settings.lead_ratio * lag + delay
-            for lag, delay in zip(channel.valve_time_constants, channel.command_delays, strict=True)
-        ]
+        acts = [time + delay for delay in self._acting_delays(channel, settings)]
         acts_at = max(acts)
         now = self.references.sample(name, measured_at)
         seen = now if seen_at == measured_at else self.references.sample(name, seen_at)
@@ -372,7 +433,8 @@ class Controller(ABC):
             gains,
             missed=plan.missed,
             limit=settings.integral_limit,
-            frozen=bool(clipped) and plan.missed == 0.0,
+            # a stiffness out of reach costs no torque, so that the integrator may go on
+            frozen=bool(SATURATED.intersection(clipped)) and plan.missed == 0.0,
         )
         telemetry = channel.telemetry
         telemetry.reference, telemetry.error = seen, error

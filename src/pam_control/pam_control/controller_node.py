@@ -14,11 +14,11 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import rclpy
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
@@ -28,7 +28,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
+from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
+from pam_control.controller_health import ControllerHealth
 from pam_control.controller_parameters import (
     HELP,
     create_controller,
@@ -36,8 +38,8 @@ from pam_control.controller_parameters import (
     settings_from,
 )
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
-from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.rig_order import in_order
+from pam_control.trajectory_message import TrajectoryMessage
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros import diagnostics as health
@@ -48,18 +50,7 @@ from pam_ros.periodic import PeriodicLoop
 from pam_ros.spin import spin_node
 from pam_ros.valve_command import ValveCommandFormat
 
-REJECTION_SHOWN = 5.0  # s
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
-
-
-@dataclass(slots=True)
-class _JointCounts:
-    """Counts of one joint since the last diagnostics."""
-
-    cycles: int = 0
-    clipped: int = 0
-    squares: float = 0.0
-    largest: float = 0.0
 
 
 class ControllerNode(Node):  # type: ignore[misc]
@@ -99,10 +90,15 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._command_format = ValveCommandFormat(self.rig.valve_kinds)
         self._reason = "no measurement yet"
         self._driver_reason = ""  # why the driver takes no commands; empty without such a driver
-        self._counts = [_JointCounts() for _ in self.rig.joints]
-        self._rejected = 0
-        self._last_rejection = ("", -math.inf)
         self._cycle_count = 0
+        self.intake = CommandIntake(
+            self._controller,
+            self._lock,
+            self._now,
+            self._reason_against_references,
+            self.get_logger().warning,
+        )
+        self._health = ControllerHealth(self.get_name(), self._controller, self.intake)
 
         rate = self._declared.number("loop.rate")
         every = rate / min(self._declared.number("telemetry.rate"), rate)
@@ -113,13 +109,12 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._reference_out = self.create_publisher(JointState, "~/reference", latest)
         self._error_out = self.create_publisher(JointState, "~/error", latest)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10)
+        self.create_subscription(  # raw: see pam_control.trajectory_message
+            JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10, raw=True
+        )
         self.create_subscription(JointState, "~/commands", self._on_stream, latest)
         self.create_subscription(
             Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
-        )
-        self.create_subscription(
-            DiagnosticStatus, "pam_driver/state", self._on_driver_state, LATCHED
         )
         self.create_timer(1.0, self._report)
         # The process arguments would give this node the same name as the first one. Therefore it
@@ -138,6 +133,13 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._hearing.create_subscription(
                 JointState, self.resolve_topic_name(topic), callback, sensed
             )
+        # heard here, so that a vent does not wait behind a long trajectory
+        self._hearing.create_subscription(
+            DiagnosticStatus,
+            self.resolve_topic_name("pam_driver/state"),
+            self._on_driver_state,
+            LATCHED,
+        )
         self._ending = threading.Event()
         self._hearing_thread = threading.Thread(target=self._hear, name="inputs", daemon=True)
         priority = int(self._declared.number("loop.realtime_priority"))
@@ -195,12 +197,12 @@ class ControllerNode(Node):  # type: ignore[misc]
     # --- messages in ----------------------------------------------------------------------------
 
     def _on_joint_states(self, message: Any) -> None:
-        with self._rejecting("joint_states"):
+        with self.intake.rejecting("joint_states"):
             values = in_order(message.name, message.position, self.rig.joint_names, "position")
             self._positions = (values, self._stamp(message))
 
     def _on_pressure_states(self, message: Any) -> None:
-        with self._rejecting("pressure_states"):
+        with self.intake.rejecting("pressure_states"):
             values = in_order(message.name, message.effort, self.rig.muscle_names, "effort")
             self._pressures = (values, self._stamp(message))
 
@@ -210,38 +212,18 @@ class ControllerNode(Node):  # type: ignore[misc]
         now = self._now()
         return now if stamp is None else min(stamp, now)
 
-    def _on_trajectory(self, message: Any) -> None:
-        points = [
-            TrajectoryPoint(
-                point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec,
-                list(point.positions),
-                list(point.velocities),
-                list(point.accelerations),
-            )
-            for point in message.points
-        ]
-        with self._rejecting("joint_trajectory"), self._lock:
-            self._require_active("trajectory")
-            self._controller.references.follow(
-                list(message.joint_names),
-                points,
-                start=self._seconds(message.header.stamp),
-                now=self._now(),
-            )
+    def _on_trajectory(self, data: Any) -> None:
+        most = int(self._values["trajectory.max_points"])
+        self.intake.trajectory(bytes(data), most, self._start_of)
+
+    def _start_of(self, message: TrajectoryMessage) -> float | None:
+        return self._seconds(Time(sec=message.seconds, nanosec=message.nanoseconds))
 
     def _on_stream(self, message: Any) -> None:
-        velocities = list(message.velocity)
-        if all(math.isnan(velocity) for velocity in velocities):
-            velocities = []
-        with self._rejecting("commands"), self._lock:
-            self._require_active("streamed command")
-            self._controller.references.stream(
-                list(message.name), list(message.position), velocities, now=self._now()
-            )
+        self.intake.stream(list(message.name), list(message.position), list(message.velocity))
 
     def _on_stiffness(self, message: Any) -> None:
-        with self._rejecting("stiffness_commands"), self._lock:
-            self._controller.set_stiffness(list(message.data))
+        self.intake.stiffness(list(message.data))
 
     def _on_driver_state(self, message: Any) -> None:
         """Follow the driver: while it takes no commands, references are dropped and refused.
@@ -251,27 +233,20 @@ class ControllerNode(Node):  # type: ignore[misc]
         with self._lock:
             self._driver_reason = reason_against_commands(message)
             if self._driver_reason:
-                self._controller.deactivate()
+                self._controller.drop_commands()
                 self._reason = self._driver_reason
 
-    def _require_active(self, what: str) -> None:
-        if not self._controller.active:
-            raise CommandError(f"{what} rejected: the controller is not active: {self._reason}")
-
-    def _rejecting(self, topic: str) -> _Rejecting:
-        return _Rejecting(lambda error: self._reject(topic, error))
-
-    def _reject(self, topic: str, error: PamError) -> None:
-        self._rejected += 1
-        text = f"{topic}: {error}"
-        if text != self._last_rejection[0] or self._now() - self._last_rejection[1] > 1.0:
-            self.get_logger().warning(text)
-        self._last_rejection = (text, self._now())
+    def _reason_against_references(self) -> str:
+        """Why no references are taken; empty if they are."""
+        return "" if self._controller.active else f"the controller is not active: {self._reason}"
 
     def _on_change(self, changes: Mapping[str, Value]) -> None:
         values = {**self._values, **changes}
         try:
-            self._controller.change(settings_from(values, self.rig.joint_names))
+            settings = settings_from(values, self.rig.joint_names)
+            prepared = self._controller.prepare(settings)
+            with self._lock:
+                self._controller.use(prepared)
         except PamError as error:
             raise ParameterError(str(error)) from None
         self._values = values
@@ -305,12 +280,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         message.header.stamp = stamp
         message.position, message.effort = self._command_format.pack(commands)
         self._commands_out.publish(message)
-        for counts, channel in zip(self._counts, self._controller.channels, strict=True):
-            off = channel.telemetry.error
-            counts.cycles += 1
-            counts.clipped += bool(channel.telemetry.clipped)
-            counts.squares += off * off
-            counts.largest = max(counts.largest, abs(off))
+        self._health.count((now - position_time, now - pressure_time))
         self._cycle_count += 1
         if self._cycle_count % self._telemetry_every == 0:
             self._publish_telemetry(stamp)
@@ -332,70 +302,14 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _report(self) -> None:
         now = self._now()
-        statuses = [self._loop_status(now), self._command_status(now)]
-        for index in range(len(self.rig.joints)):
-            statuses.append(self._joint_status(index))
+        ages = (now - self._positions[1], now - self._pressures[1])
+        law = str(self._values["law"])
+        statuses = self._health.statuses(now, self._reason, law, self.loop, ages)
         with _unless_ending():
             stamp = self.get_clock().now().to_msg()
             self._health_out.publish(
                 health.diagnostic_array(stamp, *statuses, namespace=self.get_namespace())
             )
-
-    def _loop_status(self, now: float) -> Any:
-        values = health.loop_values(self.loop.statistics)
-        values["joint_states age [ms]"] = 1e3 * (now - self._positions[1])
-        values["pressure_states age [ms]"] = 1e3 * (now - self._pressures[1])
-        values["law"] = self._values["law"]
-        values["feedforward"] = self._controller.settings.feedforward
-        values["pressure loop gain [1/s]"] = self._controller.settings.pressure_gain
-        level = health.STALE if self._reason else health.OK
-        text = f"sends no commands: {self._reason}" if self._reason else "controlling"
-        return health.diagnostic_status(f"{self.get_name()}: loop", level, text, values)
-
-    def _command_status(self, now: float) -> Any:
-        text, when = self._last_rejection
-        recent = now - when < REJECTION_SHOWN
-        return health.diagnostic_status(
-            f"{self.get_name()}: commands",
-            health.WARN if recent else health.OK,
-            text if recent else "no message rejected lately",
-            {"rejected messages": self._rejected, "last rejection": text},
-        )
-
-    def _joint_status(self, index: int) -> Any:
-        controller = self._controller
-        channel, counts = controller.channels[index], self._counts[index]
-        self._counts[index] = _JointCounts()
-        worst, telemetry = channel.margins[0], channel.telemetry
-        gains = controller.settings.gains[channel.joint.name]
-        cycles = max(counts.cycles, 1)
-        low, high = controller.stiffness_range(index)
-        values = {
-            "following": controller.references.following(channel.joint.name),
-            "rms error [rad]": math.sqrt(counts.squares / cycles),
-            "largest error [rad]": counts.largest,
-            "clipped share [-]": counts.clipped / cycles,
-            "clipped last": ", ".join(telemetry.clipped) or "nothing",
-            "stiffness asked [N m/rad]": controller.stiffness_commands[index],
-            "stiffness now [N m/rad]": telemetry.stiffness_reached,
-            "least stiffness [N m/rad]": low,
-            "greatest stiffness [N m/rad]": high,
-            "phase margin [rad]": worst.phase_margin,
-            "gain margin [-]": worst.gain_margin,
-            "modulus margin [-]": worst.modulus_margin,
-            "proportional gain [N m/rad]": gains.proportional,
-            "integral gain [N m/(rad s)]": gains.integral,
-            "derivative gain [N m s/rad]": gains.derivative,
-        }
-        clipping = counts.clipped > 0.5 * cycles
-        return health.diagnostic_status(
-            f"{self.get_name()}: {channel.joint.name}",
-            health.WARN if clipping else health.OK,
-            f"cut by {', '.join(telemetry.clipped)}"
-            if clipping and telemetry.clipped
-            else "in reach",
-            values,
-        )
 
     def destroy_node(self) -> None:
         """Stop both threads and then the node; nothing is sent afterwards."""
@@ -416,22 +330,6 @@ def _unless_ending() -> Iterator[None]:
     except Exception:
         if rclpy.ok():
             raise
-
-
-class _Rejecting:
-    """A block whose PamError is reported instead of raised."""
-
-    def __init__(self, report: Callable[[PamError], None]) -> None:
-        self._report = report
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> bool:
-        if isinstance(error, PamError):
-            self._report(error)
-            return True
-        return False
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

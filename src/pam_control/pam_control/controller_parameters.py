@@ -68,6 +68,10 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "feedforward of inverse dynamics and pressures", changeable=True,
         ),
         _number(
+            "design.extra_delay", d.extra_delay, "s", 0.0, 0.1,
+            "unknown delay of the loop that the gain design assumes beside the stated ones",
+        ),
+        _number(
             "design.phase_margin", d.phase_margin, "rad", 0.53, 1.4,
             "minimum phase margin of designed gains",
         ),
@@ -131,6 +135,10 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "stream.bandwidth", d.stream_bandwidth, "rad/s", 1.0, 500.0,
             "bandwidth of the filter for streamed commands",
         ),
+        _number(
+            "trajectory.max_points", 50_000, "-", 1, 1_000_000,
+            "largest number of points of a trajectory; 50,000 are 100 s at 500 Hz",
+        ),
         Parameter(
             "trajectory.allow_nonzero_end_velocity", d.allow_nonzero_end_velocity, "-", 0, 0,
             "accept trajectories that end in motion", changeable=True,
@@ -191,6 +199,7 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         period=1.0 / number("loop.rate"),
         measurement_delay=number("loop.measurement_delay"),
         command_delay=number("loop.command_delay"),
+        extra_delay=number("design.extra_delay"),
         lead_ratio=number("pressure_loop.lead_ratio"),
         pressure_gain=gain if gain > 0.0 else None,
         derivative_filter=derivative_filter,

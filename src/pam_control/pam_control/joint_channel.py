@@ -11,7 +11,7 @@ from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
-from pam_control.references.trajectory import JointReference
+from pam_control.references.spline import JointReference
 from pam_model.effects import adjusted
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Joint, Rig

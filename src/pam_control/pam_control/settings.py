@@ -14,6 +14,7 @@ LOOP_FIELDS = (
     "period",
     "measurement_delay",
     "command_delay",
+    "extra_delay",
     "lead_ratio",
     "pressure_gain",
     "derivative_filter",
@@ -39,6 +40,8 @@ class ControlSettings:
         Delay from the sensor's sample to its stamp [s].
     command_delay : float
         Delay from the controller to the valve [s].
+    extra_delay : float
+        Unknown delay that the gain design assumes in addition to the stated ones [s].
     lead_ratio : float
         Part of the valve's lag that is left uncompensated [-].
     pressure_gain : float or None
@@ -80,6 +83,7 @@ class ControlSettings:
     period: float = 0.002
     measurement_delay: float = 0.001
     command_delay: float = 0.003
+    extra_delay: float = 0.01
     lead_ratio: float = 0.4
     pressure_gain: float | None = None
     derivative_filter: float = 0.01

@@ -19,6 +19,7 @@ from typing import Any, Final
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.logging import LoggingSeverity
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -158,12 +159,20 @@ def callbacks(node: Any) -> list[tuple[str, type, Callable[[Any], Any]]]:
     """Topic, type and callback of every subscription, including those of a node's inner node."""
     inner = getattr(node, "_hearing", None)
     return [
-        (one.topic_name, one.msg_type, one.callback)
+        (one.topic_name, one.msg_type, _taking_messages(one))
         for owner in (node, inner)
         if owner is not None
         for one in owner.subscriptions
         if not one.topic_name.startswith(("/parameter", "/rosout"))
     ]
+
+
+def _taking_messages(subscription: Any) -> Callable[[Any], Any]:
+    """The callback of a subscription; one that takes serialized messages is given them."""
+    callback: Callable[[Any], Any] = subscription.callback
+    if not subscription.raw:
+        return callback
+    return lambda message: callback(serialize_message(message))
 
 
 def no_air(port: CanPort, codec: BoardCodec, now: float) -> None:

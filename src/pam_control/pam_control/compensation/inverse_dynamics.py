@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pam_control.compensation.dry_friction import DryFriction
-from pam_control.references.trajectory import JointReference
+from pam_control.references.spline import JointReference
 from pam_model.effects import TorqueFeedforward, active, adjusted, filled
 from pam_model.effects.slots import JointTorque
 from pam_model.rig import Joint

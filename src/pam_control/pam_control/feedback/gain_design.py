@@ -3,8 +3,10 @@
 All control laws use the same design criterion, so that a comparison of laws is fair. The design
 minimises |S|, the error per reference (root mean square over the tracking band, at the worst
 operating point). The constraints hold at every operating point: the closed loop is stable, the
-phase margin is at least the target and |S| never exceeds the sensitivity limit. The loop is the
-linearised joint with its pressure loops, valve lag, sampling and transport delay (`linear_joint`).
+phase margin is at least the target and |S| never exceeds the sensitivity limit. The integral time
+is at most a second, so that the joint carries an unknown load. The loop is
+the linearised joint with its pressure loops, valve lag, sampling and transport delay
+(`linear_joint`).
 
 LQR is not used, because the delay and the pressure loops make the state vector long, and its
 weights do not determine the margins. A PID has three numbers that a user can read, override and
@@ -31,6 +33,7 @@ TRACKING_BAND = (0.1, 2.0)  # Hz
 OMEGA = np.geomspace(0.05, 500.0, 320)  # rad/s
 INFEASIBLE = 1e2  # a cost above it violates a constraint
 WORSE_THAN_ANY = 1e6
+LONGEST_INTEGRAL_TIME = 1.0  # s; with a longer one a joint sags under an unknown load
 EXPONENT_BOUNDS = ((-2.5, 1.5), (-1.5, 3.0), (-4.0, 0.5))
 
 Real = npt.NDArray[np.float64]
@@ -138,6 +141,7 @@ class PidCost:
         excess = max(1.0 / math.sqrt(float(squared_distance.min())) - self._task.sensitivity, 0.0)
         margin = _least_phase_margin(opened_re, opened_im, squared_size)
         excess += max(self._task.phase_margin - margin, 0.0)
+        excess += max(1.0 - gains.integral * LONGEST_INTEGRAL_TIME / gains.proportional, 0.0)
         if not _encloses_nothing(returned_re, opened_im):
             return WORSE_THAN_ANY + excess
         squared_sensitivity = 1.0 / squared_distance[:, self._in_band]

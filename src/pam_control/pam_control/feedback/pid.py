@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+SHRINKING_TIME = 2.0  # s, of an integral above its limit
+
 
 @dataclass(frozen=True, slots=True)
 class PidGains:
@@ -49,6 +51,10 @@ class Pid:
         self._error = math.nan
         self._slope = 0.0
 
+    def continue_at(self, output: float, error: float, gains: PidGains) -> None:
+        """Set the integral so that these gains give `output` for the present error [rad]."""
+        self.integral = output - gains.proportional * error - gains.derivative * self._slope
+
     def output(self, error: float, step: float, gains: PidGains) -> float:
         """Output for `error` [rad], `step` [s] after the last one; step 0 means no new sample."""
         if math.isnan(self._error):
@@ -82,7 +88,8 @@ class Pid:
         missed : float
             Reachable minus requested output, in the output's unit; not 0 if the output is clipped.
         limit : float
-            Largest absolute value of the integral, in the output's unit.
+            Largest absolute value of the integral, in the output's unit. An integral above it, as
+            after a change of parameters, shrinks to it slowly, so that the joint does not drop.
         frozen : bool, optional
             The integral may only shrink, because an inner loop is saturated, which `missed` does
             not show.
@@ -92,4 +99,5 @@ class Pid:
             change += missed * min(step / gains.tracking_time, 1.0)
         if frozen and change * self.integral > 0.0:
             return
+        limit = max(limit, abs(self.integral) * (1.0 - min(step / SHRINKING_TIME, 1.0)))
         self.integral = max(-limit, min(limit, self.integral + change))

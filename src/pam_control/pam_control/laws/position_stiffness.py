@@ -49,10 +49,25 @@ class PositionStiffnessController(Controller):
         channel.pid.reset(max(-limit, min(limit, torque)))
         channel.telemetry.stiffness = stiffness
 
+    def _continue(self, index: int, channel: JointChannel) -> None:
+        settings, telemetry = self.settings, channel.telemetry
+        gains = settings.gains[channel.joint.name]
+        reference = telemetry.reference
+        position = channel.position
+        planned = 0.0
+        if settings.feedforward:
+            added = channel.plans[-1].memory_torque if channel.plans else 0.0
+            planned = channel.dynamics.torque(reference) - added
+            position = reference.position
+        channel.plans.clear()
+        torque = channel.model.torque(*channel.desired, channel.inside(position))
+        channel.pid.continue_at(torque - planned, telemetry.error, gains)
+
     def _plan(self, request: PlanRequest) -> PressurePlan:
         channel = request.channel
         settings, telemetry = self.settings, channel.telemetry
-        reach = settings.stiffness_rate * request.step
+        rate_limit = min(settings.stiffness_rate, channel.joint.max_stiffness_rate)
+        reach = rate_limit * request.step
         change = self.stiffness_commands[request.index] - telemetry.stiffness
         stiffness = telemetry.stiffness + max(-reach, min(reach, change))
         rate = ahead = (0.0, 0.0)

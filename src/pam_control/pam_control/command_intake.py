@@ -1,0 +1,155 @@
+"""Takes references and stiffness commands for a running controller, without ROS.
+
+The control thread and the callbacks share a lock. A trajectory is read, checked, scaled and splined
+outside of it, because this may take longer than a control cycle; the lock is held only while the
+present reference is read and while the finished splines are handed over.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from pam_control.controller import Controller
+from pam_control.references.trajectory import CommandError
+from pam_control.trajectory_message import TrajectoryMessage, read_trajectory
+from pam_model.errors import PamError
+
+REPEATED_AFTER = 1.0  # s; the same text is logged again after this time
+
+
+class CommandIntake:
+    """References and stiffness commands of users.
+
+    Parameters
+    ----------
+    controller : Controller
+        Takes them.
+    lock : Lock
+        Held whenever the controller is used.
+    clock : callable
+        The controller's time [s].
+    reason_against : callable
+        Why no references are taken at present; empty if they are. Called with the lock held.
+    log : callable
+        Takes a text for the user.
+
+    Attributes
+    ----------
+    rejected, slowed : int
+        Number of messages that were rejected, and of trajectories that were slowed down.
+    last_rejection, last_note : (str, float)
+        Text and time [s] of the last one.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        lock: threading.Lock,
+        clock: Callable[[], float],
+        reason_against: Callable[[], str],
+        log: Callable[[str], Any],
+    ) -> None:
+        self._controller = controller
+        self._lock = lock
+        self._clock = clock
+        self._reason_against = reason_against
+        self._log = log
+        self.rejected = self.slowed = 0
+        self.last_rejection = self.last_note = ("", -math.inf)
+
+    def trajectory(
+        self, data: bytes, most_points: int, seconds: Callable[[TrajectoryMessage], float | None]
+    ) -> None:
+        """Take a serialized trajectory.
+
+        Parameters
+        ----------
+        data : bytes
+            A trajectory_msgs/JointTrajectory.
+        most_points : int
+            Largest number of points.
+        seconds : callable
+            Gives the message's stamp on the controller's time axis [s]; None for "now".
+        """
+        with self.rejecting("joint_trajectory"):
+            with self._lock:
+                self._require_active("trajectory")
+            message = read_trajectory(data, most_points)
+            references = self._controller.references
+            now = self._clock()
+            start = seconds(message)
+            planned = references.plan(message.names, message.points, start=start, now=now)
+            if planned is None:
+                with self._lock:
+                    self._require_active("trajectory")
+                    known = self._controller.rig.joint_names
+                    references.stop([n for n in message.names if n in known], self._clock())
+                return
+            with self._lock:
+                now = self._clock()
+                at_join = references.references_at_join(planned, now)
+            splines, note = references.join(planned, at_join, now)
+            with self._lock:
+                self._require_active("trajectory")
+                references.take(splines)
+            if note:
+                self.slowed += 1
+                self.last_note = (note, self._clock())
+                self._log(f"joint_trajectory: {note}")
+
+    def stream(
+        self, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]
+    ) -> None:
+        """Take a streamed command [rad], [rad/s]; velocities that are all NaN count as missing."""
+        if all(math.isnan(velocity) for velocity in velocities):
+            velocities = []
+        with self.rejecting("commands"), self._lock:
+            now = self._clock()
+            try:
+                self._require_active("streamed command")
+            except CommandError:
+                self._controller.references.refused_stream(names, now)
+                raise
+            self._controller.references.stream(names, positions, velocities, now=now)
+
+    def stiffness(self, values: Sequence[float]) -> None:
+        """Take a stiffness for each joint [N m/rad]."""
+        with self.rejecting("stiffness_commands"), self._lock:
+            self._require_active("stiffness command")
+            self._controller.set_stiffness(values)
+
+    def _require_active(self, what: str) -> None:
+        reason = self._reason_against()
+        if reason:
+            raise CommandError(f"{what} rejected: {reason}")
+
+    def rejecting(self, topic: str) -> Rejecting:
+        """A block in which a PamError means that a message of this topic is rejected."""
+        return Rejecting(lambda error: self._reject(topic, error))
+
+    def _reject(self, topic: str, error: PamError) -> None:
+        self.rejected += 1
+        text = f"{topic}: {error}"
+        now = self._clock()
+        if text != self.last_rejection[0] or now - self.last_rejection[1] > REPEATED_AFTER:
+            self._log(text)
+        self.last_rejection = (text, now)
+
+
+class Rejecting:
+    """A block whose PamError is reported instead of raised."""
+
+    def __init__(self, report: Callable[[PamError], None]) -> None:
+        self._report = report
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> bool:
+        if isinstance(error, PamError):
+            self._report(error)
+            return True
+        return False

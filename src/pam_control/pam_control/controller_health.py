@@ -1,0 +1,159 @@
+"""The controller's diagnostics: loop, commands, and one status for each joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pam_control.command_intake import CommandIntake
+from pam_control.controller import Controller
+from pam_ros import diagnostics as health
+from pam_ros.periodic import PeriodicLoop
+
+REJECTION_SHOWN = 5.0  # s
+
+
+@dataclass(slots=True)
+class JointCounts:
+    """Counts of one joint since the last diagnostics."""
+
+    cycles: int = 0
+    clipped: int = 0
+    limited: int = 0
+    squares: float = 0.0
+    largest: float = 0.0
+
+
+class ControllerHealth:
+    """Counts what happens in the cycles, and shows it.
+
+    Parameters
+    ----------
+    name : str
+        Of the node.
+    controller : Controller
+        The controller.
+    intake : CommandIntake
+        Its commands.
+    """
+
+    def __init__(self, name: str, controller: Controller, intake: CommandIntake) -> None:
+        self._name = name
+        self._controller = controller
+        self._intake = intake
+        self._counts = [JointCounts() for _ in controller.channels]
+        self._oldest = [0.0, 0.0]
+
+    def count(self, ages: Sequence[float]) -> None:
+        """Count a control cycle; ages [s] of the joint states and of the pressure states in it."""
+        self._oldest = [max(pair) for pair in zip(self._oldest, ages, strict=True)]
+        references = self._controller.references
+        for counts, channel in zip(self._counts, self._controller.channels, strict=True):
+            off = channel.telemetry.error
+            counts.cycles += 1
+            counts.clipped += bool(channel.telemetry.clipped)
+            counts.limited += references.limited(channel.joint.name)
+            counts.squares += off * off
+            counts.largest = max(counts.largest, abs(off))
+
+    def statuses(
+        self, now: float, reason: str, law: str, loop: PeriodicLoop, ages: Sequence[float]
+    ) -> list[Any]:
+        """All statuses since the last call.
+
+        Parameters
+        ----------
+        now : float
+            Present time [s].
+        reason : str
+            Why no commands are sent; empty if they are.
+        law : str
+            The control law.
+        loop : PeriodicLoop
+            The control loop.
+        ages : sequence of float
+            Present ages of joint states and pressure states [s].
+        """
+        statuses = [self._loop(reason, law, loop, ages), self._commands(now)]
+        statuses += [self._joint(index) for index in range(len(self._counts))]
+        self._oldest = [0.0, 0.0]
+        return statuses
+
+    def _loop(self, reason: str, law: str, loop: PeriodicLoop, ages: Sequence[float]) -> Any:
+        controller = self._controller
+        values = health.loop_values(loop.statistics)
+        for topic, age, oldest in zip(
+            ("joint_states", "pressure_states"), ages, self._oldest, strict=True
+        ):
+            values[f"{topic} age [ms]"] = 1e3 * age
+            values[f"{topic} largest age in a cycle [ms]"] = 1e3 * oldest
+        values["law"] = law
+        values["feedforward"] = controller.settings.feedforward
+        values["pressure loop gain [1/s]"] = controller.settings.pressure_gain
+        level = health.STALE if reason else health.OK
+        text = f"sends no commands: {reason}" if reason else "controlling"
+        return health.diagnostic_status(f"{self._name}: loop", level, text, values)
+
+    def _commands(self, now: float) -> Any:
+        intake = self._intake
+        shown = [
+            text
+            for text, when in (intake.last_rejection, intake.last_note)
+            if now - when < REJECTION_SHOWN
+        ]
+        return health.diagnostic_status(
+            f"{self._name}: commands",
+            health.WARN if shown else health.OK,
+            "; ".join(shown) or "no message rejected lately",
+            {
+                "rejected messages": intake.rejected,
+                "last rejection": intake.last_rejection[0],
+                "trajectories slowed down": intake.slowed,
+                "last trajectory slowed down": intake.last_note[0],
+            },
+        )
+
+    def _joint(self, index: int) -> Any:
+        controller = self._controller
+        channel, counts = controller.channels[index], self._counts[index]
+        self._counts[index] = JointCounts()
+        worst, telemetry = channel.margins[0], channel.telemetry
+        gains = controller.settings.gains[channel.joint.name]
+        cycles = max(counts.cycles, 1)
+        low, high = controller.stiffness_range(index)
+        values = {
+            "following": controller.references.following(channel.joint.name),
+            "rms error [rad]": math.sqrt(counts.squares / cycles),
+            "largest error [rad]": counts.largest,
+            "clipped share [-]": counts.clipped / cycles,
+            "clipped last": ", ".join(telemetry.clipped) or "nothing",
+            "reference limited share [-]": counts.limited / cycles,
+            "stiffness asked [N m/rad]": controller.stiffness_commands[index],
+            "stiffness now [N m/rad]": telemetry.stiffness_reached,
+            "least stiffness [N m/rad]": low,
+            "greatest stiffness [N m/rad]": high,
+            "phase margin [rad]": worst.phase_margin,
+            "gain margin [-]": worst.gain_margin,
+            "modulus margin [-]": worst.modulus_margin,
+            "proportional gain [N m/rad]": gains.proportional,
+            "integral gain [N m/(rad s)]": gains.integral,
+            "derivative gain [N m s/rad]": gains.derivative,
+        }
+        texts = []
+        if counts.clipped > 0.5 * cycles and telemetry.clipped:
+            texts.append(f"cut by {', '.join(telemetry.clipped)}")
+        if counts.limited:
+            joint = channel.joint
+            texts.append(
+                f"reference limited in {counts.limited / cycles:.0%} of the cycles (max_velocity "
+                f"{joint.max_velocity:g} rad/s, max_acceleration {joint.max_acceleration:g} "
+                "rad/s^2)"
+            )
+        return health.diagnostic_status(
+            f"{self._name}: {channel.joint.name}",
+            health.WARN if texts else health.OK,
+            "; ".join(texts) or "in reach",
+            values,
+        )
