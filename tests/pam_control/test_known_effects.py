@@ -189,9 +189,7 @@ def test_unequal_delays_of_the_valves_are_each_looked_ahead_for(rig, nominal, cl
     )
     nominal.deactivate()
     before = run(closed_loop, nominal, chirp, hidden).rms(SETTLE)
-    after = run(
-        closed_loop, PositionStiffnessController(knowing, TIGHT), chirp, hidden
-    ).rms(SETTLE)
+    after = run(closed_loop, PositionStiffnessController(knowing, TIGHT), chirp, hidden).rms(SETTLE)
     assert after < 0.5 * before
 
 
