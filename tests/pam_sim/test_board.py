@@ -137,6 +137,16 @@ def test_bad_frames_are_counted_and_change_nothing():
     assert bench.board.valve_commands == before
 
 
+def test_a_command_that_is_not_available_is_rejected():
+    bench = Bench()
+    bench.arm()
+    before = bench.board.valve_commands
+    raw = {"Valve0": -32768, "Enable0": 1, "Enable1": 1, "Counter": 99}
+    bench.board.on_frame(*bench.codec.raw_frame(3, ValveCommand, raw), bench.now)
+    assert bench.board.rejected_frames == 1
+    assert bench.board.valve_commands == before
+
+
 def test_a_storm_of_bad_checksums_is_a_fault():
     bench = Bench()
     bench.arm()

@@ -7,7 +7,8 @@ bytes before the checksum; a frame of zeros never passes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -174,6 +175,30 @@ class BoardCodec:
             payload = payload[:-1] + bytes((crc8(frame_id, payload[:-1]),))
         return frame_id, payload
 
+    def raw_frame(
+        self, board: int, message: type[BoardMessage], raw: Mapping[str, int]
+    ) -> tuple[int, bytes]:
+        """A frame with raw values, which may be invalid, and a right checksum: to test boards.
+
+        Parameters
+        ----------
+        board : int
+            Number of the board.
+        message : type
+            The message.
+        raw : mapping of str to int
+            Raw value by signal; others are 0.
+        """
+        frame_id = self.frame_id(message, board)
+        layout = self._layouts[message.__name__]
+        word = 0
+        for field in layout.fields:
+            word |= (raw.get(field.name, 0) & field.mask) << field.shift
+        payload = word.to_bytes(layout.length, "little")
+        if frame_id in self._with_crc:
+            payload = payload[:-1] + bytes((crc8(frame_id, payload[:-1]),))
+        return frame_id, payload
+
     def decode(self, frame_id: int, data: bytes | bytearray) -> tuple[int, BoardMessage]:
         """Board number and message of a received frame.
 
@@ -203,8 +228,11 @@ def _decode_board_command(layout: Layout, word: int, frame_id: int) -> BoardComm
 
 def _decode_valve_command(layout: Layout, word: int, frame_id: int) -> ValveCommand:
     valve0, valve1, enable0, enable1, counter, _ = layout.fields
+    valves = (valve0.value(word, frame_id), valve1.value(word, frame_id))
+    if math.isnan(valves[0] + valves[1]):
+        raise FrameRangeError(frame_id, "a valve command is not available")
     return ValveCommand(
-        (valve0.value(word, frame_id), valve1.value(word, frame_id)),
+        valves,
         (enable0.raw(word, frame_id) != 0, enable1.raw(word, frame_id) != 0),
         counter.raw(word, frame_id),
     )
