@@ -180,7 +180,7 @@ def test_a_refused_configuration_says_why_after_autostart_has_ended(
     def gone(*arguments: object, **options: object) -> CanPort:
         raise BusError("CAN bus socketcan can0: no such interface")
 
-    monkeypatch.setattr(driver_node, "open_bus", gone)
+    monkeypatch.setattr(driver_node, "open_buses", gone)
     capfd.readouterr()
     assert node.trigger_configure() != TransitionCallbackReturn.SUCCESS
     assert "can0: no such interface" in capfd.readouterr().err

@@ -15,6 +15,7 @@ from typing import Self
 
 from pam_check.processes import NodeProcess, Setting
 from pam_check.programs import MODULES
+from pam_model.rig import load_rig
 
 ON_THE_BUS = ("rig", "driver")
 MULTICAST_GROUP = "239.74.163.2"
@@ -46,6 +47,23 @@ class BusChoice:
         }
         if self.interface == "udp_multicast":
             settings["bus.port"] = self.port
+        return settings
+
+    def parameters_for(self, buses: Sequence[str]) -> dict[str, Setting]:
+        """Bus parameters for the nodes of a rig whose file describes these buses.
+
+        Each bus gets a channel of its own: this one, and those with the numbers after it.
+        """
+        if not buses:
+            return self.parameters
+        settings: dict[str, Setting] = {}
+        stem = self.channel.rstrip("0123456789")
+        first = int(self.channel[len(stem) :] or 0)
+        for place, name in enumerate(buses):
+            settings[f"buses.{name}.interface"] = self.interface
+            settings[f"buses.{name}.channel"] = f"{stem}{first + place}"
+            if self.interface == "udp_multicast":
+                settings[f"buses.{name}.port"] = self.port
         return settings
 
     def __str__(self) -> str:
@@ -108,7 +126,7 @@ class Chain:
     params_files : sequence of Path
         The rig file first.
     bus : BusChoice
-        Bus between rig and driver.
+        Bus between rig and driver; the first one if the rig file describes several.
     environment : mapping
         Environment of the processes.
     processes : dict of str to NodeProcess
@@ -125,7 +143,9 @@ class Chain:
 
     def start(self, name: str, parameters: Mapping[str, Setting] | None = None) -> NodeProcess:
         """Start one node of MODULES."""
-        settings = dict(self.bus.parameters) if name in ON_THE_BUS else {}
+        settings: dict[str, Setting] = {}
+        if name in ON_THE_BUS:
+            settings.update(self.bus.parameters_for(tuple(load_rig(self.params_files[0]).buses)))
         settings.update(parameters or {})
         process = NodeProcess(MODULES[name], settings, self.params_files, self.environment)
         self.processes[name] = process

@@ -67,7 +67,8 @@ class BoardSet:
     valves : tuple of Board
         The board of each muscle, in the rig's order.
     frame_errors : Counter
-        Frames that were not valid messages, by kind; `last_frame_error` has the last of each.
+        Frames that were not valid messages, by kind; `last_frame_error` has the last of each, and
+        `errors_by_bus` has both for each bus.
     foreign_at : float
         When a command of another driver was last received, monotonic [s].
     sent_at : dict of address to float
@@ -91,6 +92,9 @@ class BoardSet:
         self.valves = tuple(self.boards[board] for board, _ in wiring.muscles)
         self.frame_errors: Counter[str] = Counter()
         self.last_frame_error: dict[str, str] = {}
+        self.errors_by_bus: dict[str, tuple[Counter[str], dict[str, str]]] = {
+            name: (Counter(), {}) for name in ports
+        }
         self.foreign_at = NEVER
         self.sent_at: dict[Address, float] = dict.fromkeys(self.boards, NEVER)
         self._latch_sent_at: dict[Address, float] = dict.fromkeys(self.boards, NEVER)
@@ -130,12 +134,12 @@ class BoardSet:
                 try:
                     hear, angles = routes[frame_id]
                 except KeyError:
-                    self._count(self._stranger(frame_id, data))
+                    self._count(name, self._stranger(frame_id, data))
                     continue
                 try:
                     hear(data, time, stamp)
                 except FrameError as error:
-                    self._count(error)
+                    self._count(name, error)
                     if isinstance(error, ForeignCommandError):
                         self.foreign_at = time
                     continue
@@ -209,6 +213,8 @@ class BoardSet:
                 return error
         return UnknownFrameError(frame_id, "no board has this identifier")
 
-    def _count(self, error: FrameError) -> None:
-        self.frame_errors[error.kind] += 1
-        self.last_frame_error[error.kind] = str(error)
+    def _count(self, bus: str, error: FrameError) -> None:
+        counts, last = self.errors_by_bus[bus]
+        for counter in (self.frame_errors, counts):
+            counter[error.kind] += 1
+        self.last_frame_error[error.kind] = last[error.kind] = str(error)

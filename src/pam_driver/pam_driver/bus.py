@@ -22,7 +22,7 @@ from typing import Any, Final, NamedTuple
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
-from pam_driver.identifiers import EXTENDED
+from pam_driver.identifiers import EXTENDED, FD, number_of
 from pam_model.errors import PamError
 
 DEFAULT_BITRATE: Final = 1_000_000
@@ -30,6 +30,7 @@ DEFAULT_BITRATE: Final = 1_000_000
 MAX_FRAMES_PER_CALL: Final = 256
 _REOPEN_PERIOD: Final = 1.0
 _ARPHRD_CAN: Final = 280
+_CAN_FD_MTU: Final = 72
 _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF})
 _FULL: Final = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.ENOMEM})
 _NET: Final = Path("/sys/class/net")
@@ -68,9 +69,10 @@ class SendOutcome(IntEnum):
 
 
 class ReceivedFrame(NamedTuple):
-    """A classic data frame; `stamp` is wall-clock time [s].
+    """A data frame; `stamp` is wall-clock time [s].
 
-    The identifier has 11 bits, or 29 bits and the flag `EXTENDED`.
+    The identifier has 11 bits, or 29 bits and the flag `EXTENDED`; that of a CAN FD frame has the
+    flag `FD`.
     """
 
     frame_id: int
@@ -92,7 +94,12 @@ class CanPort:
     """
 
     def __init__(
-        self, options: dict[str, Any], bus: can.BusABC, extended: Collection[int] = ()
+        self,
+        options: dict[str, Any],
+        bus: can.BusABC,
+        extended: Collection[int] = (),
+        *,
+        fd: bool = False,
     ) -> None:
         self.counts: Counter[str] = Counter()
         self.last_offender: dict[str, str] = {}
@@ -100,6 +107,7 @@ class CanPort:
         self._options = options
         self._bus: can.BusABC | None = bus
         self._extended = frozenset(extended)
+        self._fd = fd
         # a multicast socket also receives the frames that it sends
         self._hears_itself = isinstance(bus, UdpMulticastBus)
         self._sent_ids: set[int] = set()
@@ -149,14 +157,12 @@ class CanPort:
                 self._error_frame(message)
                 continue
             data = bytes(message.data)
-            frame_id = message.arbitration_id
-            if message.is_extended_id:
-                frame_id |= EXTENDED
+            frame_id = _flagged(message)
             if frame_id in self._sent_ids and self._is_echo((frame_id, data)):
                 continue
             self.bits += 47 + 8 * len(data)
             foreign = message.is_extended_id and frame_id not in self._extended
-            if foreign or message.is_remote_frame or message.is_fd:
+            if foreign or message.is_remote_frame or (message.is_fd and not self._fd):
                 kind = "extended_id" if foreign else "remote_or_fd"
                 self._count(kind, f"0x{message.arbitration_id:X}")
                 continue
@@ -173,11 +179,13 @@ class CanPort:
         if bus is None or self._gone:
             self.counts["send_bus_down"] += 1
             return SendOutcome.BUS_DOWN
-        extended = frame_id >= EXTENDED
+        is_fd = frame_id & FD != 0
         message = can.Message(
-            arbitration_id=frame_id & ~EXTENDED if extended else frame_id,
+            arbitration_id=number_of(frame_id),
             data=data,
-            is_extended_id=extended,
+            is_extended_id=frame_id >= EXTENDED,
+            is_fd=is_fd,
+            bitrate_switch=is_fd,
         )
         try:
             bus.send(message, timeout=0.0)
@@ -263,6 +271,12 @@ class CanPort:
             self.counts["bus_off"] += 1
 
 
+def _flagged(message: can.Message) -> int:
+    """The identifier of a message with the flags of `identifiers`."""
+    extended = EXTENDED if message.is_extended_id else 0
+    return message.arbitration_id | extended | (FD if message.is_fd else 0)
+
+
 def open_bus(
     interface: str,
     channel: str,
@@ -270,6 +284,7 @@ def open_bus(
     bitrate: int = DEFAULT_BITRATE,
     accept: Sequence[int] = (),
     extended: Collection[int] = (),
+    fd: bool = False,
     **options: Any,
 ) -> CanPort:
     """Open a CAN bus with python-can.
@@ -286,6 +301,8 @@ def open_bus(
         Identifiers to receive where the kernel can filter (SocketCAN); all if empty.
     extended : collection of int
         Identifiers of 29 bits, with `EXTENDED`, that `receive_all` returns; others are counted.
+    fd : bool, optional
+        Send and receive CAN FD frames; else a received one is counted.
     **options
         Further options of that interface, as python-can names them.
 
@@ -295,6 +312,8 @@ def open_bus(
         If there is no such bus, or it is not up.
     """
     arguments: dict[str, Any] = {**options, "interface": interface, "channel": channel}
+    if fd and interface != "virtual":
+        arguments["fd"] = True
     if interface == "udp_multicast":
         arguments["hop_limit"] = 0  # never leaves this machine
     elif interface == "socketcan":
@@ -302,7 +321,7 @@ def open_bus(
             # other interfaces filter in software, and `recv(0)` then stops at a foreign frame
             arguments["can_filters"] = [
                 {
-                    "can_id": frame_id & ~EXTENDED,
+                    "can_id": number_of(frame_id),
                     "can_mask": 0x1FFF_FFFF if frame_id & EXTENDED else 0x7FF,
                     "extended": bool(frame_id & EXTENDED),
                 }
@@ -310,7 +329,7 @@ def open_bus(
             ]
     else:
         arguments["bitrate"] = bitrate
-    return CanPort(arguments, _open(arguments), extended)
+    return CanPort(arguments, _open(arguments), extended, fd=fd)
 
 
 def _bus_name(arguments: dict[str, Any]) -> str:
@@ -320,7 +339,7 @@ def _bus_name(arguments: dict[str, Any]) -> str:
 def _open(arguments: dict[str, Any]) -> can.BusABC:
     name = _bus_name(arguments)
     if arguments["interface"] == "socketcan":
-        _check_socketcan(str(arguments["channel"]))
+        _check_socketcan(str(arguments["channel"]), fd=bool(arguments.get("fd")))
     try:
         bus = can.Bus(**arguments)
     except Exception as error:  # each backend has exceptions of its own
@@ -358,7 +377,7 @@ def hear_own_group_only(bus: can.BusABC) -> None:
                 same_socket.recv(1)
 
 
-def _check_socketcan(channel: str) -> None:
+def _check_socketcan(channel: str, *, fd: bool) -> None:
     """Refuse a channel that cannot be opened, with a clearer message than the kernel's number."""
     folder = _NET / channel
     up = f"sudo ip link set {channel} up type can bitrate {DEFAULT_BITRATE}"
@@ -373,6 +392,11 @@ def _check_socketcan(channel: str) -> None:
         raise BusError(f"CAN bus socketcan {channel}: is no CAN interface; set bus.channel")
     if not int((folder / "flags").read_text(), 16) & 1:
         raise BusError(f"CAN bus socketcan {channel}: interface is down; try: {up}")
+    if fd and int((folder / "mtu").read_text()) < _CAN_FD_MTU:
+        raise BusError(
+            f"CAN bus socketcan {channel}: carries no CAN FD frames; set it down, and try: {up} "
+            f"dbitrate 2000000 fd on"
+        )
 
 
 def _errno(error: BaseException) -> int | None:

@@ -147,6 +147,11 @@ class Driver:
         """The last error of each kind."""
         return self._boards.last_frame_error
 
+    @property
+    def errors_by_bus(self) -> Mapping[str, tuple[Counter[str], dict[str, str]]]:
+        """The same two for each bus, by its name."""
+        return self._boards.errors_by_bus
+
     def set_commands(self, command: NamedCommand, now: float) -> None:
         """Use a valve command from the next cycle on.
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
 from pam_driver.boards.protocol import Board, Promises
-from pam_driver.bus import BusState, CanPort
+from pam_driver.boards.weaker_promises import weaker_promises
+from pam_driver.bus import CanPort
+from pam_driver.bus_diagnostics import BusDiagnostics
 from pam_driver.driver import Driver
 from pam_driver.safety.states import SafetyState
 from pam_ros.diagnostics import ERROR, OK, WARN, diagnostic_status, loop_values
 from pam_ros.periodic import LoopStatistics
-
-# Frames of other devices on a shared bus are legitimate: they are counted, without a warning.
-_HARMLESS = frozenset({"unknown_id", "unknown_board", "extended_id", "remote_or_fd"})
 
 
 class DriverDiagnostics:
@@ -24,9 +22,9 @@ class DriverDiagnostics:
     ----------
     driver : Driver
         The driver whose health is reported.
-    port : CanPort
-        Its bus.
-    bitrate : float
+    ports : CanPort, or mapping of str to CanPort
+        Its bus, or its buses by name.
+    bitrates : float, or mapping of str to float
         Needed to compute the bus load [bit/s].
 
     Attributes
@@ -35,19 +33,24 @@ class DriverDiagnostics:
         How many nodes publish valve commands; the driver cannot distinguish several.
     """
 
-    def __init__(self, driver: Driver, port: CanPort, bitrate: float) -> None:
+    def __init__(
+        self,
+        driver: Driver,
+        ports: CanPort | Mapping[str, CanPort],
+        bitrates: float | Mapping[str, float],
+    ) -> None:
         self.commanders = 0
         self._driver = driver
-        self._port = port
-        self._bitrate = bitrate
-        self._counted: Counter[str] = Counter()
+        named = ports if isinstance(ports, Mapping) else {"": ports}
+        rates = bitrates if isinstance(bitrates, Mapping) else dict.fromkeys(named, bitrates)
+        self._buses = {
+            name: BusDiagnostics(name, port, rates[name]) for name, port in named.items()
+        }
         self._rejected = 0
         self._late = 0
-        self._bits = 0
-        self._time: float | None = None
 
     def statuses(self, loop: LoopStatistics, now: float) -> list[Any]:
-        """One status each for safety, bus, commands, loop and every board.
+        """One status each for safety, every bus, commands, loop and every board.
 
         Parameters
         ----------
@@ -57,7 +60,9 @@ class DriverDiagnostics:
             Monotonic time [s].
         """
         boards = [self._board(board) for board in self._driver.boards.values()]
-        return [self._safety(), self._bus(now), self._commands(), self._loop(loop), *boards]
+        errors = self._driver.errors_by_bus
+        buses = [bus.status(*errors[name], now) for name, bus in self._buses.items()]
+        return [self._safety(), *buses, self._commands(), self._loop(loop), *boards]
 
     def _safety(self) -> Any:
         driver = self._driver
@@ -76,36 +81,6 @@ class DriverDiagnostics:
         values |= {f"now {place}": str(found) for place, found in enumerate(driver.conditions)}
         values |= {f"suspected {place}": str(one) for place, one in enumerate(driver.suspicions)}
         return diagnostic_status("pam_driver: safety", level, text or driver.state.value, values)
-
-    def _bus(self, now: float) -> Any:
-        port, driver = self._port, self._driver
-        elapsed = now - self._time if self._time is not None else 0.0
-        load = (port.bits - self._bits) / elapsed / self._bitrate if elapsed > 0.0 else 0.0
-        self._time, self._bits = now, port.bits
-        counts = port.counts + driver.frame_errors
-        last: Mapping[str, str] = port.last_offender | driver.last_frame_error
-        new = {
-            kind: count - self._counted[kind]
-            for kind, count in counts.items()
-            if count > self._counted[kind] and kind not in _HARMLESS
-        }
-        self._counted = counts
-        level = OK
-        text = port.state.name.lower().replace("_", "-")
-        if port.state in {BusState.BUS_OFF, BusState.DOWN}:
-            level = ERROR
-        elif new or port.state is not BusState.ERROR_ACTIVE:
-            level = WARN
-            text += "".join(
-                f"; {count} {kind}: {last.get(kind, '')}".rstrip(": ")
-                for kind, count in new.items()
-            )
-        values: dict[str, object] = {"bus load [%]": 100.0 * load}
-        for kind in sorted(counts):
-            values[kind] = counts[kind]
-            if kind in last:
-                values[f"{kind}, last"] = last[kind]
-        return diagnostic_status("pam_driver: bus", level, text, values, port.name)
 
     def _commands(self) -> Any:
         intake = self._driver.intake
@@ -145,4 +120,7 @@ class DriverDiagnostics:
 def _promised(promises: Promises) -> dict[str, object]:
     """The diagnostic values that show what a board does for safety by itself."""
     seconds = promises.watchdog
-    return {"vents by itself without commands after [s]": "never" if seconds is None else seconds}
+    return {
+        "vents by itself without commands after [s]": "never" if seconds is None else seconds,
+        **{f"weaker {i}": line for i, line in enumerate(weaker_promises(promises))},
+    }

@@ -25,8 +25,10 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import CanPort, open_bus
+from pam_driver.bus import CanPort
+from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver import Driver, Snapshot
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
@@ -70,7 +72,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         bus_options(str(self._values["bus.options"]))
         if self._values["activate_on_start"] and not self._values["autostart"]:
             raise ParameterError("activate_on_start: true needs autostart: true")
-        self._port: CanPort | None = None
+        self._ports: dict[str, CanPort] = {}
         self._driver: Driver | None = None
         self._loop: PeriodicLoop | None = None
         self._diagnostics: DriverDiagnostics | None = None
@@ -118,23 +120,26 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Open the bus and begin to measure; every valve vents."""
         try:
             wiring = RigWiring(self._rig, {"dbc": str(self._values["bus.dbc"])})
-            port = self._open_bus(wiring)
+            ports = self._open_buses(wiring)
         except PamError as error:
             return self._fail(str(error))
-        self._port = port
+        self._ports = ports
         try:
             plausibility = None
             if self._values["plausibility"]:
                 period = 1.0 / self._values.number("rate")
                 plausibility = PressurePlausibility(self._rig, period)
             settings = settings_of(self._values)
-            self._driver = Driver(self._rig, port, settings, plausibility, wiring)
+            self._driver = Driver(self._rig, ports, settings, plausibility, wiring)
         except PamError as error:
             self._close()
             return self._fail(str(error))
-        self._diagnostics = DriverDiagnostics(
-            self._driver, port, self._values.number("bus.bitrate")
-        )
+        bitrate = self._values.number("bus.bitrate")
+        bitrates = {
+            name: float(self._rig.buses[name].bitrate) if name in self._rig.buses else bitrate
+            for name in ports
+        }
+        self._diagnostics = DriverDiagnostics(self._driver, ports, bitrates)
         self._loop = PeriodicLoop(
             partial(self._cycle, self._driver),
             1.0 / self._values.number("rate"),
@@ -142,7 +147,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             priority=int(self._values.number("realtime_priority")),
         )
         self._loop.start()
-        self.get_logger().info(f"measuring on {port.name}, valves vented")
+        names = ", ".join(port.name for port in ports.values())
+        self.get_logger().info(f"measuring on {names}, valves vented")
+        for board in self._driver.boards.values():
+            for line in weaker_promises(board.promises):
+                self.get_logger().warning(f"{board.name}: {line}")
         self._vent_reason = "configured, not activated yet"
         self._publish_state()
         return _SUCCESS
@@ -201,22 +210,15 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._loop is not None:
             self._loop.check()
 
-    def _open_bus(self, wiring: RigWiring) -> CanPort:
+    def _open_buses(self, wiring: RigWiring) -> dict[str, CanPort]:
         values = self._values
         interface = str(values["bus.interface"])
         options = bus_options(str(values["bus.options"]))
         if interface == "udp_multicast":
             options["port"] = values["bus.port"]
-        boards = wiring.make_boards().values()
-        answers = [frame_id for board in boards for frame_id in board.identifiers.answers]
-        return open_bus(
-            interface,
-            str(values["bus.channel"]),
-            bitrate=int(values.number("bus.bitrate")),
-            accept=answers if values["bus.filter"] else (),
-            extended=wiring.extended_identifiers(),
-            **options,
-        )
+        bitrate = int(values.number("bus.bitrate"))
+        only = OnlyBus(interface, str(values["bus.channel"]), bitrate, options)
+        return open_buses(self._rig, wiring, only, filtered=bool(values["bus.filter"]))
 
     def _fail(self, reason: str) -> TransitionCallbackReturn:
         self.failure = reason
@@ -228,7 +230,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Stop the thread, send the vent several times, close the bus; safe to call twice."""
         loop, self._loop = self._loop, None
         driver, self._driver = self._driver, None
-        port, self._port = self._port, None
+        ports, self._ports = self._ports, {}
         self._diagnostics = self._snapshot = None
         self._active = False
         if driver is not None:
@@ -244,7 +246,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
                     driver.vent(time.monotonic())
                     time.sleep(0.002)
                 driver.close(time.monotonic())
-            if port is not None:
+            for port in ports.values():
                 port.close()
             self._vent_reason = ""
             if rclpy.ok():

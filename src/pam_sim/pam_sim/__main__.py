@@ -33,8 +33,8 @@ def _declare_rig(parser: Parser) -> None:
         metavar="[NAME.]EFFECT.PARAMETER=VALUE",
         help="an effect in the plant, such as coulomb_friction.torque=0.5; may be repeated",
     )
-    add("--interface", default="socketcan", help="python-can's interface (default: %(default)s)")
-    add("--channel", default="can0", help="python-can's channel (default: %(default)s)")
+    add("--interface", help="python-can's interface (default: socketcan)")
+    add("--channel", help="python-can's channel (default: can0)")
     add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
     add("--dbc", type=input_file, metavar="FILE", help="CAN database (default: the driver's own)")
     add(

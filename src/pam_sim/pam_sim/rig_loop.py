@@ -6,7 +6,7 @@ import gc
 import random
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from pam_driver.bus import CanPort
@@ -24,8 +24,8 @@ class RigLoop:
     ----------
     rig : SimulatedRig
         The rig; only this loop may use it from now on.
-    port : CanPort
-        An open bus; closed by `stop`.
+    ports : CanPort, or mapping of str to CanPort
+        An open bus, or those of the rig by name; closed by `stop`.
     rate : float
         Turns per second [Hz].
     truth_rate : float, optional
@@ -46,7 +46,7 @@ class RigLoop:
     def __init__(
         self,
         rig: SimulatedRig,
-        port: CanPort,
+        ports: CanPort | Mapping[str, CanPort],
         rate: float,
         truth_rate: float = 0.0,
         realtime_priority: int = 0,
@@ -54,7 +54,8 @@ class RigLoop:
         self.sim = self._rig = rig
         self.frames = FrameFaults()
         self.now = time.monotonic()
-        self._port = FaultyPort(port, self.frames)
+        named = ports if isinstance(ports, Mapping) else {"": ports}
+        self._ports = {name: FaultyPort(port, self.frames, name) for name, port in named.items()}
         self._later: list[tuple[float, Callable[[], None]]] = []
         self._asked: deque[Callable[[], None]] = deque()
         self._draw = random.Random(0)
@@ -119,7 +120,8 @@ class RigLoop:
         try:
             self._loop.stop()
         finally:
-            self._port.close()
+            for port in self._ports.values():
+                port.close()
 
     def check(self) -> None:
         """Raise the exception that ended the thread, if there was one."""
@@ -134,7 +136,11 @@ class RigLoop:
             "skipped turns": statistics.skipped,
             "worst lateness [s]": statistics.worst_lateness,
             "time lost [s]": self._rig.lost_time,
-            **{f"bus {name}": count for name, count in sorted(self._port.counts.items())},
+            **{
+                f"bus {bus} {name}".replace("  ", " "): count
+                for bus, port in self._ports.items()
+                for name, count in sorted(port.counts.items())
+            },
         }
 
     def _turn(self, now: float) -> None:
@@ -149,11 +155,12 @@ class RigLoop:
         # bounds the age when the wall clock steps, as in the driver
         longest, self._drained_at = now - self._drained_at, now
         wall_now = time.time()
-        for frame in self._port.receive_all(now):
-            age = min(max(wall_now - frame.stamp, 0.0), longest)
-            self._rig.on_frame(frame.frame_id, frame.data, now, age)
-        for frame_id, data in self._rig.advance(now):
-            self._port.send(frame_id, data, now)
+        for bus, port in self._ports.items():
+            for frame in port.receive_all(now):
+                age = min(max(wall_now - frame.stamp, 0.0), longest)
+                self._rig.on_frame(frame.frame_id, frame.data, now, age, bus)
+        for bus, (frame_id, data) in self._rig.advance_buses(now):
+            self._ports[bus].send(frame_id, data, now)
         self._turns += 1
         if self._truth_every and self._turns % self._truth_every == 0:
             self.truth, self.truth_time = self._rig.ground_truth(), time.time()

@@ -19,7 +19,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from pam_driver.bus import open_bus
+from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver_parameters import bus_options
 from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
@@ -118,12 +118,12 @@ class RigNode(Node):  # type: ignore[misc]
         interface = str(values["bus.interface"])
         if interface == "udp_multicast":
             options["port"] = values["bus.port"]
-        extended = simulated.extended_identifiers
-        port = open_bus(interface, str(values["bus.channel"]), extended=extended, **options)
+        only = OnlyBus(interface, str(values["bus.channel"]), None, options)
+        ports = open_buses(self._rig, simulated.wiring, only)
         truth_rate = values.number("ground_truth_rate")
         self._loop = RigLoop(
             simulated,
-            port,
+            ports,
             values.number("rate"),
             truth_rate,
             int(values.number("realtime_priority")),
@@ -142,7 +142,8 @@ class RigNode(Node):  # type: ignore[misc]
         self.create_timer(1.0 / truth_rate, self._publish)
         self.create_timer(1.0, self._report)
         self._loop.start()
-        self.get_logger().info(f"simulating {', '.join(self._rig.joint_names)} on {port.name}")
+        names = ", ".join(port.name for port in ports.values())
+        self.get_logger().info(f"simulating {', '.join(self._rig.joint_names)} on {names}")
 
     def destroy_node(self) -> None:
         """End the simulation, then the node."""

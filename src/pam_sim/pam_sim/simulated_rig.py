@@ -87,8 +87,8 @@ class SimulatedRig:
         The present faults; none at first.
     wired : mapping of address to WiredBoard
         The muscles and joints of each board.
-    extended_identifiers : tuple of int
-        Identifiers of 29 bits that the boards use; the bus has to pass them on.
+    wiring : RigWiring
+        The boards with their buses.
 
     Raises
     ------
@@ -119,10 +119,7 @@ class SimulatedRig:
         self.rig = rig
         wiring = RigWiring(rig, options)
         self.wired: Mapping[Address, WiredBoard] = wiring.boards
-        self.extended_identifiers = wiring.extended_identifiers()
-        for wired in self.wired.values():
-            if wired.bus:
-                raise RigError(f"{wired.name} is on {wired.bus}: the simulated rig has one bus")
+        self.wiring = wiring
         self.parameters = apply_effects(rig, truth or rig, effects or {})
         self._plants = [Plant(p, step, _at_rest(p)) for p in self.parameters]
         self._period = 1.0 / rate
@@ -150,8 +147,10 @@ class SimulatedRig:
         """The boards, by the addresses that the rig file uses."""
         return self._boards
 
-    def on_frame(self, frame_id: int, data: bytes, now: float, age: float = 0.0) -> None:
-        """Pass a frame to every board; each board processes the frames addressed to it.
+    def on_frame(
+        self, frame_id: int, data: bytes, now: float, age: float = 0.0, bus: str | None = None
+    ) -> None:
+        """Pass a frame to every board of a bus; a board processes the frames addressed to it.
 
         The plant moves by the previous commands until the frame arrived, to the nearest step.
 
@@ -163,11 +162,13 @@ class SimulatedRig:
             Time [s], not before that of the last call.
         age : float
             How long ago the frame arrived [s].
+        bus : str, optional
+            The bus that brought it; by default all of them.
         """
         whole = self._whole_steps(now)
         self._go_on(min(round((now - age - self._now) / self._period), whole))
         for address, board in self._boards.items():
-            if address not in self.faults.frozen:
+            if address not in self.faults.frozen and bus in {None, self.wired[address].bus}:
                 board.on_frame(frame_id, data, now)
 
     def begin(self, now: float) -> None:
@@ -195,7 +196,11 @@ class SimulatedRig:
             plant.change({"supply_pressure": pressure})
 
     def advance(self, now: float) -> list[Frame]:
-        """Advance plant and boards to `now` [s]; return the frames that the boards send.
+        """As `advance_buses`, with the frames of all buses in one list."""
+        return [frame for _, frame in self.advance_buses(now)]
+
+    def advance_buses(self, now: float) -> list[tuple[str, Frame]]:
+        """Advance plant and boards to `now` [s]; return the frames that the boards send, by bus.
 
         The plant is at the nearest whole step. If the caller is late, the missing steps are
         computed at once. If it is late by more than a second, the rest of the time is dropped and
@@ -204,7 +209,7 @@ class SimulatedRig:
         self._go_on(self._whole_steps(now))
         for address in self.faults.reset_by_watchdog(now):
             self.restart_board(address, now)
-        frames: list[Frame] = []
+        frames: list[tuple[str, Frame]] = []
         for address, board in self._boards.items():
             if address in self.faults.frozen:
                 continue
@@ -213,7 +218,8 @@ class SimulatedRig:
             angles = [sensors.position(self._positions[w.place]) for w in wired.angles]
             if self.faults.sensors or self.faults.swapped:
                 pressures, angles = self.faults.readings(address, pressures, angles, now)
-            frames += board.poll(now, pressures, angles, self._supply(wired))
+            polled = board.poll(now, pressures, angles, self._supply(wired))
+            frames += [(wired.bus, frame) for frame in polled]
         return frames
 
     def ground_truth(self) -> GroundTruth:

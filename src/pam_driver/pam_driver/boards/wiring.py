@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from difflib import get_close_matches
 
+from pam_driver.boards.identifier_clashes import identifier_clashes
 from pam_driver.boards.protocol import (
     Address,
     Board,
     BoardKind,
     Channel,
+    Identifiers,
     JointWire,
     KindOptions,
     MakeKind,
@@ -17,7 +19,7 @@ from pam_driver.boards.protocol import (
     WiredBoard,
 )
 from pam_driver.boards.register import DEFAULT_KIND, board_kinds
-from pam_driver.identifiers import EXTENDED, shown
+from pam_driver.identifiers import EXTENDED
 from pam_model.errors import RigError
 from pam_model.rig import Rig
 
@@ -62,7 +64,8 @@ class RigWiring:
         joints = _joint_places(rig, problems)
         if not rig.muscles:
             problems.append("the rig has no muscle")
-        self.boards = _wired_boards(rig, muscles, joints)
+        self._buses = rig.buses
+        self.boards = _wired_boards(rig, muscles, joints, problems)
         known = board_kinds() if kinds is None else kinds
         self.kinds: dict[str, BoardKind] = {}
         for board in self.boards.values():
@@ -80,15 +83,24 @@ class RigWiring:
         self.muscles = tuple(muscles.values())
         self.joints = tuple(joints.values())
 
-    def extended_identifiers(self) -> tuple[int, ...]:
-        """The identifiers of 29 bits that the boards use; a bus passes on no others."""
-        boards = self.make_boards().values()
-        return tuple(
-            frame_id
-            for board in boards
-            for frame_id in (*board.identifiers.answers, *board.identifiers.commands)
-            if frame_id & EXTENDED
+    @property
+    def buses(self) -> tuple[str, ...]:
+        """The names of the buses that boards are on; "" for the only one."""
+        return tuple(dict.fromkeys(board.bus for board in self.boards.values()))
+
+    def identifiers(self, bus: str) -> Identifiers:
+        """The identifiers of all boards on a bus."""
+        boards = self.make_boards()
+        found = [boards[a].identifiers for a, wired in self.boards.items() if wired.bus == bus]
+        return Identifiers(
+            tuple(frame_id for one in found for frame_id in one.answers),
+            tuple(frame_id for one in found for frame_id in one.commands),
         )
+
+    def extended_identifiers(self, bus: str) -> tuple[int, ...]:
+        """The identifiers of 29 bits on a bus; it passes on no others."""
+        answers, commands = self.identifiers(bus)
+        return tuple(frame_id for frame_id in (*answers, *commands) if frame_id & EXTENDED)
 
     def make_boards(self) -> dict[Address, Board]:
         """New boards for one driver, by address.
@@ -96,21 +108,13 @@ class RigWiring:
         Raises
         ------
         RigError
-            If two boards of one bus would use the same identifier.
+            If an identifier cannot be used, see `identifier_clashes`.
         """
         made = {
             address: self.kinds[kind_name(wired)].make(wired)
             for address, wired in self.boards.items()
         }
-        taken: dict[tuple[str, int], str] = {}
-        problems = []
-        for address, board in made.items():
-            for frame_id in (*board.identifiers.answers, *board.identifiers.commands):
-                other = taken.setdefault((self.boards[address].bus, frame_id), board.name)
-                if other != board.name:
-                    problems.append(
-                        f"{board.name}: {other} uses identifier {shown(frame_id)} as well"
-                    )
+        problems = list(identifier_clashes(made, self.boards, self._buses))
         if problems:
             raise RigError("\n".join(problems))
         return made
@@ -155,7 +159,7 @@ def _joint_places(rig: Rig, problems: list[str]) -> dict[int, Place]:
 
 
 def _wired_boards(
-    rig: Rig, muscles: Mapping[int, Place], joints: Mapping[int, Place]
+    rig: Rig, muscles: Mapping[int, Place], joints: Mapping[int, Place], problems: list[str]
 ) -> dict[Address, WiredBoard]:
     valves: dict[Address, list[MuscleWire]] = {}
     angles: dict[Address, list[JointWire]] = {}
@@ -163,17 +167,26 @@ def _wired_boards(
         valves.setdefault(board, []).append(MuscleWire(channel, index, rig.muscles[index]))
     for index, (board, channel) in joints.items():
         angles.setdefault(board, []).append(JointWire(channel, index, rig.joints[index]))
-    return {
-        address: WiredBoard(
+    boards = {}
+    for address in dict.fromkeys((*valves, *angles)):
+        settings = dict(rig.boards.get(str(address), {}) if isinstance(address, str) else {})
+        if rig.buses and "bus" not in settings:
+            if len(rig.buses) > 1:
+                key = f"boards.{address}.bus" if isinstance(address, str) else f"board {address}"
+                problems.append(
+                    f"{key}: the rig has the buses {', '.join(rig.buses)}, so a section under "
+                    "boards must say which of them it is on"
+                )
+            settings["bus"] = next(iter(rig.buses))
+        boards[address] = WiredBoard(
             address,
-            rig.boards.get(str(address), {}) if isinstance(address, str) else {},
+            settings,
             valves=tuple(valves.get(address, ())),
             pressures=tuple(valves.get(address, ())),
             angles=tuple(angles.get(address, ())),
             ambient_pressure=rig.gas.ambient_pressure,
         )
-        for address in dict.fromkeys((*valves, *angles))
-    }
+    return boards
 
 
 def _kind_problem(rig: Rig, board: WiredBoard, known: Mapping[str, MakeKind]) -> str:

@@ -1,9 +1,10 @@
 """The rig file, one description of a robot: reading, checking and writing; rigs as data."""
 
 from pam_model.rig.file import load_rig, rig_from_parameters, rig_of_node, save_rig
-from pam_model.rig.types import Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve
+from pam_model.rig.types import Bus, Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve
 
 __all__ = [
+    "Bus",
     "Encoder",
     "Gas",
     "Joint",

@@ -11,7 +11,8 @@ from typing import Any
 
 from pam_model.unit_hints import units_that_fit
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+"""A name in a rig file."""
 # YAML 1.1 reads 2e-05, without a point, as text; ROS reads it as a number
 _EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
@@ -36,6 +37,11 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "temperature": Key("K", 200.0, 400.0, 293.15),
         "ambient_pressure": Key("Pa absolute", 3e4, 1.3e5, 101325.0),
         "polytropic_exponent": Key("-", 1.0, 1.4, 1.0),
+    },
+    "bus": {
+        "bitrate": Key("bit/s", 10_000, 1_000_000, 1_000_000),
+        "data_bitrate": Key("bit/s", 10_000, 8_000_000, 2_000_000),
+        "port": Key("-", 1024, 65535, 43113),
     },
     "joint": {
         "pulley_radius": Key("m", 1e-3, 0.5),
@@ -168,7 +174,7 @@ class Section:
         value = self.get(name)
         if value is None:
             return default
-        if isinstance(value, str) and _NAME.fullmatch(value):
+        if isinstance(value, str) and NAME.fullmatch(value):
             return value
         if isinstance(value, bool) or not isinstance(value, int) or value < 0:
             self.add(name, f" = {value!r}: must be a whole number from 0 on, or a name")
@@ -179,7 +185,7 @@ class Section:
         """Every key as a section whose keys are read elsewhere; a problem for every other value."""
         found: dict[str, dict[str, Any]] = {}
         for name, tree in self.tree.items():
-            if not isinstance(name, str) or not _NAME.fullmatch(name):
+            if not isinstance(name, str) or not NAME.fullmatch(name):
                 self.add(str(name), ": is not a name (letters, digits and _, a letter first)")
             elif not isinstance(tree, Mapping) or not isinstance(tree.get("kind"), str):
                 self.add(name, f" = {tree!r}: must be a section with the key kind, a text")
@@ -195,7 +201,7 @@ class Section:
             self.add(name, f"{what}; must be a list of names, as [a, b]")
             return None
         for entry in value:
-            if not isinstance(entry, str) or not _NAME.fullmatch(entry):
+            if not isinstance(entry, str) or not NAME.fullmatch(entry):
                 self.add(name, f": {entry!r} is not a name (letters, digits and _, a letter first)")
                 return None
         return [str(entry) for entry in value]

@@ -11,10 +11,29 @@ from pam_model.effects import EFFECTS, Scope
 from pam_model.errors import PamError, RigError
 from pam_model.muscles.force_model import ForceModel, registered_models, unknown_model
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
+from pam_model.rig.bus_keys import beside_rig_file, check_buses, read_buses
 from pam_model.rig.keys import NUMBERS, TURN, Key, Problems, Section
-from pam_model.rig.types import Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
+from pam_model.rig.types import (
+    Encoder,
+    Gas,
+    Joint,
+    Muscle,
+    Plausibility,
+    Rig,
+    Valve,
+    ValveKind,
+)
 
-_TOP = ("gas", "joints", "bench_muscles", "boards", "effects", "plausibility", *NUMBERS[""])
+_TOP = (
+    "gas",
+    "joints",
+    "bench_muscles",
+    "boards",
+    "buses",
+    "effects",
+    "plausibility",
+    *NUMBERS[""],
+)
 
 
 def _effects(owner: Section, scope: Scope) -> dict[str, dict[str, float]]:
@@ -286,15 +305,6 @@ def _muscles(
     return muscles
 
 
-def _beside(section: dict[str, Any], folders: Sequence[Path]) -> dict[str, Any]:
-    """A board's section with the path `dbc`, if it is relative, found in one of the folders."""
-    name = section.get("dbc")
-    if not isinstance(name, str) or not name or Path(name).is_absolute():
-        return section
-    found = [folder / name for folder in folders if (folder / name).is_file()]
-    return {**section, "dbc": str(found[0].resolve())} if found else section
-
-
 def parse_rig(
     tree: Mapping[str, Any],
     source: str,
@@ -336,7 +346,9 @@ def parse_rig(
     effects = _effects(top, "rig")
     plausibility = _plausibility(top.section("plausibility"))
     sections = top.section("boards").named_sections()
-    boards = {name: _beside(section, folders) for name, section in sections.items()}
+    boards = {name: beside_rig_file(section, folders) for name, section in sections.items()}
+    buses = read_buses(top.section("buses"))
+    check_buses(buses, boards, top.section("boards"))
     top.finish(other_keys)
     if not problems.lines and gas is not None:
         rig = Rig(
@@ -347,6 +359,7 @@ def parse_rig(
             effects=effects,
             plausibility=plausibility,
             boards=boards,
+            buses=buses,
             **numbers,
         )
         _check_reach(rig, problems)

@@ -60,6 +60,38 @@ class Valve:
 
 
 @dataclass(frozen=True, slots=True)
+class Bus:
+    """One CAN bus of a robot that has several; boards refer to it by its name.
+
+    Attributes
+    ----------
+    interface, channel : str
+        As python-can takes them.
+    bitrate : int
+        [bit/s]; of CAN FD that of the arbitration phase.
+    fd : bool
+        Whether CAN FD frames are used.
+    data_bitrate : int
+        Of the data phase of CAN FD frames [bit/s].
+    port : int
+        UDP port, used by the interface udp_multicast only.
+    options : str
+        Further options of the interface: name=value, name=value.
+    canopen : bool
+        Whether CANopen devices share the bus; their identifiers are then refused to boards.
+    """
+
+    interface: str = "socketcan"
+    channel: str = "can0"
+    bitrate: int = 1_000_000
+    fd: bool = False
+    data_bitrate: int = 2_000_000
+    port: int = 43113
+    options: str = ""
+    canopen: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Encoder:
     """The board that measures a joint's angle, and the channel on it; see `Muscle.board`."""
 
@@ -256,6 +288,8 @@ class Rig:
     boards : mapping of str to mapping
         The sections of named boards: `kind`, `bus`, and further keys of this kind of board. Only
         the driver uses them.
+    buses : mapping of str to Bus
+        The buses by name; empty for a robot with one bus, which the parameters of the nodes name.
     """
 
     gas: Gas
@@ -266,6 +300,7 @@ class Rig:
     effects: EffectValues = field(default_factory=dict)
     plausibility: Plausibility = Plausibility()
     boards: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    buses: Mapping[str, Bus] = field(default_factory=dict)
     _models: dict[str, ForceModel] = field(
         init=False, repr=False, compare=False, default_factory=dict
     )
@@ -345,6 +380,8 @@ class Rig:
             tree["effects"] = _effects(self.effects)
         if self.plausibility != Plausibility():
             tree["plausibility"] = _fields(self.plausibility)
+        if self.buses:
+            tree["buses"] = {name: _fields(bus) for name, bus in self.buses.items()}
         if self.boards:
             tree["boards"] = {name: dict(section) for name, section in self.boards.items()}
         for joint in self.joints:

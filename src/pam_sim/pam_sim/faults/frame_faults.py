@@ -67,11 +67,11 @@ class FrameFaults:
         self.faults: list[FrameFault] = []
         self.hit = 0
         self._random = random.Random(seed)
-        self._held: dict[Direction, list[tuple[float, int, Frame]]] = {"up": [], "down": []}
+        self._held: dict[tuple[str, Direction], list[tuple[float, int, Frame]]] = {}
         self._order = 0
 
-    def pass_on(self, frame: Frame, direction: Direction, now: float) -> list[Frame]:
-        """The frames that arrive now instead of a frame."""
+    def pass_on(self, frame: Frame, direction: Direction, now: float, bus: str = "") -> list[Frame]:
+        """The frames that arrive now on a bus instead of a frame."""
         if not self.faults:
             return [frame]
         self.faults = [fault for fault in self.faults if now < fault.until]
@@ -79,17 +79,17 @@ class FrameFaults:
         for fault in self.faults:
             if fault.direction == direction and self._random.random() < fault.share:
                 self.hit += 1
-                frames = [out for one in frames for out in self._spoil(one, fault, now)]
+                frames = [out for one in frames for out in self._spoil(one, fault, now, bus)]
         return frames
 
-    def due(self, direction: Direction, now: float) -> list[Frame]:
-        """The delayed frames that arrive now."""
-        held, frames = self._held[direction], []
+    def due(self, direction: Direction, now: float, bus: str = "") -> list[Frame]:
+        """The delayed frames that arrive now on a bus."""
+        held, frames = self._held.get((bus, direction), []), []
         while held and held[0][0] <= now:
             frames.append(heapq.heappop(held)[2])
         return frames
 
-    def _spoil(self, frame: Frame, fault: FrameFault, now: float) -> list[Frame]:
+    def _spoil(self, frame: Frame, fault: FrameFault, now: float, bus: str) -> list[Frame]:
         identifier, data = frame
         draw = self._random
         if fault.kind == "lost":
@@ -97,7 +97,7 @@ class FrameFaults:
         if fault.kind in {"late", "reordered"}:
             self._order += 1
             entry = (now + fault.delay, self._order, frame)
-            heapq.heappush(self._held[fault.direction], entry)
+            heapq.heappush(self._held.setdefault((bus, fault.direction), []), entry)
             return []
         if fault.kind == "repeated":
             return [frame, frame]
@@ -115,7 +115,8 @@ class FrameFaults:
 class FaultyPort:
     """The rig's connection to a bus with faults; `RigLoop` uses it in place of a CanPort."""
 
-    def __init__(self, port: CanPort, faults: FrameFaults) -> None:
+    def __init__(self, port: CanPort, faults: FrameFaults, bus: str = "") -> None:
+        self._bus = bus
         self._port = port
         self._faults = faults
         self.counts = port.counts
@@ -124,16 +125,18 @@ class FaultyPort:
         """The frames that have arrived, with faults."""
         frames = []
         for frame in self._port.receive_all(now):
-            for identifier, data in self._faults.pass_on(frame[:2], "down", now):
+            for identifier, data in self._faults.pass_on(frame[:2], "down", now, self._bus):
                 frames.append(ReceivedFrame(identifier, data, frame.stamp))
-        frames += [ReceivedFrame(*frame, time.time()) for frame in self._faults.due("down", now)]
+        frames += [
+            ReceivedFrame(*frame, time.time()) for frame in self._faults.due("down", now, self._bus)
+        ]
         return frames
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
         """Send a frame, with faults."""
-        for frame in self._faults.due("up", now):
+        for frame in self._faults.due("up", now, self._bus):
             self._port.send(*frame, now)
-        for frame in self._faults.pass_on((frame_id, data), "up", now):
+        for frame in self._faults.pass_on((frame_id, data), "up", now, self._bus):
             self._port.send(*frame, now)
         return SendOutcome.SENT
 

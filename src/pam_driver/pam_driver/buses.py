@@ -1,0 +1,90 @@
+"""Opens the buses of a rig: those that its file describes, or the one that parameters name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from pam_driver.boards.wiring import RigWiring
+from pam_driver.bus import CanPort, open_bus
+from pam_driver.driver_parameters import bus_options
+from pam_model.errors import PamError
+from pam_model.rig import Bus, Rig
+
+
+class OnlyBus(NamedTuple):
+    """The bus of a rig whose file describes none.
+
+    Attributes
+    ----------
+    interface, channel : str
+        As python-can takes them.
+    bitrate : int or None
+        [bit/s]; None for the default.
+    options : mapping
+        Further options of the interface.
+    """
+
+    interface: str
+    channel: str
+    bitrate: int | None = None
+    options: Mapping[str, Any] = {}
+
+
+def open_buses(
+    rig: Rig, wiring: RigWiring, only: OnlyBus, *, filtered: bool = False
+) -> dict[str, CanPort]:
+    """Open every bus on which a rig has boards.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig; its `buses` may be empty.
+    wiring : RigWiring
+        Its wiring.
+    only : OnlyBus
+        The bus if the rig file describes none.
+    filtered : bool, optional
+        Let the kernel discard frames that no board of the rig sends (SocketCAN).
+
+    Returns
+    -------
+    dict of str to CanPort
+        By the name of the bus; "" for the only one.
+
+    Raises
+    ------
+    PamError
+        If a bus cannot be opened; the others are closed again.
+    """
+    opened: dict[str, CanPort] = {}
+    try:
+        for name in wiring.buses:
+            bus = rig.buses.get(name)
+            opened[name] = _open(wiring, name, only if bus is None else bus, filtered)
+    except PamError:
+        for port in opened.values():
+            port.close()
+        raise
+    return opened
+
+
+def _open(wiring: RigWiring, name: str, bus: OnlyBus | Bus, filtered: bool) -> CanPort:
+    arguments: dict[str, Any] = {}
+    if isinstance(bus, OnlyBus):
+        arguments.update(bus.options)
+        if bus.bitrate is not None:
+            arguments["bitrate"] = bus.bitrate
+    else:
+        arguments.update(bus_options(bus.options), bitrate=bus.bitrate, fd=bus.fd)
+        if bus.interface == "udp_multicast":
+            arguments["port"] = bus.port
+        elif bus.fd and bus.interface not in {"socketcan", "virtual"}:
+            arguments["data_bitrate"] = bus.data_bitrate
+    return open_bus(
+        bus.interface,
+        bus.channel,
+        accept=wiring.identifiers(name).answers if filtered else (),
+        extended=wiring.extended_identifiers(name),
+        **arguments,
+    )
