@@ -22,6 +22,7 @@ from pam_check.chain import private_domain, set_environment
 from pam_control import controller_node
 from pam_demo.__main__ import main as pam_demo
 from pam_driver import driver_node
+from pam_driver.__main__ import main as pam_driver
 from pam_gap.__main__ import main as pam_gap
 from pam_gap.experiments import play_node
 from pam_gap.live import monitor_node
@@ -36,6 +37,7 @@ from support.source_tree import ROOT, imported_names, modules
 Main = Callable[[Sequence[str]], int]
 TOOLS: dict[str, Main] = {
     "pam_model": pam_model,
+    "pam_driver": pam_driver,
     "pam_sim": pam_sim,
     "pam_gap": pam_gap,
     "pam_check": pam_check,
@@ -190,6 +192,8 @@ def test_an_empty_rig_file_is_named(tool, command, tmp_path, capfd, monkeypatch)
         ("pam_sim", ["rig", "--rig", str(ELBOW), "--dbc", "empty.csv"], "empty.csv"),
         ("pam_sim", ["rig", "--rig", str(ELBOW), "--effect", "x=1"], "effect x"),
         ("pam_sim", ["fault-tables", "empty.csv"], "empty.csv"),
+        ("pam_driver", ["check-rig", "empty.csv"], "empty.csv"),
+        ("pam_driver", ["check-rig", str(ELBOW), "--dbc", "empty.csv"], "empty.csv"),
     ],
 )
 def test_a_mistake_that_shows_later_is_one_line_as_well(

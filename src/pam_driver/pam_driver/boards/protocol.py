@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from pam_driver.boards.frame_errors import FrameError
 from pam_model.rig import Joint, Muscle
@@ -264,6 +264,26 @@ class Board(Protocol):
 
     def report(self) -> BoardReport:
         """What the diagnostics show."""
+
+
+class Traffic(NamedTuple):
+    """Frames of one identifier: how many bytes, and how many frames in a second [Hz]."""
+
+    name: str
+    frame_id: int
+    length: int
+    rate: float
+
+
+@runtime_checkable
+class DescribesItself(Protocol):
+    """What a board may offer in addition, for tools that explain a rig before it runs."""
+
+    def traffic(self, rate: float) -> Sequence[Traffic]:
+        """Its frames in both directions, for a driver with `rate` cycles in a second [Hz]."""
+
+    def wires(self) -> Mapping[tuple[str, Channel], str]:
+        """By ("setpoint", "pressure" or "angle", channel), the signal that carries it."""
 
 
 class BoardKind(Protocol):

@@ -32,6 +32,7 @@ from pam_driver.boards.protocol import (
     Hear,
     Identifiers,
     Sample,
+    Traffic,
     WiredBoard,
 )
 
@@ -69,6 +70,7 @@ class MappedBoard:
             **{frame.frame_id: self._listener(frame) for frame in device.answers},
             **{frame.frame_id: self._foreign(frame) for frame in commands.values()},
         }
+        self._wired = wired
         self._device = device
         self._counters = {
             frame.name: SampleCounter(frame.counter.mask)
@@ -187,6 +189,32 @@ class MappedBoard:
         if self._uptime != NEVER:
             values["uptime"] = self._uptime
         return BoardReport(text, values)
+
+    def traffic(self, rate: float) -> Sequence[Traffic]:
+        """Its regular frames; a message without a stated period counts as one for each cycle."""
+        frames: list[AnswerFrame | CommandFrame] = [*self._device.answers, *self._device.commands]
+        return [
+            Traffic(
+                frame.name,
+                frame.frame_id,
+                frame.length,
+                1.0 / frame.period if frame.period else rate,
+            )
+            for frame in frames
+        ]
+
+    def wires(self) -> Mapping[tuple[str, Channel], str]:
+        """The signals of set points, pressures and angles."""
+        channels = {wire.place: wire.channel for wire in self._wired.valves}
+        found = {
+            ("setpoint", channels[output.place]): f"{frame.name}.{output.layout.name}"
+            for frame in self._device.commands
+            for output in frame.outputs
+        }
+        for answer in self._device.answers:
+            for entry in answer.inputs:
+                found[entry.what, entry.channel] = f"{answer.name}.{entry.signal.layout.name}"
+        return found
 
     def _state_text(self) -> str:
         if self._state is None:

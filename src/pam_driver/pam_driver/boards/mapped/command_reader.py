@@ -122,8 +122,8 @@ class CommandReader:
                 continue
             frame, message, signal = placed
             output = self._output(where, wires[channel], message, signal)
-            where.finish()
             if output is not None:
+                where.finish()
                 self._outputs.setdefault(frame, []).append(output)
 
     def _output(
@@ -261,7 +261,7 @@ class CommandReader:
                 base = _with(base, layout, entry.fixed[signal.name])
             elif signal.raw_initial is not None:
                 base = _with(base, layout, int(signal.raw_initial))
-            elif signal.name not in (given or {}):
+            elif (name, signal.name) not in self._lookup.used and signal.name not in (given or {}):
                 entry.where.section("fixed").add(
                     signal.name,
                     f": missing; {self._lookup.path.name} has no start value for "

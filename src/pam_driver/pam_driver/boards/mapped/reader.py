@@ -204,9 +204,9 @@ class DeviceReader:
         wraps = where.get("wraps") if what == ANGLE_INPUT else None
         if wraps not in {None, True, False}:
             where.add("wraps", f" = {wraps!r}: must be true or false")
-        where.finish()
         if converted is None:
             return
+        where.finish()
         linear, _ = converted
         selected = self._lookup.selected(message, signal)
         layout = selected.layout

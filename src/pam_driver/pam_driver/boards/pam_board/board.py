@@ -21,10 +21,12 @@ from pam_driver.boards.pam_board.codec import (
 from pam_driver.boards.pam_board.monitor import BoardMonitor
 from pam_driver.boards.protocol import (
     BoardReport,
+    Channel,
     Frame,
     Hear,
     Identifiers,
     Promises,
+    Traffic,
     WiredBoard,
 )
 
@@ -120,6 +122,23 @@ class PamBoard(BoardMonitor):
             "frames_repeated": self.frames_repeated,
             "frames_reordered": self.frames_reordered,
             "restarts": self.restarts,
+        }
+
+    def traffic(self, rate: float) -> Sequence[Traffic]:
+        """Its regular frames, by the cycle times of the DBC file; commands in every cycle."""
+        return [
+            Traffic(kind.__name__, self._codec.frame_id(kind, self.number), length, often or rate)
+            for kind, length, often in self._codec.regular_frames()
+        ]
+
+    def wires(self) -> Mapping[tuple[str, Channel], str]:
+        """The signals of its channels."""
+        return {
+            ("setpoint", 0): "ValveCommand.Valve0",
+            ("setpoint", 1): "ValveCommand.Valve1",
+            ("pressure", 0): "Measurement.Pressure0",
+            ("pressure", 1): "Measurement.Pressure1",
+            ("angle", 0): "Measurement.Position",
         }
 
     def report(self) -> BoardReport:

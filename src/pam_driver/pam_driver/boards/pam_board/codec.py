@@ -139,6 +139,17 @@ class BoardCodec:
             raise EncodeError(f"board {board}: expected 0 to {self.board_count - 1}")
         return self._layouts[message.__name__].frame_id + board
 
+    def regular_frames(self) -> list[tuple[type[BoardMessage], int, float]]:
+        """The messages that are sent regularly: length [bytes] and rate [Hz].
+
+        The rate of a command is 0, since the driver's cycle decides it.
+        """
+        return [
+            (kind, layout.length, 1000.0 / layout.period if kind is not ValveCommand else 0.0)
+            for kind in (ValveCommand, Measurement, Status, Heartbeat)
+            if (layout := self._layouts[kind.__name__]).period > 0.0
+        ]
+
     def encode(self, board: int, message: BoardMessage) -> tuple[int, bytes]:
         """Identifier and payload of a message to or from a board.
 

@@ -110,12 +110,13 @@ class Field:
 
 
 class Layout(NamedTuple):
-    """A message as the DBC describes it for board 0."""
+    """A message as the DBC describes it for board 0; `period` is its cycle time [ms] or 0."""
 
     name: str
     frame_id: int
     length: int
     fields: tuple[Field, ...]
+    period: float
 
 
 class BoardDbc(NamedTuple):
@@ -198,7 +199,8 @@ def _layout(path: Path, message: DbcMessage | None, name: str) -> Layout:
             raise DbcError(f"{where} must be the last byte of the frame")
         fields.append(field)
     _check_labels(path, signals)
-    return Layout(name, message.frame_id, message.length, tuple(fields))
+    period = float(message.cycle_time or 0)
+    return Layout(name, message.frame_id, message.length, tuple(fields), period)
 
 
 def _check_labels(path: Path, signals: Mapping[str, Signal]) -> None:

@@ -1,0 +1,159 @@
+"""Checks a rig file for the driver without a bus, and says what each muscle is wired to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from pam_driver.boards.protocol import Address, Board, DescribesItself
+from pam_driver.boards.weaker_promises import weaker_promises
+from pam_driver.boards.wiring import RigWiring, kind_name
+from pam_driver.bus_load import HIGHEST_LOAD, bus_load
+from pam_model.command_line import Arguments, Outcome
+from pam_model.errors import RigError
+from pam_model.rig import Bus, Rig, load_rig
+
+
+class Wire(NamedTuple):
+    """What carries one quantity of a muscle or joint."""
+
+    name: str
+    what: str
+    board: str
+    channel: str
+    kind: str
+    bus: str
+    signal: str
+
+
+@dataclass
+class RigCheck:
+    """What `check-rig` found.
+
+    Attributes
+    ----------
+    wires : list of Wire
+        One for each set point, pressure and angle.
+    loads : dict of str to float or None
+        By bus, the share of time during which it carries frames; None if a board does not say.
+    missing_promises : dict of str to list of str
+        By board, what it does not do for safety.
+    problems : list of str
+        Why the robot would not work although the file can be used.
+    """
+
+    wires: list[Wire] = field(default_factory=list)
+    loads: dict[str, float | None] = field(default_factory=dict)
+    missing_promises: dict[str, list[str]] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+
+
+def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
+    """Check a rig as the driver does before it opens a bus.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    only : Bus
+        The bus of a rig whose file describes none.
+    rate : float
+        Cycles of the driver in a second [Hz].
+    dbc : str, optional
+        DBC file of the boards of the kind `pam_board`.
+
+    Raises
+    ------
+    PamError
+        If the driver would refuse the rig, with one line for each problem.
+    """
+    wiring = RigWiring(rig, {"dbc": dbc})
+    boards = wiring.make_boards()
+    found = RigCheck(list(_wires(rig, wiring, boards)))
+    for name in wiring.buses:
+        on_it = [boards[a] for a, wired in wiring.boards.items() if wired.bus == name]
+        bus = rig.buses.get(name, only)
+        load = _load(on_it, bus, rate)
+        found.loads[name] = load
+        if load is not None and load > HIGHEST_LOAD:
+            found.problems.append(
+                f"bus {name or bus.channel}: {len(on_it)} boards at {rate:g} Hz take "
+                f"{100.0 * load:.0f} % of {bus.bitrate / 1000:g} kbit/s, expected at most "
+                f"{100.0 * HIGHEST_LOAD:.0f} %: use another bus for some of them, a higher "
+                "bitrate, or fewer frames"
+            )
+    for board in boards.values():
+        found.missing_promises[board.name] = weaker_promises(board.promises)
+    return found
+
+
+def _wires(rig: Rig, wiring: RigWiring, boards: dict[Address, Board]) -> Iterator[Wire]:
+    entries = [
+        (muscle.name, what, place)
+        for muscle, place in zip(rig.muscles, wiring.muscles, strict=True)
+        for what in ("setpoint", "pressure")
+    ]
+    entries += [
+        (joint.name, "angle", place) for joint, place in zip(rig.joints, wiring.joints, strict=True)
+    ]
+    for name, what, (address, channel) in entries:
+        board, wired = boards[address], wiring.boards[address]
+        known = board.wires() if isinstance(board, DescribesItself) else {}
+        signal = known.get((what, channel), "-")
+        yield Wire(name, what, str(address), str(channel), kind_name(wired), wired.bus, signal)
+
+
+def _load(boards: list[Board], bus: Bus, rate: float) -> float | None:
+    total = 0.0
+    for board in boards:
+        if not isinstance(board, DescribesItself):
+            return None
+        total += bus_load(board.traffic(rate), bus)
+    return total
+
+
+def run(given: Arguments) -> Outcome:
+    """The command `check-rig`.
+
+    Raises
+    ------
+    RigError
+        If the driver would refuse the rig; every line begins with the file.
+    """
+    rig = load_rig(given.rig_file)
+    only = Bus(bitrate=given.bitrate)
+    try:
+        found = check_rig(rig, only, given.rate, str(given.dbc or ""))
+    except RigError as error:
+        lines = str(error).splitlines()
+        raise RigError("\n".join(f"{given.rig_file}: {line}" for line in lines)) from None
+    _show(found, rig, only)
+    document = {
+        "rig": given.rig_file,
+        "wires": found.wires,
+        "bus_load": found.loads,
+        "missing_promises": found.missing_promises,
+        "problems": found.problems,
+    }
+    return Outcome(document, found.problems)
+
+
+def _show(found: RigCheck, rig: Rig, only: Bus) -> None:
+    header = Wire("name", "what", "board", "channel", "kind", "bus", "signal")
+    rows = [header, *(wire._replace(bus=wire.bus or "-") for wire in found.wires)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(header))]
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        print("  ".join(cells).rstrip())
+    for name, load in found.loads.items():
+        bus = rig.buses.get(name, only)
+        share = "not known" if load is None else f"{100.0 * load:.0f} %"
+        print(f"\nbus {name or '(the only one)'}: load {share} of {bus.bitrate / 1000:g} kbit/s")
+    for board, lines in found.missing_promises.items():
+        for line in lines:
+            print(f"{board}: {line}")
+    for problem in found.problems:
+        print(f"PROBLEM: {problem}")
+    if not found.problems:
+        print("\nThe driver can use this rig.")

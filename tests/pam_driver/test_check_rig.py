@@ -1,0 +1,97 @@
+"""The command check-rig: wiring, bus load, promises, and refusals without a bus."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pam_driver.__main__ import main
+from pam_driver.bus_load import bus_load, classic_bits, frame_time
+from pam_driver.check_rig import check_rig
+from pam_driver.identifiers import EXTENDED, FD
+from pam_model.rig import Bus, Encoder, Rig, load_rig, save_rig
+from support.rigs import CONFIG, ELBOW
+
+MISTAKE, BAD_NEWS = 2, 1
+
+
+def arm_of(boards: int) -> Rig:
+    """So many elbows, each with its own valve board."""
+    elbow = load_rig(ELBOW)
+    joints, muscles = [], []
+    for number in range(boards):
+        names = tuple(f"{name}_{number}" for name in elbow.joints[0].muscles)
+        encoder = Encoder(number, 0)
+        joints.append(replace(elbow.joints[0], name=f"j{number}", muscles=names, encoder=encoder))
+        muscles += [
+            replace(muscle, name=name, board=number)
+            for name, muscle in zip(names, elbow.muscles, strict=True)
+        ]
+    return replace(elbow, joints=tuple(joints), muscles=tuple(muscles))
+
+
+@pytest.mark.parametrize(
+    ("frame_id", "length", "bits"), [(0x100, 8, 135), (0x100, 0, 55), (EXTENDED | 1, 8, 160)]
+)
+def test_a_classic_frame_has_the_bits_of_the_literature(
+    frame_id: int, length: int, bits: int
+) -> None:
+    assert classic_bits(frame_id, length) == bits
+
+
+def test_a_frame_of_can_fd_takes_less_time_than_its_bytes_in_classic_frames() -> None:
+    bus = Bus(bitrate=500_000, fd=True, data_bitrate=2_000_000)
+    fd, classic = frame_time(0x100 | FD, 64, bus), 8 * frame_time(0x100, 8, bus)
+    assert 64 * 8 / 2e6 < fd < classic / 3
+
+
+def test_seven_boards_are_too_much_for_one_bus_and_six_are_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for boards, code in ((6, 0), (7, BAD_NEWS)):
+        path = tmp_path / f"{boards}.yaml"
+        save_rig(arm_of(boards), path)
+        assert main(["check-rig", str(path), "--check"]) == code
+        shown = capsys.readouterr()
+        assert ("7 boards at 500 Hz take 100 % of 1000 kbit/s" in shown.err) is (boards == 7)
+        assert main(["check-rig", str(path)]) == 0
+        capsys.readouterr()
+
+
+def test_half_the_bitrate_doubles_the_load() -> None:
+    rig = load_rig(CONFIG / "elbow_vendor_dbc.yaml")
+    loads = [check_rig(rig, Bus(bitrate=rate), 500.0).loads[""] for rate in (1_000_000, 500_000)]
+    assert loads[0] is not None and loads[1] == pytest.approx(2.0 * loads[0])
+    assert bus_load([], Bus()) == 0.0
+
+
+def test_the_table_says_what_each_muscle_is_wired_to(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check-rig", str(CONFIG / "two_buses.yaml"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    wires = {(wire["name"], wire["what"]): wire for wire in document["wires"]}
+    assert len(wires) == 10
+    flexor = wires["elbow_flexor", "pressure"]
+    assert (flexor["bus"], flexor["signal"]) == ("vendor", "PVM_Actual.P_Act_A")
+    assert wires["shoulder_extensor", "setpoint"]["signal"] == "ValveCommand.Valve1"
+    assert set(document["bus_load"]) == {"boards", "vendor"}
+    assert document["problems"] == []
+    (missing,) = document["missing_promises"]["board manifold"]
+    assert missing.startswith("no memory for a fault of the host")
+
+
+def test_a_rig_that_the_driver_would_refuse_is_a_mistake_that_names_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (CONFIG / "elbow_vendor_dbc.yaml").read_text()
+    text = text.replace("pneumatic_manifold.dbc", str(CONFIG / "pneumatic_manifold.dbc"), 2)
+    path = tmp_path / "wrong.yaml"
+    path.write_text(text.replace("PVM_Demand.P_Dem_A, unit: bar", "PVM_Demand.P_Dem_A, unit: psi"))
+    assert main(["check-rig", str(path)]) == MISTAKE
+    shown = capsys.readouterr()
+    assert shown.err == (
+        f"error: {path}: boards.manifold.setpoints.port_a.unit = psi: the DBC file says bar for "
+        "PVM_Demand.P_Dem_A\n"
+    )
