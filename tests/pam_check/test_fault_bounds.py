@@ -10,6 +10,7 @@ import pytest
 from pam_check.faults.campaign import in_a_fork, make_chain
 from pam_check.faults.rig_bounds import EMPTY, bounds_of
 from pam_check.faults.trial import Trial, problem_of, run_trial
+from pam_sim.faults.fault_kind import LOWERING
 from pam_sim.faults.kinds import kind_called
 
 
@@ -22,13 +23,14 @@ def within(chain) -> Trial:
     """A trial of `vent_called` that is exactly at every bound."""
     bounds = bounds_of(chain.rig)
     kind = kind_called("vent_called")
+    vented = kind.bound + LOWERING
     return Trial(
         kind.name,
         {},
         ["vented"],
         stopped_after=0.0,
-        safe_after=kind.bound,
-        empty_after=kind.bound + bounds.exhaust_time,
+        safe_after=vented,
+        empty_after=vented + bounds.exhaust_time,
         peak_pressure=bounds.pressure,
         peak_force=bounds.force,
         peak_speed=bounds.speed,
@@ -87,7 +89,8 @@ def test_a_trial_measures_when_the_muscles_are_empty_and_how_the_joint_moves(cha
     """Numbers of a vent in motion lie where the physics of the elbow put them."""
     trial = in_a_fork(lambda: run_trial(chain, kind_called("vent_called"), {}, 1))
     assert trial.problem == ""
-    assert trial.safe_after + 0.2 < trial.empty_after < bounds_of(chain.rig).exhaust_time
+    assert trial.stopped_after < 0.02
+    assert 0.2 < trial.empty_after < LOWERING + bounds_of(chain.rig).exhaust_time
     assert 0.0 < trial.way < 2.0 * 0.5
     assert 100.0 < trial.peak_force < bounds_of(chain.rig).force
     assert 0.0 < trial.peak_speed < chain.rig.joints[0].max_velocity
@@ -103,5 +106,5 @@ def test_a_blocked_exhaust_is_seen_in_the_muscle_although_the_valves_are_vented(
         return run_trial(chain, kind_called("vent_called"), {}, 1)
 
     trial = in_a_fork(blocked)
-    assert trial.safe_after < 0.02
+    assert trial.safe_after < LOWERING
     assert "20 kPa" in trial.problem

@@ -137,9 +137,17 @@ class ExactBench:
             snapshot = self.driver.cycle(self.now, self.wall)
         return snapshot
 
-    def start(self) -> None:
+    def activate(self) -> None:
+        """Activate with empty muscles, as the driver demands; then the pressures return slowly."""
+        pressures, self.pressures = self.pressures, (0.0, 0.0)
         self.step(8)
         self.driver.activate(self.now)
+        for tick in range(1, 17):
+            self.pressures = (pressures[0] * tick / 16, pressures[1] * tick / 16)
+            self.step()
+
+    def start(self) -> None:
+        self.activate()
         self.step(8, GOOD)
         assert self.driver.state is SafetyState.ACTIVE
 

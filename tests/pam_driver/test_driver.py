@@ -20,10 +20,11 @@ from pam_driver.boards.pam_board.codec import (
 )
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import BusState, CanPort, SendOutcome, open_bus
-from pam_driver.driver import ActivationError, Driver, Snapshot
+from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.states import SafetyState
+from pam_driver.snapshot import Snapshot
 from pam_model.errors import PamError
 from pam_model.rig import Encoder, Rig
 from support.commands import offer
@@ -142,7 +143,7 @@ def test_activation_names_the_missing_board(bench: Bench) -> None:
     bench.step(0.2, board=False)
     with pytest.raises(ActivationError, match="board 0"):
         bench.driver.activate(bench.now)
-    assert bench.driver.state is SafetyState.VENTED
+    assert bench.driver.state is SafetyState.VENTING
 
 
 def stop_board(bench: Bench) -> None:
@@ -485,11 +486,12 @@ def test_two_joints_on_two_boards(rig: Rig, codec: BoardCodec) -> None:
     run([elbow])
     with pytest.raises(ActivationError, match=r"no answer from board 4:"):
         driver.activate(now)
+    run([elbow, wrist])
+    driver.activate(now)
     wrist.pressures, wrist.position = [1e5, 2e5], -0.5
     snapshot = run([elbow, wrist])
     assert snapshot.pressures == (0.0, 0.0, 1e5, 2e5)
     assert snapshot.positions == (0.0, -0.5)
-    driver.activate(now)
     run([elbow, wrist], (0.1, 0.2, 0.3, 0.4))
     assert (*elbow.air, *wrist.air) == pytest.approx((0.1, 0.2, 0.3, 0.4), abs=2e-5)
     run([elbow], (0.1, 0.2, 0.3, 0.4))

@@ -74,6 +74,7 @@ def test_commands_that_stop_are_named_with_what_was_refused_last(bench: ExactBen
     bench.step(1)
     text = "no valid command for 0.125 s"
     assert bench.driver.faults == (Condition("command_timeout", "valve_commands", text),)
+    bench.driver.vent(bench.now)
     bench.driver.clear_faults(bench.now)
     bench.start()
     with pytest.raises(CommandError):
@@ -105,8 +106,7 @@ def test_a_bus_that_takes_nothing_is_named_by_board(bench: ExactBench) -> None:
 
 def test_a_board_has_its_timeout_to_begin_moving(bench: ExactBench) -> None:
     bench.follows = False
-    bench.step(8)
-    bench.driver.activate(bench.now)
+    bench.activate()
     bench.step(257, GOOD)  # the first of them begins the motion
     assert bench.driver.state is SafetyState.ACTIVE
     bench.step(1, GOOD)
@@ -214,6 +214,7 @@ def test_all_that_refuses_activation_is_named(rig: Rig, codec: BoardCodec) -> No
 
 
 def test_a_restart_while_vented_is_acknowledged_by_activation(bench: ExactBench) -> None:
+    bench.pressures = (0.0, 0.0)
     bench.step(8)
     bench.uptime = 0.0
     bench.step(8)

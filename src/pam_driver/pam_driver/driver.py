@@ -10,7 +10,7 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 from pam_driver.board_set import BoardSet, Port
 from pam_driver.boards.protocol import NEVER, Address, Board, Condition
@@ -19,44 +19,20 @@ from pam_driver.driver_settings import DriverSettings
 from pam_driver.fault_judge import FaultJudge, Motion, Plausibility, Readings
 from pam_driver.joint_velocity import JointVelocity
 from pam_driver.safety.command_intake import CommandIntake, NamedCommand
-from pam_driver.safety.states import OUTPUTS, SafetyEvent, SafetyState, next_state
+from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
+from pam_driver.safety.lowering import Lowering
+from pam_driver.safety.states import FAULTY, OUTPUTS, SafetyEvent, SafetyState, next_state
+from pam_driver.safety.stop_categories import can_lower
+from pam_driver.snapshot import Snapshot, take_snapshot
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 
 _COMMANDABLE: Final = frozenset({SafetyState.READY, SafetyState.ACTIVE})
+_VENTS: Final = frozenset({SafetyState.VENTED, SafetyState.VENTING})
 
 
 class ActivationError(PamError):
     """Activation refused; the message says why and what to do."""
-
-
-class Snapshot(NamedTuple):
-    """The result of one cycle, in the rig's order.
-
-    Attributes
-    ----------
-    state : SafetyState
-        State after the cycle.
-    pressures : tuple of float
-        By muscle [Pa gauge], NaN if not fresh.
-    pressure_stamp : float
-        Wall-clock time of the oldest of them [s], 0 if none is fresh.
-    positions, velocities : tuple of float
-        By joint [rad], [rad/s], NaN if not fresh.
-    joint_stamp : float
-        Wall-clock time of the oldest of them [s], 0 if none is fresh.
-    sent : tuple of float
-        Command by muscle as fraction of full scale, including the command to vent; empty if the
-        bus did not accept it.
-    """
-
-    state: SafetyState
-    pressures: tuple[float, ...]
-    pressure_stamp: float
-    positions: tuple[float, ...]
-    velocities: tuple[float, ...]
-    joint_stamp: float
-    sent: tuple[float, ...] = ()
 
 
 class Driver:
@@ -114,12 +90,20 @@ class Driver:
         self._boards = BoardSet(wiring or RigWiring(rig), named, self._velocity)
         self._vents = self.intake.vented
         self._judge = FaultJudge(rig, self._boards, settings, self._vents, plausibility)
+        self._exhausts = ExhaustWatch(
+            rig,
+            settings.vented_pressure,
+            settings.exhaust_timeout or exhaust_timeout(rig, settings.vented_pressure),
+        )
+        self._lowering = Lowering(rig, settings.lowering_speed)
         self._lock = threading.Lock()
         self._fractions: tuple[float, ...] | None = None
         self._command_time = NEVER
         self._active_since = math.inf
         self._ready_since = math.inf
         self._cleared_at = NEVER
+        self._lowering_since = math.inf
+        self._readings = Readings((), (), ())
         self._event(SafetyEvent.CONFIGURE, 0.0)
 
     @property
@@ -131,6 +115,11 @@ class Driver:
     def boards_keep_fault(self) -> bool:
         """Whether every board reports that it keeps a fault of this driver."""
         return all(board.host_fault for board in self.boards.values())
+
+    @property
+    def lowers(self) -> bool:
+        """Whether the driver lowers the joints at present."""
+        return OUTPUTS[self.state].lower
 
     @property
     def suspicions(self) -> tuple[Condition, ...]:
@@ -161,7 +150,7 @@ class Driver:
             If it is refused; the previous command stays in use until it is too old.
         """
         with self._lock:
-            if self.state is SafetyState.FAULT:
+            if self.state in FAULTY:
                 self.intake.refuse("not_active", "a fault is latched; clear it, then activate")
             if self.state not in _COMMANDABLE:
                 reason = f"the driver is {self.state.value}; activate it first"
@@ -183,17 +172,22 @@ class Driver:
             return self._activation_problem(now)
 
     def _activation_problem(self, now: float) -> str:
-        if self.state is SafetyState.FAULT:
+        if self.state in FAULTY:
             reasons = "; ".join(str(fault) for fault in self.faults)
             return f"faults are latched, call ~/clear_faults: {reasons}"
+        if self.state is SafetyState.LOWERING:
+            return "the joints are being lowered"
         missing = self.missing_boards(now)
         if missing:
             return f"no answer from {', '.join(missing)}: check power, wiring and board numbers"
-        return "; ".join(
+        wrong = "; ".join(
             str(condition)
             for condition in self._conditions(now)
             if condition.kind != "board_restarted"
         )
+        if not wrong and self.state is SafetyState.VENTING:
+            return f"not all muscles are empty yet: {self._exhausts.remaining()}"
+        return wrong
 
     def activate(self, now: float) -> None:
         """Let air move from the next fresh command on.
@@ -213,14 +207,27 @@ class Driver:
             self._event(SafetyEvent.ACTIVATE, now)
 
     def deactivate(self, now: float) -> None:
-        """Vent without raising a fault."""
+        """Lower the joints and vent, without raising a fault."""
         with self._lock:
-            self._event(SafetyEvent.DEACTIVATE, now)
+            self._stop(SafetyEvent.DEACTIVATE, now)
 
     def vent(self, now: float) -> None:
-        """Vent at once; the frames are sent to the boards before this returns."""
+        """Lower the joints, then vent; called again while they are lowered, vent at once.
+
+        The frames that begin it are sent to the boards before this returns.
+        """
+        with self._lock:
+            self._stop(SafetyEvent.VENT, now)
+            if not OUTPUTS[self.state].lower:
+                self._boards.vent(now)
+            self._send_valve_commands(now)
+
+    def vent_at_once(self, now: float) -> None:
+        """Vent without lowering; the frames are sent to the boards before this returns."""
         with self._lock:
             self._event(SafetyEvent.VENT, now)
+            if OUTPUTS[self.state].lower:
+                self._event(SafetyEvent.VENT, now)
             self._boards.vent(now)
             self._send_valve_commands(now)
 
@@ -228,15 +235,16 @@ class Driver:
         """Clear the faults of the driver and the boards; moving still requires activation."""
         with self._lock:
             self._event(SafetyEvent.CLEAR_FAULTS, now)
-            if self.state is SafetyState.VENTED:
+            if self.state in _VENTS:
+                self._exhausts.start_again()
                 self._boards.clear_faults(now)
                 self._cleared_at = now
                 self.faults = ()
                 self._boards.acknowledge()
 
     def close(self, now: float) -> None:
-        """Vent and end; the port may be closed afterwards."""
-        self.vent(now)
+        """Vent at once and end; the port may be closed afterwards."""
+        self.vent_at_once(now)
         with self._lock:
             self._event(SafetyEvent.CLEANUP, now)
 
@@ -252,19 +260,55 @@ class Driver:
         """
         with self._lock:
             self._boards.receive(now, wall_now)
-            snapshot = self._snapshot(now)
-            readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)
-            self._judge.judge(self._setpoints(), readings, now)
-            found = tuple(self._conditions(now))
-            self.conditions = found
-            if found and self.state in _COMMANDABLE:
-                self.faults = found
-                self._event(SafetyEvent.FAULT, now)
+            oldest = now - self._settings.sensor_timeout
+            snapshot = take_snapshot(self.state, self._boards, self._velocity, oldest)
+            self._readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)
+            self._judge.judge(self._setpoints(), self._readings, now)
+            output = OUTPUTS[self.state]
+            self._exhausts.update(snapshot.pressures, not (output.enable or output.lower), now)
+            self.conditions = tuple(self._conditions(now))
+            self._react(now)
             self._hear_latched_faults(now)
             if OUTPUTS[self.state].latch:
                 self._boards.latch_fault(now)
+            if OUTPUTS[self.state].lower:
+                self._lower(now)
             sent = self._send_valve_commands(now) if OUTPUTS[self.state].send else ()
             return snapshot._replace(state=self.state, sent=sent)
+
+    def _react(self, now: float) -> None:
+        """Change the state as what was found demands."""
+        found, state = self.conditions, self.state
+        if state in _COMMANDABLE:
+            if found:
+                self.faults = found
+                self._stop(SafetyEvent.FAULT_LOWER if can_lower(found) else SafetyEvent.FAULT, now)
+        elif OUTPUTS[state].lower:
+            new = tuple(one for one in found if all(one.kind != old.kind for old in self.faults))
+            if new:
+                self.faults += new
+                self._event(SafetyEvent.FAULT_LOWER if can_lower(new) else SafetyEvent.FAULT, now)
+            elif self._lowered(now):
+                self._event(SafetyEvent.LOWERED, now)
+        else:
+            blocked = [one for one in found if one.kind == "exhaust_blocked"]
+            if blocked:
+                known = {fault[:2] for fault in self.faults}
+                self.faults += tuple(one for one in blocked if one[:2] not in known)
+                self._event(SafetyEvent.EXHAUST_BLOCKED, now)
+            empty = self._exhausts.empty
+            self._event(SafetyEvent.EMPTY if empty else SafetyEvent.NOT_EMPTY, now)
+
+    def _stop(self, event: SafetyEvent, now: float) -> None:
+        """Stop; where there is nothing to lower, the valves vent at once."""
+        self._event(event, now)
+        if OUTPUTS[self.state].lower and self._lowered(now):
+            self._event(SafetyEvent.LOWERED, now)
+
+    def _lowered(self, now: float) -> bool:
+        """Whether all muscles are empty, or the time for lowering is over."""
+        over = now - self._lowering_since >= self._settings.lowering_timeout
+        return over or self._exhausts.empty
 
     def _event(self, event: SafetyEvent, now: float) -> None:
         """Change the state as the table says; the command is discarded when `ACTIVE` ends."""
@@ -272,12 +316,17 @@ class Driver:
         self.state = next_state(before, event)
         if self.state is before:
             return
+        output = OUTPUTS[self.state]
         if self.state is SafetyState.ACTIVE:
             self._active_since = now
-        else:
+        elif output.lower and not OUTPUTS[before].lower:
+            self._lowering_since = now
+            self._lowering.start(self._fractions or self._vents, now)
+            self._lower(now)
+        elif not output.lower:
             self._fractions = None
             self._active_since = math.inf
-        if OUTPUTS[self.state].vent_on_entry and before is not SafetyState.UNCONFIGURED:
+        if output.vent_on_entry and before is not SafetyState.UNCONFIGURED:
             self._boards.vent(now)
 
     def _hear_latched_faults(self, now: float) -> None:
@@ -290,9 +339,14 @@ class Driver:
             if self.state is not before:
                 self.faults = held
 
+    def _lower(self, now: float) -> None:
+        """The next set points that lower the joints."""
+        self._fractions = self._lowering.setpoints(*self._readings, now)
+
     def _setpoints(self) -> tuple[float, ...] | None:
         """The set points of the valves; None while they vent."""
-        return self._fractions if OUTPUTS[self.state].enable else None
+        output = OUTPUTS[self.state]
+        return self._fractions if output.enable or output.lower else None
 
     def _conditions(self, now: float) -> Iterator[Condition]:
         motion = Motion(
@@ -301,7 +355,8 @@ class Driver:
             self._command_time,
             self.intake.last_rejection,
         )
-        return self._judge.conditions(motion, now)
+        yield from self._judge.conditions(motion, now)
+        yield from self._exhausts.conditions(now)
 
     def _send_valve_commands(self, now: float) -> tuple[float, ...]:
         """Command every board; returns what was sent, empty if one board could not be reached."""
@@ -309,29 +364,3 @@ class Driver:
         if not self._boards.command(setpoints, now):
             return ()
         return self._vents if setpoints is None else setpoints
-
-    def _snapshot(self, now: float) -> Snapshot:
-        oldest = now - self._settings.sensor_timeout
-        pressures, pressure_stamps = [], []
-        for samples, channel in self._boards.pressures:
-            sample = samples[channel]
-            fresh = sample.time >= oldest
-            pressures.append(sample.value if fresh else math.nan)
-            if fresh:
-                pressure_stamps.append(sample.stamp)
-        positions, velocities, joint_stamps = [], [], []
-        for velocity, (samples, channel) in zip(self._velocity, self._boards.angles, strict=True):
-            sample = samples[channel]
-            fresh = sample.time >= oldest
-            positions.append(sample.value if fresh else math.nan)
-            velocities.append(velocity.value if fresh else math.nan)
-            if fresh:
-                joint_stamps.append(sample.stamp)
-        return Snapshot(
-            self.state,
-            tuple(pressures),
-            min(pressure_stamps, default=0.0),
-            tuple(positions),
-            tuple(velocities),
-            min(joint_stamps, default=0.0),
-        )

@@ -10,7 +10,7 @@ from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.bus import CanPort
 from pam_driver.bus_diagnostics import BusDiagnostics
 from pam_driver.driver import Driver
-from pam_driver.safety.states import SafetyState
+from pam_driver.safety.states import FAULTY
 from pam_ros.diagnostics import ERROR, OK, WARN, diagnostic_status, loop_values
 from pam_ros.periodic import LoopStatistics
 
@@ -66,11 +66,12 @@ class DriverDiagnostics:
 
     def _safety(self) -> Any:
         driver = self._driver
-        wrong = driver.faults if driver.state is SafetyState.FAULT else driver.conditions
+        wrong = driver.faults if driver.state in FAULTY else driver.conditions
         text = "; ".join(str(condition) for condition in wrong)
         level = OK
-        if driver.state is SafetyState.FAULT:
-            level, text = ERROR, f"vented, latched: {text}"
+        if driver.state in FAULTY:
+            done = "lowering" if driver.lowers else "vented"
+            level, text = ERROR, f"{done}, latched: {text}"
         elif wrong:
             level, text = WARN, f"{driver.state.value}: {text}"
         elif driver.suspicions:

@@ -12,6 +12,7 @@ import logging
 import signal
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -29,13 +30,15 @@ from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import CanPort
 from pam_driver.buses import OnlyBus, open_buses
-from pam_driver.driver import Driver, Snapshot
+from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
+from pam_driver.driver_end import end_driver
 from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
 from pam_driver.driver_topics import DriverTopics
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
-from pam_driver.safety.states import SafetyState
+from pam_driver.safety.states import FAULTY, SafetyState
+from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
@@ -51,8 +54,6 @@ _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
 _MOVING = frozenset({SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
-# The final vent is sent several times: a frame may be lost, and the bus is closed afterwards.
-_LAST_VENTS = 5
 
 
 class DriverNode(LifecycleNode):  # type: ignore[misc]
@@ -67,6 +68,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def __init__(self) -> None:
         super().__init__("pam_driver", automatically_declare_parameters_from_overrides=True)
         self.failure = ""
+        self.hurry: Callable[[], bool] = lambda: False
         self._values = NodeParameters(self, TABLE, rig_of_node, keeps_real_time=True)
         self._rig = self._values.described
         bus_options(str(self._values["bus.options"]))
@@ -171,13 +173,14 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         return super().on_activate(state)
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
-        """Vent."""
+        """Lower the joints and vent."""
         self._active = False
         if self._driver is not None:
             self._driver.deactivate(time.monotonic())
         self._vent_reason = self._vent_reason or "deactivated"
         self._publish_state()
-        self.get_logger().info("inactive: valves vented")
+        state_name = "unconfigured" if self._driver is None else self._driver.state.value
+        self.get_logger().info(f"inactive: {state_name}")
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
@@ -227,7 +230,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         return _FAILURE
 
     def _close(self) -> None:
-        """Stop the thread, send the vent several times, close the bus; safe to call twice."""
+        """Lower the arm, stop the thread, vent, close the bus; safe to call twice."""
         loop, self._loop = self._loop, None
         driver, self._driver = self._driver, None
         ports, self._ports = self._ports, {}
@@ -236,18 +239,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if driver is not None:
             self._start_up.leave(driver)
         try:
-            if loop is not None:
-                loop.stop(timeout=1.0)
-        except Exception as error:  # an error of the thread must not keep the valves open
-            self.get_logger().error(f"I/O thread: {error}")
+            end_driver(driver, loop, ports.values(), self.hurry, self.get_logger().error)
         finally:
-            if driver is not None:
-                for _ in range(_LAST_VENTS):
-                    driver.vent(time.monotonic())
-                    time.sleep(0.002)
-                driver.close(time.monotonic())
-            for port in ports.values():
-                port.close()
             self._vent_reason = ""
             if rclpy.ok():
                 self._publish_state()
@@ -257,7 +250,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         driver = self._driver
         state = SafetyState.UNCONFIGURED if driver is None else driver.state
         reason = self._vent_reason
-        if driver is not None and state is SafetyState.FAULT:
+        if driver is not None and state in FAULTY:
             reason = "; ".join(str(fault) for fault in driver.faults)
         elif self._start_up.latched:
             reason = f"a fault is latched from before the clean-up: {self._start_up.latched}"
@@ -300,11 +293,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._driver.vent(time.monotonic())
         self._vent_reason = "a call of ~/vent"
         self._publish_state()
-        response.success, response.message = True, "vented; activate again to move"
+        done = "lowering; call again to vent at once" if self._driver.lowers else "valves vented"
         if self._cancel_start("a call of ~/vent"):
-            response.message = (
-                "vented, and the activation at start-up is cancelled; activate to move"
-            )
+            done += ", and the activation at start-up is cancelled"
+        response.success, response.message = True, f"{done}; activate to move"
         return response
 
     def _on_clear_faults(self, request: Any, response: Any) -> Any:
@@ -316,7 +308,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._fault_reported = False
         self._vent_reason = "faults cleared, not activated yet"
         self._publish_state()
-        response.success = driver.state is not SafetyState.FAULT
+        response.success = driver.state not in FAULTY
         response.message = f"{driver.state.value}; activate to move"
         return response
 
@@ -326,10 +318,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if driver is None:
             return
         self._publish_state()
-        if driver.state is SafetyState.FAULT and not self._fault_reported:
+        if driver.state in FAULTY and not self._fault_reported:
             self._fault_reported = True
             reasons = "; ".join(str(fault) for fault in driver.faults)
-            self.get_logger().error(f"vented, latched until ~/clear_faults: {reasons}")
+            done = "lowering" if driver.lowers else "vented"
+            self.get_logger().error(f"{done}, latched until ~/clear_faults: {reasons}")
         if self._active and driver.state not in _MOVING:
             self.trigger_deactivate()
         if self._active:
@@ -380,11 +373,11 @@ def main(arguments: list[str] | None = None) -> int:
     ended = HELP.answer(arguments)
     if ended is not None:
         return ended
-    stopping = False
+    signals = 0
 
     def stop(*_: object) -> None:
-        nonlocal stopping
-        stopping = True
+        nonlocal signals
+        signals += 1
 
     logging.getLogger("can").setLevel(logging.ERROR)
     sys.setswitchinterval(0.0005)  # else the I/O thread may wait 5 ms for the executor's thread
@@ -395,6 +388,7 @@ def main(arguments: list[str] | None = None) -> int:
     node: DriverNode | None = None
     try:
         node = DriverNode()
+        node.hurry = lambda: signals > 1
         if not node.autostart():
             tell_mistake(node.failure)
             return MISTAKE
@@ -403,7 +397,7 @@ def main(arguments: list[str] | None = None) -> int:
         gc.collect()
         gc.freeze()
         node.share_priority()
-        while not stopping and rclpy.ok():
+        while not signals and rclpy.ok():
             executor.spin_once(timeout_sec=0.1)
             node.check()
     except (PamError, ParameterError) as error:

@@ -68,6 +68,23 @@ TABLE: Final = (
         "velocity_bandwidth", _D.velocity_bandwidth, "Hz", 1.0, 500.0, "-3 dB frequency of the "
         "low pass for the differentiated joint angle"
     ),
+    Parameter(
+        "vented_pressure", _D.vented_pressure, "Pa", 1e3, 200e3, "a muscle counts as empty below "
+        "this gauge pressure; the driver is vented when all muscles are"
+    ),
+    Parameter(
+        "exhaust_timeout", _D.exhaust_timeout, "s", 0.0, 600.0, "a muscle that is not empty so "
+        "long after its valve began to vent is a fault; 0: four times the ideal time from the "
+        "rig's volumes and conductances, plus one second"
+    ),
+    Parameter(
+        "lowering_speed", _D.lowering_speed, "rad/s", 0.05, 5.0, "speed with which a stop of "
+        "category 1 lets a loaded joint sink"
+    ),
+    Parameter(
+        "lowering_timeout", _D.lowering_timeout, "s", 0.0, 60.0, "a stop of category 1 that is "
+        "not finished after this time ends in a vent; 0: every stop vents at once"
+    ),
     Parameter("fluid_pressure_rate", 10.0, "Hz", 0.1, 100.0, "rate of <muscle>/pressure"),
 )  # fmt: skip
 
@@ -102,7 +119,11 @@ HELP: Final = NodeHelp(
         Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
     ),
     serves=(
-        Endpoint("~/vent", "std_srvs/Trigger", "vents all muscles, and keeps them vented"),
+        Endpoint(
+            "~/vent",
+            "std_srvs/Trigger",
+            "lowers the joints, then vents all muscles; a second call vents at once",
+        ),
         Endpoint("~/clear_faults", "std_srvs/Trigger", "forgets faults whose cause is gone"),
     ),
 )
@@ -116,6 +137,10 @@ def settings_of(values: NodeParameters[Any]) -> DriverSettings:
         board_timeout=values.number("board_timeout"),
         over_pressure_margin=values.number("over_pressure_margin"),
         velocity_bandwidth=values.number("velocity_bandwidth"),
+        vented_pressure=values.number("vented_pressure"),
+        exhaust_timeout=values.number("exhaust_timeout"),
+        lowering_speed=values.number("lowering_speed"),
+        lowering_timeout=values.number("lowering_timeout"),
     )
 
 

@@ -21,6 +21,17 @@ class DriverSettings:
         How far one sample may exceed `max_pressure`, as an allowance for noise [Pa].
     velocity_bandwidth : float
         -3 dB frequency of the differentiated joint angle [Hz].
+    vented_pressure : float
+        A muscle counts as empty below this pressure [Pa gauge]. At 20 kPa, a thirtieth of the
+        highest pressure of the example rigs, two muscles can no longer lift their joint.
+    exhaust_timeout : float
+        A muscle that is not empty so long after its valve began to vent has a blocked exhaust [s];
+        0: from the rig's volumes and conductances, see `safety.exhaust_watch`.
+    lowering_speed : float
+        Speed with which a stop of category 1 lets a loaded joint sink [rad/s].
+    lowering_timeout : float
+        A stop of category 1 that is not finished after this time ends in a vent [s]; 0 makes every
+        stop one of category 0.
     """
 
     command_timeout: float = 0.1
@@ -28,3 +39,7 @@ class DriverSettings:
     board_timeout: float = 0.5
     over_pressure_margin: float = 5000.0
     velocity_bandwidth: float = 40.0
+    vented_pressure: float = 20e3
+    exhaust_timeout: float = 0.0
+    lowering_speed: float = 0.5
+    lowering_timeout: float = 4.0

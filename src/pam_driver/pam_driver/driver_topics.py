@@ -8,8 +8,8 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import FluidPressure, JointState
 
-from pam_driver.driver import Snapshot
 from pam_driver.safety.command_intake import CommandIntake
+from pam_driver.snapshot import Snapshot
 from pam_model.rig import Rig
 
 

@@ -52,17 +52,17 @@ class Motion(NamedTuple):
 
     Attributes
     ----------
-    active : bool
-        Whether the valves follow commands.
+    commanded : bool
+        Whether the valves follow commands; they do not while the driver itself lowers the joints.
     since : float
-        Since when they follow them, monotonic [s]; infinite while they do not.
+        Since when the boards are told to be active, monotonic [s]; infinite while they are not.
     command_time : float
         When the command in use was computed, monotonic [s].
     last_rejection : str
         Why the last refused command was refused.
     """
 
-    active: bool
+    commanded: bool
     since: float
     command_time: float
     last_rejection: str
@@ -171,9 +171,7 @@ class FaultJudge:
             )
         yield from self._sensor_conditions(now)
         yield from self._implausible
-        if not motion.active:
-            return
-        if now - motion.command_time > settings.command_timeout:
+        if motion.commanded and now - motion.command_time > settings.command_timeout:
             text = f"no valid command for {settings.command_timeout:g} s"
             if motion.last_rejection:
                 text += f"; last refused: {motion.last_rejection}"

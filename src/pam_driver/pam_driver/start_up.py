@@ -74,6 +74,7 @@ class StartUp:
         if self._until is None:
             return StartStep(Advice.WAIT)
         faulty = [found for found in driver.conditions if found.kind == "board_fault"]
+        faulty += driver.faults
         if faulty and self.cancel():
             return StartStep(Advice.CANCELLED, str(faulty[0]))
         problem = self.problem(driver, now)
@@ -114,6 +115,7 @@ class StartUp:
 
     def leave(self, driver: Driver) -> None:
         """Remember a latched fault that not every board keeps, before the driver is closed."""
-        if driver.state is SafetyState.FAULT and not driver.boards_keep_fault:
+        lowering = driver.state is SafetyState.FAULT_LOWERING  # the boards do not keep it yet
+        if lowering or (driver.state is SafetyState.FAULT and not driver.boards_keep_fault):
             self.latched = "; ".join(str(fault) for fault in driver.faults)
         self.end()

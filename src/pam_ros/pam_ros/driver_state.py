@@ -34,7 +34,7 @@ def driver_state_message(name: str, state: str, reason: str) -> Any:
     reason : str
         What brought it there; may be empty.
     """
-    level = DiagnosticStatus.ERROR if state == "fault" else DiagnosticStatus.OK
+    level = DiagnosticStatus.ERROR if state.startswith("fault") else DiagnosticStatus.OK
     return DiagnosticStatus(
         level=level,
         name=f"{name}: state",

@@ -19,11 +19,12 @@ import can
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_driver.bus import CanPort
-from pam_driver.driver import Driver, Snapshot
+from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
+from pam_driver.snapshot import Snapshot
 from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import Estimate, JointEstimator
 from pam_model.rig import Rig

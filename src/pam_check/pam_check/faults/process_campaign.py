@@ -28,7 +28,7 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 from pam_sim.fault_injection import INJECTIONS
-from pam_sim.faults.fault_kind import FaultKind, Reaction
+from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction
 from pam_sim.faults.kinds import KINDS, kinds_called
 
 HOST = 0.06  # s, for the injection, the period of the board's status and a busy host
@@ -150,7 +150,7 @@ def time_outs(diagnostics: str) -> set[str]:
 
 def judge(kind: FaultKind, seen: Observation) -> tuple[str, str]:
     """Return `KEPT`, `REPEAT` if the host may be the cause, or "failed"; and the reason."""
-    vents = kind.reaction is Reaction.VENT
+    vents = kind.reaction in STOPS
     if vents and (seen.silent or not seen.stopped):
         return "failed", "not vented"
     doubt = _doubt(kind, seen) if seen.stopped else ""
@@ -163,7 +163,7 @@ def judge(kind: FaultKind, seen: Observation) -> tuple[str, str]:
 
 def _doubt(kind: FaultKind, seen: Observation) -> str:
     """Why the host may be the cause of a stop; empty if the fault is the cause."""
-    vents = kind.reaction is Reaction.VENT
+    vents = kind.reaction in STOPS
     by = time_outs(seen.diagnostics)
     why = ", ".join(sorted(by)) or "an unknown cause"
     # a time-out may also appear as the board's own fault
@@ -171,11 +171,17 @@ def _doubt(kind: FaultKind, seen: Observation) -> str:
     unexplained = not vents and not seen.diagnostics
     if kind.reaction is not Reaction.EITHER and (by or unexplained) and not expected:
         return f"stopped by {why}"
-    if vents and seen.after > kind.bound + HOST:
-        return f"late, bound {1e3 * (kind.bound + HOST):.0f} ms"
+    bound = _time_to_vented(kind) + HOST
+    if vents and seen.after > bound:
+        return f"late, bound {1e3 * bound:.0f} ms"
     if vents and by and seen.after < TOO_EARLY * kind.bound:
         return f"stopped by {why} too early"
     return ""
+
+
+def _time_to_vented(kind: FaultKind) -> float:
+    """Largest time from the fault to vented valves [s]."""
+    return kind.bound + (LOWERING if kind.reaction is Reaction.LOWER else 0.0)
 
 
 def _begin(chain: Chain, operator: Operator, kind: FaultKind) -> float:
@@ -209,7 +215,7 @@ def observe(chain: Chain, operator: Operator, kind: FaultKind) -> Observation:
     """Inject one fault into a moving chain and observe the reaction."""
     operator.make_move(PATIENCE)
     operator.forget()
-    vents = kind.reaction is Reaction.VENT
+    vents = kind.reaction in STOPS
     begin = _begin(chain, operator, kind)
     deaf = kind.name in UNHEARD or kind.bounds_driver
 
@@ -219,7 +225,7 @@ def observe(chain: Chain, operator: Operator, kind: FaultKind) -> Observation:
             return now - operator.last_enabled > QUIET
         return now > begin + 0.03 and not operator.moves_air
 
-    stopped = operator.run(kind.bound + 0.5 if vents else 0.8, has_stopped)
+    stopped = operator.run(_time_to_vented(kind) + 0.5 if vents else 0.8, has_stopped)
     after = (operator.last_enabled if deaf else operator.last_air) - begin
     # a stopped driver reports nothing, so its last report proves nothing
     silent = kind.name.startswith("driver") and not stopped

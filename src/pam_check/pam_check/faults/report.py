@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pam_check.faults.trial import Trial
-from pam_sim.faults.fault_kind import FaultKind, Reaction
+from pam_sim.faults.fault_kind import STOPS, FaultKind, Reaction
 
 HEADINGS = (
     "fault", "layer", "trials", "noticed by", "reaction", "safe after, median [ms]",
@@ -32,7 +32,7 @@ def rows(kinds: Sequence[FaultKind], trials: Sequence[Trial]) -> list[tuple[str,
         named = ", ".join(name for name, _ in by.most_common(2))
         times = [1e3 * after for trial in mine if (after := _bounded_time(kind, trial)) is not None]
         empty = [trial.empty_after for trial in mine if trial.empty_after is not None]
-        vents = kind.reaction is Reaction.VENT
+        vents = kind.reaction in STOPS
         bad = [trial.problem for trial in mine if trial.problem]
         table.append(
             (
@@ -115,7 +115,7 @@ def _draw(kinds: Sequence[FaultKind], trials: Sequence[Trial], path: Path) -> No
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to import)
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    shown = [kind for kind in kinds if kind.reaction is Reaction.VENT]
+    shown = [kind for kind in kinds if kind.reaction in STOPS]
     figure = Figure(figsize=(8.0, 1.5 + 0.2 * len(shown)), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()

@@ -12,7 +12,7 @@ from pam_check.faults.chain import AMPLITUDE, STEP, FaultChain
 from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
 from pam_driver.safety.states import SafetyState
 from pam_sim import fault_injection
-from pam_sim.faults.fault_kind import FaultKind, Reaction, Stays
+from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction, Stays
 from pam_sim.simulated_rig import GroundTruth
 
 AFTERWARDS = 0.3  # s, to check that the valves stay vented
@@ -108,8 +108,9 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
     last_air = start
     origin = chain.truth.positions[0]
     bounds = bounds_of(chain.rig)
-    vents = kind.reaction is Reaction.VENT
-    end = start + kind.bound + (bounds.exhaust_time + SETTLING if vents else 0.0)
+    vents = kind.reaction in STOPS
+    lowering = LOWERING if kind.reaction is Reaction.LOWER else 0.0
+    end = start + kind.bound + (lowering + bounds.exhaust_time + SETTLING if vents else 0.0)
     while chain.now < end:
         chain.step()
         truth = chain.truth
@@ -117,7 +118,8 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
         _note_motion(trial, truth)
         if chain.moves_air:
             last_air = chain.now
-            trial.peak_error = max(trial.peak_error, abs(angle - chain.reference))
+            if not chain.driver.lowers:
+                trial.peak_error = max(trial.peak_error, abs(angle - chain.reference))
             if vents:
                 origin, trial.way = angle, 0.0
         trial.way = max(trial.way, abs(angle - origin))
@@ -188,7 +190,7 @@ def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
     must_be_noticed = kind.detected_by and kind.reaction is not Reaction.EITHER
     if must_be_noticed and not set(kind.detected_by) & set(trial.noticed):
         return f"noticed by {', '.join(trial.noticed) or 'nobody'}"
-    if kind.reaction is Reaction.VENT:
+    if kind.reaction in STOPS:
         problem = _venting_problem(kind, trial, bounds)
         if problem:
             return problem
@@ -205,10 +207,14 @@ def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
 def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
     if trial.safe_after is None:
         return "not vented"
-    if kind.bounds_driver and (trial.stopped_after or math.inf) > kind.bound + STEP:
-        return f"the driver stopped after {1e3 * (trial.stopped_after or math.inf):.0f} ms"
+    stopped_after = math.inf if trial.stopped_after is None else trial.stopped_after
+    bounds_driver = kind.bounds_driver or kind.reaction is Reaction.LOWER
+    if bounds_driver and stopped_after > kind.bound + STEP:
+        return f"the driver stopped after {1e3 * stopped_after:.0f} ms"
     # the valves of a board that hangs do not move until its own watchdog resets it
     valves_bound = max(kind.bound, trial.values.get("reset_after", 0.0))
+    if kind.reaction is Reaction.LOWER:
+        valves_bound += LOWERING
     if trial.safe_after > valves_bound + STEP:
         return f"vented after {1e3 * trial.safe_after:.0f} ms"
     empty_after = math.inf if trial.empty_after is None else trial.empty_after
@@ -240,6 +246,6 @@ def error_bound(kind: FaultKind, bounds: RigBounds) -> float:
     """
     if kind.stays is Stays.IN_LIMITS:
         return max(map(abs, bounds.position)) + AMPLITUDE + ERROR_ALLOWED
-    if kind.stays is Stays.TRACKING or kind.reaction is Reaction.VENT:
+    if kind.stays is Stays.TRACKING or kind.reaction in STOPS:
         return bounds.tracking_error
     return ERROR_ALLOWED

@@ -1,8 +1,11 @@
 """What the driver may do, as one table: next state by state and event, and output by state.
 
 The table is data, so that the documentation is generated from it and the tests can check every
-entry. A fault always ends `ACTIVE` at once. The way back is: clear faults, then activate, then a
-fresh command.
+entry. A fault always ends `ACTIVE` at once. The way back is: clear faults, measured empty, then
+activate, then a fresh command.
+
+A stop has a category as in IEC 60204-1, section 9.2.2; `stop_categories` says which fault has
+which. Category 0 vents at once. Category 1 lowers the joints first (`lowering`), then vents.
 """
 
 from __future__ import annotations
@@ -13,12 +16,15 @@ from typing import Final, NamedTuple
 
 
 class SafetyState(Enum):
-    """State of the driver; the diagnostics show the value."""
+    """State of the driver; the topic and the diagnostics show the value."""
 
     UNCONFIGURED = "unconfigured"
+    VENTING = "venting"
     VENTED = "vented"
     READY = "ready"
     ACTIVE = "active"
+    LOWERING = "lowering"
+    FAULT_LOWERING = "fault_lowering"
     FAULT = "fault"
 
 
@@ -26,11 +32,16 @@ class SafetyEvent(Enum):
     """Events that may change the state."""
 
     CONFIGURE = "configure"
+    EMPTY = "all muscles empty"
+    NOT_EMPTY = "a muscle not empty"
+    EXHAUST_BLOCKED = "exhaust blocked"
     ACTIVATE = "activate"
     COMMAND = "command"
     DEACTIVATE = "deactivate"
     VENT = "vent"
-    FAULT = "fault"
+    LOWERED = "lowered"
+    FAULT_LOWER = "fault of category 1"
+    FAULT = "fault of category 0"
     LATCHED_FAULT = "latched fault"
     CLEAR_FAULTS = "clear faults"
     CLEANUP = "clean up"
@@ -44,7 +55,10 @@ class SafetyOutput(NamedTuple):
     send : bool
         Whether each board receives a valve command in each cycle.
     enable : bool
-        The enable bits of that command: whether air may move.
+        Whether the valves follow the commands, so that air may enter a muscle.
+    lower : bool
+        Whether the driver itself lowers the joints: the enable bits are set, but no set point lets
+        air into a muscle.
     vent_on_entry : bool
         Whether each board receives the board command `vent` when the state is entered.
     latch : bool
@@ -55,6 +69,7 @@ class SafetyOutput(NamedTuple):
 
     send: bool
     enable: bool
+    lower: bool
     vent_on_entry: bool
     latch: bool
     meaning: str
@@ -65,75 +80,100 @@ _E = SafetyEvent
 
 OUTPUTS: Final[Mapping[SafetyState, SafetyOutput]] = {
     _S.UNCONFIGURED: SafetyOutput(
-        False, False, True, False, "no bus; the boards' watchdogs keep the valves vented"
+        False, False, False, True, False, "no bus; the boards' watchdogs keep the valves vented"
     ),
-    _S.VENTED: SafetyOutput(True, False, True, False, "measuring; all valves vent"),
+    _S.VENTING: SafetyOutput(
+        True, False, False, True, False, "all valves vent; a muscle is not measured empty yet"
+    ),
+    _S.VENTED: SafetyOutput(
+        True, False, False, False, False, "all valves vent; every muscle is measured empty"
+    ),
     _S.READY: SafetyOutput(
-        True, False, False, False, "armed; vented until the first fresh command"
+        True, False, False, False, False, "armed; vented until the first fresh command"
     ),
-    _S.ACTIVE: SafetyOutput(True, True, False, False, "valves follow the commands"),
-    _S.FAULT: SafetyOutput(True, False, True, True, "latched; all valves vent"),
+    _S.ACTIVE: SafetyOutput(True, True, False, False, False, "valves follow the commands"),
+    _S.LOWERING: SafetyOutput(
+        True, False, True, False, False, "air leaves the muscles so that the joints sink slowly"
+    ),
+    _S.FAULT_LOWERING: SafetyOutput(
+        True,
+        False,
+        True,
+        False,
+        False,
+        "as lowering, after a fault of category 1, which is latched",
+    ),
+    _S.FAULT: SafetyOutput(True, False, False, True, True, "latched; all valves vent"),
 }
 
+
+def _row(state: SafetyState, **changes: SafetyState) -> Mapping[SafetyEvent, SafetyState]:
+    """The next states from `state`; an event that is not named changes nothing."""
+    return {event: changes.get(event.name, state) for event in SafetyEvent}
+
+
 TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
-    _S.UNCONFIGURED: {
-        _E.CONFIGURE: _S.VENTED,
-        _E.ACTIVATE: _S.UNCONFIGURED,
-        _E.COMMAND: _S.UNCONFIGURED,
-        _E.DEACTIVATE: _S.UNCONFIGURED,
-        _E.VENT: _S.UNCONFIGURED,
-        _E.FAULT: _S.UNCONFIGURED,
-        _E.LATCHED_FAULT: _S.UNCONFIGURED,
-        _E.CLEAR_FAULTS: _S.UNCONFIGURED,
-        _E.CLEANUP: _S.UNCONFIGURED,
-    },
-    _S.VENTED: {
-        _E.CONFIGURE: _S.VENTED,
-        _E.ACTIVATE: _S.READY,
-        _E.COMMAND: _S.VENTED,
-        _E.DEACTIVATE: _S.VENTED,
-        _E.VENT: _S.VENTED,
-        # nothing moves, so no fault is latched; a condition that persists prevents activation
-        _E.FAULT: _S.VENTED,
-        # told by a board or a person, so it holds even where nothing moves
-        _E.LATCHED_FAULT: _S.FAULT,
-        _E.CLEAR_FAULTS: _S.VENTED,
-        _E.CLEANUP: _S.UNCONFIGURED,
-    },
-    _S.READY: {
-        _E.CONFIGURE: _S.READY,
-        _E.ACTIVATE: _S.READY,
-        _E.COMMAND: _S.ACTIVE,
-        _E.DEACTIVATE: _S.VENTED,
-        _E.VENT: _S.VENTED,
-        _E.FAULT: _S.FAULT,
-        _E.LATCHED_FAULT: _S.FAULT,
-        _E.CLEAR_FAULTS: _S.READY,
-        _E.CLEANUP: _S.UNCONFIGURED,
-    },
-    _S.ACTIVE: {
-        _E.CONFIGURE: _S.ACTIVE,
-        _E.ACTIVATE: _S.ACTIVE,
-        _E.COMMAND: _S.ACTIVE,
-        _E.DEACTIVATE: _S.VENTED,
-        _E.VENT: _S.VENTED,
-        _E.FAULT: _S.FAULT,
-        _E.LATCHED_FAULT: _S.FAULT,
-        _E.CLEAR_FAULTS: _S.ACTIVE,
-        _E.CLEANUP: _S.UNCONFIGURED,
-    },
-    _S.FAULT: {
-        _E.CONFIGURE: _S.FAULT,
-        _E.ACTIVATE: _S.FAULT,
-        _E.COMMAND: _S.FAULT,
-        _E.DEACTIVATE: _S.FAULT,
-        _E.VENT: _S.FAULT,
-        _E.FAULT: _S.FAULT,
-        _E.LATCHED_FAULT: _S.FAULT,
-        _E.CLEAR_FAULTS: _S.VENTED,
-        _E.CLEANUP: _S.UNCONFIGURED,
-    },
+    _S.UNCONFIGURED: _row(_S.UNCONFIGURED, CONFIGURE=_S.VENTING),
+    # Nothing moves while vented or venting, so no fault is latched; a condition that persists
+    # prevents activation. An exhaust that is blocked is latched: the air has to be let out by hand.
+    # What a board or a person has latched holds in every state.
+    _S.VENTING: _row(
+        _S.VENTING,
+        EMPTY=_S.VENTED,
+        EXHAUST_BLOCKED=_S.FAULT,
+        LATCHED_FAULT=_S.FAULT,
+        CLEANUP=_S.UNCONFIGURED,
+    ),
+    _S.VENTED: _row(
+        _S.VENTED,
+        NOT_EMPTY=_S.VENTING,
+        ACTIVATE=_S.READY,
+        LATCHED_FAULT=_S.FAULT,
+        CLEANUP=_S.UNCONFIGURED,
+    ),
+    _S.READY: _row(
+        _S.READY,
+        COMMAND=_S.ACTIVE,
+        DEACTIVATE=_S.VENTING,
+        VENT=_S.VENTING,
+        FAULT_LOWER=_S.FAULT,
+        FAULT=_S.FAULT,
+        LATCHED_FAULT=_S.FAULT,
+        CLEANUP=_S.UNCONFIGURED,
+    ),
+    _S.ACTIVE: _row(
+        _S.ACTIVE,
+        DEACTIVATE=_S.LOWERING,
+        VENT=_S.LOWERING,
+        FAULT_LOWER=_S.FAULT_LOWERING,
+        FAULT=_S.FAULT,
+        LATCHED_FAULT=_S.FAULT,
+        CLEANUP=_S.UNCONFIGURED,
+    ),
+    # A second call of vent is for someone who cannot wait for the end of the lowering.
+    _S.LOWERING: _row(
+        _S.LOWERING,
+        LOWERED=_S.VENTING,
+        VENT=_S.VENTING,
+        FAULT_LOWER=_S.FAULT_LOWERING,
+        FAULT=_S.FAULT,
+        LATCHED_FAULT=_S.FAULT,
+        CLEANUP=_S.UNCONFIGURED,
+    ),
+    _S.FAULT_LOWERING: _row(
+        _S.FAULT_LOWERING,
+        LOWERED=_S.FAULT,
+        VENT=_S.FAULT,
+        FAULT=_S.FAULT,
+        LATCHED_FAULT=_S.FAULT,
+        CLEANUP=_S.UNCONFIGURED,
+    ),
+    _S.FAULT: _row(_S.FAULT, CLEAR_FAULTS=_S.VENTING, CLEANUP=_S.UNCONFIGURED),
 }
+
+
+FAULTY: Final = frozenset({_S.FAULT, _S.FAULT_LOWERING})
+"""States in which a fault is latched."""
 
 
 def next_state(state: SafetyState, event: SafetyEvent) -> SafetyState:
@@ -141,22 +181,25 @@ def next_state(state: SafetyState, event: SafetyEvent) -> SafetyState:
     return TRANSITIONS[state][event]
 
 
+def air_in(state: SafetyState) -> str:
+    """In which way air may move in a state, as the documentation names it."""
+    output = OUTPUTS[state]
+    return "in and out" if output.enable else "only out, slowly" if output.lower else "only out"
+
+
 def table_as_markdown() -> str:
     """The table as docs/driver.md shows it; a dot means that the state does not change."""
-    events = list(SafetyEvent)
+    states = list(SafetyState)
     lines = [
-        "| state | air | " + " | ".join(event.value for event in events) + " |",
-        "|---" * (len(events) + 2) + "|",
+        "| event | " + " | ".join(f"in {state.value}" for state in states) + " |",
+        "|---" * (len(states) + 1) + "|",
+        "| *air moves* | " + " | ".join(f"*{air_in(state)}*" for state in states) + " |",
     ]
-    for state, row in TRANSITIONS.items():
-        cells = [
-            "."
-            if row[event] is state
-            else f"**{row[event].value}**"
-            if row[event] is SafetyState.ACTIVE
-            else row[event].value
-            for event in events
-        ]
-        air = "moves" if OUTPUTS[state].enable else "vented"
-        lines.append(f"| {state.value} | {air} | " + " | ".join(cells) + " |")
+    for event in SafetyEvent:
+        cells = []
+        for state in states:
+            target = next_state(state, event)
+            name = f"**{target.value}**" if OUTPUTS[target].enable else target.value
+            cells.append("." if target is state else name)
+        lines.append(f"| {event.value} | " + " | ".join(cells) + " |")
     return "\n".join(lines)

@@ -15,6 +15,7 @@ WATCHDOG: Final = 0.1  # s, WatchdogTimeout in the DBC
 # counted twice as a margin [s].
 VENT: Final = 0.012
 COMMANDS_STOP: Final = _S.command_timeout + VENT
+LOWERING: Final = _S.lowering_timeout
 SENSOR_STOPS: Final = _S.sensor_timeout + VENT
 BOARD_HEARS_NOTHING: Final = WATCHDOG + 0.010
 WATCH: Final = 1.0  # s, observation of a fault that need not vent
@@ -26,10 +27,15 @@ class Reaction(Enum):
     """The required reaction to a fault; tables show the value."""
 
     VENT = "vents, latched"
+    LOWER = "lowers, then vents"
     RIDE = "continues, counted"
     WARN = "continues, warns"
     EITHER = "continues or vents"
     NOTICED = "warns or vents"
+
+
+STOPS: Final = frozenset({Reaction.VENT, Reaction.LOWER})
+"""Reactions after which nothing moves without an act of the operator."""
 
 
 class Stays(Enum):
@@ -56,8 +62,8 @@ class FaultKind:
     reaction : Reaction
         The required reaction.
     bound : float
-        Largest time from the fault to vented valves [s]; if the fault must not vent, how long the
-        trial observes.
+        Largest time from the fault to vented valves, or to the beginning of the lowering [s]; if
+        the fault must not stop the joint, how long the trial observes.
     reason : str
         What determines this bound, or why the fault cannot be detected.
     bounds_driver : bool

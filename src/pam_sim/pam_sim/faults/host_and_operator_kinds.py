@@ -37,21 +37,21 @@ HOST_AND_OPERATOR_KINDS: Final = (
     _K("controller_stopped_short", "host", "the controller is stopped for a moment",
        {"duration": (0.01, 0.05)}, (), _R.RIDE, WATCH, "shorter than command_timeout"),
     _K("controller_stopped", "host", "the controller is stopped and continued",
-       {"duration": (0.15, 0.6)}, ("command_timeout",), _R.VENT, COMMANDS_STOP,
+       {"duration": (0.15, 0.6)}, ("command_timeout",), _R.LOWER, COMMANDS_STOP,
        "command_timeout"),
-    _K("controller_killed", "host", "the controller is killed", {}, ("command_timeout",), _R.VENT,
+    _K("controller_killed", "host", "the controller is killed", {}, ("command_timeout",), _R.LOWER,
        COMMANDS_STOP, "command_timeout"),
     _K("parameters_nonsense", "host", "the controller is given impossible parameters", {},
        ("refused parameters",), _R.RIDE, 0.3, "each is refused; the previous ones remain valid"),
     _K("references_nonsense", "host", "the controller is given impossible references", {},
        ("refused references",), _R.RIDE, 0.3, "each is refused; the previous ones remain valid"),
     _K("measurements_nonsense", "host", "the controller receives impossible measurements",
-       {"duration": (0.15, 0.5)}, ("command_timeout", "controller"), _R.VENT, COMMANDS_STOP,
+       {"duration": (0.15, 0.5)}, ("command_timeout", "controller"), _R.LOWER, COMMANDS_STOP,
        "the controller stops, then command_timeout"),
     # --- commands ---
     *(
         _K(f"command_{kind}", "command", text, {"duration": (0.15, 0.5)},
-           (refusal, "command_timeout"), _R.VENT, COMMANDS_STOP,
+           (refusal, "command_timeout"), _R.LOWER, COMMANDS_STOP,
            "each is refused, then command_timeout")
         for kind, text, refusal in (
             ("nan", "commands are NaN", "not_finite"),
@@ -75,6 +75,6 @@ HOST_AND_OPERATOR_KINDS: Final = (
        ("pressure_implausible", "torque_implausible", "position_limit", "over_pressure"),
        _R.EITHER, WATCH, "both are valid, so the joint may move anywhere within its limits; "
        "/diagnostics warns of the number of publishers", stays=Stays.IN_LIMITS),
-    _K("vent_called", "operator", "someone calls ~/vent", {}, ("vented",), _R.VENT, VENT,
+    _K("vent_called", "operator", "someone calls ~/vent", {}, ("vented",), _R.LOWER, VENT,
        "each board receives a frame before the service returns"),
 )  # fmt: skip

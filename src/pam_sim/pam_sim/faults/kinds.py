@@ -12,9 +12,10 @@ from typing import Final
 
 from pam_driver.safety.states import table_as_markdown as states_as_markdown
 from pam_driver.safety.states_page import diagram_as_mermaid
+from pam_driver.safety.stop_categories import categories_as_markdown
 from pam_model.errors import PamError
 from pam_sim.faults.bus_and_board_kinds import BUS_AND_BOARD_KINDS
-from pam_sim.faults.fault_kind import FaultKind, Reaction
+from pam_sim.faults.fault_kind import STOPS, FaultKind
 from pam_sim.faults.host_and_operator_kinds import HOST_AND_OPERATOR_KINDS
 from pam_sim.faults.sensor_and_valve_kinds import SENSOR_AND_VALVE_KINDS
 
@@ -52,7 +53,7 @@ def bounds_as_markdown() -> str:
         if kind.layer != layer:
             layer = kind.layer
             lines.append(f"| **{layer}** | | | | |")
-        within = f"{1e3 * kind.bound:.0f} ms" if kind.reaction is Reaction.VENT else ""
+        within = f"{1e3 * kind.bound:.0f} ms" if kind.reaction in STOPS else ""
         cells = (f"`{kind.name}`", kind.text, kind.reaction.value, within, kind.reason)
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -69,6 +70,7 @@ def write_into(page: str) -> str:
     parts = {
         "diagram": f"```mermaid\n{diagram_as_mermaid()}\n```",
         "states": states_as_markdown(),
+        "categories": categories_as_markdown(),
         "faults": bounds_as_markdown(),
     }
     for name, part in parts.items():

@@ -77,7 +77,7 @@ SENSOR_AND_VALVE_KINDS: Final = (
     _K("muscle_leak_small", "valve", "a muscle leaks a little", {"conductance": (1e-10, 1.2e-9)},
        (), _R.RIDE, 2.0, "the valve compensates the leak; the diagnosis of a recording finds it"),
     _K("supply_lost", "valve", "the supply pressure is lost", {"share": (0.0, 0.4)},
-       ("supply_low",), _R.VENT, 0.02 + VENT, "the next status"),
+       ("supply_low",), _R.LOWER, 0.02 + VENT, "the next status"),
     _K("supply_sags", "valve", "the supply pressure falls a little", {"share": (0.6, 0.72)},
        ("suspected supply_low",), _R.WARN, WATCH),
 )  # fmt: skip

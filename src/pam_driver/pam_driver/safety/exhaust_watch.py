@@ -1,0 +1,159 @@
+"""Whether the muscles are empty: "safe" is measured in the arm, not assumed at the valve.
+
+While the valves vent, every pressure has to fall below `vented_pressure` within a time limit. If
+one does not, its exhaust is blocked, or its valve is stuck open to the supply.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from pam_driver.boards.protocol import Condition
+from pam_model.effects import adjusted
+from pam_model.gas import pressure_rate, valve_flow
+from pam_model.rig import Muscle, Rig
+
+# A muscle that was empty counts as filled again above this multiple of the limit, so that noise
+# does not change the state.
+_FILLED_AGAIN: Final = 1.25
+# The default time limit is so many times the ideal time, for exhausts that are narrower than the
+# rig file says (silencers, tubes), plus a second.
+_NARROWER: Final = 4.0
+_ADDED: Final = 1.0  # s
+_STEPS: Final = 200  # of the integration
+_PLACES: Final = 9  # joint positions, to find the largest volume
+
+
+class ExhaustWatch:
+    """Watches how the muscles of a rig become empty.
+
+    Parameters
+    ----------
+    rig : Rig
+        Names the muscles.
+    vented_pressure : float
+        A muscle is empty below this pressure [Pa gauge].
+    timeout : float
+        So long after the valves began to vent, a muscle that is not empty is a fault [s].
+
+    Attributes
+    ----------
+    timeout : float
+        As given [s].
+    """
+
+    def __init__(self, rig: Rig, vented_pressure: float, timeout: float) -> None:
+        self.timeout = timeout
+        self._names = rig.muscle_names
+        self._limit = vented_pressure
+        self._pressures: Sequence[float] = (math.nan,) * len(rig.muscles)
+        self._since = math.inf
+        self.empty = False
+
+    def update(self, pressures: Sequence[float], venting: bool, now: float) -> None:
+        """Take the measurements of one cycle.
+
+        Parameters
+        ----------
+        pressures : sequence of float
+            By muscle [Pa gauge]; NaN if unknown, which does not count as empty.
+        venting : bool
+            Whether every valve is told to vent.
+        now : float
+            Monotonic time [s].
+        """
+        self._pressures = pressures
+        limit = self._limit * (_FILLED_AGAIN if self.empty else 1.0)
+        self.empty = all(pressure < limit for pressure in pressures)
+        if self.empty or not venting:
+            self._since = math.inf
+        elif self._since == math.inf:
+            self._since = now
+
+    def start_again(self) -> None:
+        """Give the muscles the whole time once more, as after faults were cleared."""
+        self._since = math.inf
+
+    def remaining(self) -> str:
+        """The muscles that are not measured empty, as one line; empty if all are."""
+        return "; ".join(
+            f"{name}: still {pressure:.0f} Pa"
+            if math.isfinite(pressure)
+            else f"{name}: its pressure is unknown"
+            for name, pressure in zip(self._names, self._pressures, strict=True)
+            if not pressure < self._limit
+        )
+
+    def conditions(self, now: float) -> Iterator[Condition]:
+        """One condition for each muscle that does not become empty."""
+        if self.empty or not now - self._since > self.timeout:
+            return
+        for name, pressure in zip(self._names, self._pressures, strict=True):
+            if pressure >= self._limit:
+                text = (
+                    f"still {pressure:.0f} Pa after {self.timeout:.3g} s of venting, "
+                    f"vented_pressure is {self._limit:.0f} Pa: exhaust blocked or valve stuck; "
+                    "shut the air supply"
+                )
+                yield Condition("exhaust_blocked", name, text)
+
+
+def exhaust_timeout(rig: Rig, vented_pressure: float) -> float:
+    """A time limit for emptying the muscles, from their volumes and conductances [s].
+
+    Parameters
+    ----------
+    rig : Rig
+        Gives volumes, conductances and highest pressures.
+    vented_pressure : float
+        A muscle is empty below this pressure [Pa gauge].
+
+    Returns
+    -------
+    float
+        Four times the ideal time of the slowest muscle from its highest pressure, plus a second.
+    """
+    slowest = max(_ideal_time(rig, muscle, vented_pressure) for muscle in rig.muscles)
+    return _NARROWER * slowest + _ADDED
+
+
+def _ideal_time(rig: Rig, muscle: Muscle, vented_pressure: float) -> float:
+    """Time to empty the muscle at its largest volume through its fully open exhaust [s]."""
+    joint = rig.joint_of(muscle.name)
+    model = rig.force_model(muscle.name)
+    lengths = [muscle.neutral_length]
+    if joint is not None:
+        sign = -1.0 if joint.agonist == muscle.name else 1.0
+        places = np.linspace(*joint.position_limits, _PLACES)
+        lengths = [muscle.neutral_length + sign * joint.pulley_radius * float(q) for q in places]
+    volume = max(float(model.volume(length)) for length in lengths) + muscle.dead_volume
+    ambient, valve = rig.gas.ambient_pressure, muscle.valve
+    ratio = adjusted("valve.exhaust_ratio", None, muscle.effects)
+    high = max(muscle.max_pressure, vented_pressure) + ambient
+    grid = (np.geomspace(high - ambient, vented_pressure, _STEPS + 1) + ambient).tolist()
+    time = 0.0
+    for above, below in pairwise(grid):
+        inside = 0.5 * (above + below)
+        flow = valve_flow(
+            -1.0,
+            inside,
+            supply_pressure=rig.supply_pressure,
+            ambient_pressure=ambient,
+            conductance=valve.sonic_conductance * ratio,
+            critical_ratio=valve.critical_ratio,
+            temperature=rig.gas.temperature,
+        )
+        rate = pressure_rate(
+            flow,
+            inside,
+            volume,
+            temperature=rig.gas.temperature,
+            exponent=rig.gas.polytropic_exponent,
+        )
+        time += (above - below) / -float(rate)
+    return time

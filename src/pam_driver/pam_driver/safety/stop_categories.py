@@ -1,0 +1,78 @@
+"""Which fault gets which stop category, and why.
+
+The categories are those of IEC 60204-1, section 9.2.2, applied to air instead of electric power:
+
+- **0**: every valve opens its exhaust at once. The arm is limp and falls.
+- **1**: the driver lowers the joints slowly (`pam_driver.safety.lowering`), then vents. This needs
+  sensors, boards, valves and bus that work: a loaded arm is better lowered than dropped, but only
+  on measurements that can be trusted.
+- **2**: decelerate and hold. Holding needs a control law, so only the controller can do it; the
+  driver knows 0 and 1.
+
+A kind of condition that has no entry here is of category 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Final, NamedTuple
+
+from pam_driver.boards.protocol import Condition
+
+
+class StopCategory(NamedTuple):
+    """The stop category of a kind of condition: 0 or 1, and the reason for the choice."""
+
+    number: int
+    reason: str
+
+
+_BUS = "what the valves are told and what the sensors say no longer arrives reliably"
+_BOARD = "the board may not do what it is told"
+_SENSOR = "lowering relies on this measurement"
+_DOUBT = "sensor, valve or muscle is not what lowering assumes"
+
+STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
+    "command_timeout": StopCategory(1, "the controller is gone; sensors, boards and bus work"),
+    "supply_low": StopCategory(1, "lowering only lets air out, so it needs no supply"),
+    "supply_high": StopCategory(1, "lowering closes the supply side of every valve"),
+    "stale_sensor": StopCategory(0, _SENSOR),
+    "counter_frozen": StopCategory(0, _SENSOR),
+    "over_pressure": StopCategory(0, "the pressure must fall as fast as possible"),
+    "board_lost": StopCategory(0, _BOARD),
+    "board_fault": StopCategory(0, "the board has vented already"),
+    "board_not_active": StopCategory(0, "the board has vented already"),
+    "board_restarted": StopCategory(0, "the board has vented already"),
+    "command_not_heard": StopCategory(0, _BOARD),
+    "protocol_version": StopCategory(0, _BOARD),
+    "foreign_command": StopCategory(0, "another driver moves the same valves"),
+    "send_blocked": StopCategory(0, _BUS),
+    "bus_down": StopCategory(0, _BUS),
+    "bus_off": StopCategory(0, _BUS),
+    "position_limit": StopCategory(0, "the joint or its encoder is where it cannot be"),
+    "pressure_rate": StopCategory(0, _SENSOR),
+    "position_jump": StopCategory(0, _SENSOR),
+    "sensor_noise": StopCategory(0, _SENSOR),
+    "sensor_range": StopCategory(0, _SENSOR),
+    "pressure_implausible": StopCategory(0, _DOUBT),
+    "torque_implausible": StopCategory(0, _DOUBT),
+    "exhaust_blocked": StopCategory(0, "every exhaust is open already"),
+}
+
+
+def can_lower(conditions: Iterable[Condition]) -> bool:
+    """Whether the joints may be lowered although these conditions hold."""
+    return all(
+        (category := STOP_CATEGORIES.get(condition.kind)) is not None and category.number == 1
+        for condition in conditions
+    )
+
+
+def categories_as_markdown() -> str:
+    """The table as docs/safety.md shows it."""
+    lines = ["| fault | stop category | why |", "|---|---|---|"]
+    for kind, category in sorted(
+        STOP_CATEGORIES.items(), key=lambda item: (-item[1].number, item[0])
+    ):
+        lines.append(f"| `{kind}` | {category.number} | {category.reason} |")
+    return "\n".join(lines)

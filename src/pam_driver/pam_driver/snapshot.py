@@ -1,0 +1,81 @@
+"""What one cycle of the driver has measured and sent, in the rig's order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from pam_driver.board_set import BoardSet
+from pam_driver.joint_velocity import JointVelocity
+from pam_driver.safety.states import SafetyState
+
+
+class Snapshot(NamedTuple):
+    """The result of one cycle, in the rig's order.
+
+    Attributes
+    ----------
+    state : SafetyState
+        State after the cycle.
+    pressures : tuple of float
+        By muscle [Pa gauge], NaN if not fresh.
+    pressure_stamp : float
+        Wall-clock time of the oldest of them [s], 0 if none is fresh.
+    positions, velocities : tuple of float
+        By joint [rad], [rad/s], NaN if not fresh.
+    joint_stamp : float
+        Wall-clock time of the oldest of them [s], 0 if none is fresh.
+    sent : tuple of float
+        Command by muscle as fraction of full scale, including the command to vent; empty if the
+        bus did not accept it.
+    """
+
+    state: SafetyState
+    pressures: tuple[float, ...]
+    pressure_stamp: float
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+    joint_stamp: float
+    sent: tuple[float, ...] = ()
+
+
+def take_snapshot(
+    state: SafetyState, boards: BoardSet, filters: Sequence[JointVelocity], oldest: float
+) -> Snapshot:
+    """The measurements of the boards; what is missing or too old is NaN.
+
+    Parameters
+    ----------
+    state : SafetyState
+        The driver's state.
+    boards : BoardSet
+        The boards with their last measurements.
+    filters : sequence of JointVelocity
+        By joint.
+    oldest : float
+        A measurement from before this time is too old, monotonic [s].
+    """
+    pressures, pressure_stamps = [], []
+    for samples, channel in boards.pressures:
+        sample = samples[channel]
+        fresh = sample.time >= oldest
+        pressures.append(sample.value if fresh else math.nan)
+        if fresh:
+            pressure_stamps.append(sample.stamp)
+    positions, velocities, joint_stamps = [], [], []
+    for filtered, (samples, channel) in zip(filters, boards.angles, strict=True):
+        sample = samples[channel]
+        fresh = sample.time >= oldest
+        positions.append(sample.value if fresh else math.nan)
+        velocities.append(filtered.value if fresh else math.nan)
+        if fresh:
+            joint_stamps.append(sample.stamp)
+    return Snapshot(
+        state,
+        tuple(pressures),
+        min(pressure_stamps, default=0.0),
+        tuple(positions),
+        tuple(velocities),
+        min(joint_stamps, default=0.0),
+    )
