@@ -12,7 +12,7 @@ import yaml
 
 from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import CanPort
+from pam_driver.bus import BusError, CanPort
 from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
@@ -26,6 +26,7 @@ from pam_ros.periodic import LoopStatistics
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.simulated_rig import SimulatedRig
 from support.rigs import CONFIG
+from support.weak_device import weak_rig
 
 TWO_BUSES = CONFIG / "two_buses.yaml"
 ONLY = OnlyBus("virtual", "unused")
@@ -203,6 +204,15 @@ def test_frames_of_can_fd_pass_a_bus_that_has_them(request: pytest.FixtureReques
         theirs.send(0x123 | FD, data, 0.0)
         assert [frame[:2] for frame in ours.receive_all(0.0)] == expected
         assert ours.counts["remote_or_fd"] == (0 if fd else 1)
+
+
+def test_frames_of_can_fd_need_a_bus_that_the_rig_file_describes(tmp_path: Path) -> None:
+    rig = weak_rig(tmp_path)
+    with pytest.raises(BusError, match="message 0x310 is a CAN FD frame: describe the bus in the"):
+        open_buses(rig, RigWiring(rig), ONLY)
+    slow = replace(rig, buses={"io": Bus("virtual", "x")})
+    with pytest.raises(RigError, match=r"0x310 is a CAN FD frame, and buses\.io\.fd is false"):
+        RigWiring(slow).make_boards()
 
 
 def test_what_a_board_does_not_promise_is_said_with_what_makes_up_for_it() -> None:

@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_model.effects import EFFECTS, effect_value
 from pam_model.errors import RigError
-from pam_model.rig import Encoder, Rig, Valve, load_rig, rig_from_parameters, save_rig
+from pam_model.rig import Encoder, Rig, Valve, load_rig, rig_from_parameters, rig_of_node, save_rig
 from pam_model.rig.keys import NUMBERS
 
 ROOT = Path(__file__).parents[2]
@@ -182,6 +183,23 @@ def test_page_names_every_key() -> None:
     keys = [key for section in NUMBERS.values() for key in section]
     keys += [key for effect in EFFECTS.values() for key in (effect.name, *effect.parameters)]
     assert [key for key in keys if f"{key}`" not in page] == []
+
+
+def test_a_dbc_file_is_found_beside_the_rig_file_by_tools_and_by_nodes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A node knows its rig file from --params-file alone, and may run in any folder."""
+    for name in ("elbow_vendor_dbc.yaml", "pneumatic_manifold.dbc"):
+        (tmp_path / name).write_text((CONFIG / name).read_text())
+    path = tmp_path / "elbow_vendor_dbc.yaml"
+    dbc = str((tmp_path / "pneumatic_manifold.dbc").resolve())
+    assert load_rig(path).boards["manifold"]["dbc"] == dbc
+    given_to_node = yaml.safe_load(path.read_text())["/**"]["ros__parameters"]
+    monkeypatch.setattr("sys.argv", ["driver_node", "--ros-args", "--params-file", str(path)])
+    assert rig_of_node(given_to_node, ()).boards["manifold"]["dbc"] == dbc
+    save_rig(load_rig(path), tmp_path / "improved.yaml")
+    assert "dbc: pneumatic_manifold.dbc" in (tmp_path / "improved.yaml").read_text()
+    assert load_rig(tmp_path / "improved.yaml") == load_rig(path)
 
 
 @given(

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import CanPort, open_bus
+from pam_driver.bus import BusError, CanPort, open_bus
 from pam_driver.driver_parameters import bus_options
+from pam_driver.identifiers import FD, shown
 from pam_model.errors import PamError
 from pam_model.rig import Bus, Rig
 
@@ -71,7 +72,14 @@ def open_buses(
 
 def _open(wiring: RigWiring, name: str, bus: OnlyBus | Bus, filtered: bool) -> CanPort:
     arguments: dict[str, Any] = {}
+    identifiers = wiring.identifiers(name)
     if isinstance(bus, OnlyBus):
+        fast = [i for i in (*identifiers.answers, *identifiers.commands) if i & FD]
+        if fast:
+            raise BusError(
+                f"message {shown(fast[0])} is a CAN FD frame: describe the bus in the rig file, "
+                "under buses, with fd: true"
+            )
         arguments.update(bus.options)
         if bus.bitrate is not None:
             arguments["bitrate"] = bus.bitrate
@@ -84,7 +92,7 @@ def _open(wiring: RigWiring, name: str, bus: OnlyBus | Bus, filtered: bool) -> C
     return open_bus(
         bus.interface,
         bus.channel,
-        accept=wiring.identifiers(name).answers if filtered else (),
+        accept=identifiers.answers if filtered else (),
         extended=wiring.extended_identifiers(name),
         **arguments,
     )

@@ -42,13 +42,19 @@ def crc(width: int, polynomial: int, initial: int, final_xor: int) -> Compute:
         table.append(value)
     shift = width - 8
 
+    def compute_byte(data: bytes) -> int:
+        value = initial
+        for byte in data:
+            value = table[value ^ byte]
+        return value ^ final_xor
+
     def compute(data: bytes) -> int:
         value = initial
         for byte in data:
             value = (value << 8 & mask) ^ table[(value >> shift) ^ byte]
         return value ^ final_xor
 
-    return compute
+    return compute_byte if width == 8 else compute
 
 
 ALGORITHMS: Final[Mapping[str, Algorithm]] = {
