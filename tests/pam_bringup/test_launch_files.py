@@ -120,6 +120,11 @@ def test_moving_air_at_the_start_is_asked_for_in_the_simulation_only():
     assert default is False
 
 
+def test_a_robot_is_checked_before_it_moves():
+    assert arguments(ROBOT)["start_up_check"]["default_value"] == "true"
+    assert parameters(nodes(ROBOT)["pam_driver"])["start_up_check"] == "start_up_check"
+
+
 def ending(choice: str, code: int, *, ends_anyway: bool = False) -> Any:
     """What robot.launch.py does when the driver it started ends with this code."""
     (handler,) = all_of("OnProcessExit", description(ROBOT))

@@ -17,6 +17,7 @@ from pam_driver.safety.states import (
 )
 
 AIR = {state for state, output in OUTPUTS.items() if output.enable}
+CHECKED = {SafetyState.CHECKING}  # air moves without a command, in small test pulses
 OPEN = {state for state, output in OUTPUTS.items() if output.enable or output.lower}
 
 
@@ -28,7 +29,7 @@ def paths_to_air(start: SafetyState) -> list[tuple[SafetyEvent, ...]]:
         state, events, seen = waiting.popleft()
         for event in SafetyEvent:
             target = next_state(state, event)
-            if target in AIR:
+            if target in AIR - CHECKED:
                 found.append((*events, event))
             elif target not in seen:
                 waiting.append((target, (*events, event), seen | {target}))
@@ -41,8 +42,18 @@ def test_every_state_reacts_to_every_event() -> None:
         assert set(row) == set(SafetyEvent)
 
 
-def test_air_moves_in_active_alone() -> None:
-    assert {SafetyState.ACTIVE} == AIR
+def test_air_moves_in_active_and_in_the_check_alone() -> None:
+    assert {SafetyState.ACTIVE, SafetyState.CHECKING} == AIR
+
+
+def test_the_check_begins_with_an_activation_and_ends_before_a_command() -> None:
+    into = {
+        (state, event) for state in SafetyState for event in SafetyEvent
+        if next_state(state, event) in CHECKED and state not in CHECKED
+    }  # fmt: skip
+    assert into == {(SafetyState.VENTED, SafetyEvent.CHECK)}
+    assert next_state(SafetyState.CHECKING, SafetyEvent.COMMAND) is SafetyState.CHECKING
+    assert next_state(SafetyState.CHECKING, SafetyEvent.CHECKED) is SafetyState.READY
 
 
 @pytest.mark.parametrize("state", SafetyState)
@@ -59,7 +70,7 @@ def test_air_needs_activation_then_a_command(state: SafetyState) -> None:
     assert paths
     for path in paths:
         assert path[-1] is SafetyEvent.COMMAND
-        assert state is SafetyState.READY or SafetyEvent.ACTIVATE in path
+        assert state is SafetyState.READY or {SafetyEvent.ACTIVATE, SafetyEvent.CHECK} & {*path}
 
 
 def test_a_fault_is_left_by_clear_faults_empty_activate_and_command() -> None:
@@ -70,6 +81,7 @@ def test_a_fault_is_left_by_clear_faults_empty_activate_and_command() -> None:
         SafetyEvent.COMMAND,
     ]
     for path in paths_to_air(SafetyState.FAULT):
+        order[-2] = SafetyEvent.CHECK if SafetyEvent.CHECK in path else SafetyEvent.ACTIVATE
         if SafetyEvent.CLEANUP in path:  # the bus was given back and opened anew
             order[:1] = [SafetyEvent.CLEANUP, SafetyEvent.CONFIGURE]
         places = [path.index(event) for event in order]
@@ -79,7 +91,7 @@ def test_a_fault_is_left_by_clear_faults_empty_activate_and_command() -> None:
 @pytest.mark.parametrize("state", [SafetyState.READY, *sorted(OPEN, key=lambda s: s.value)])
 def test_a_fault_is_latched_wherever_air_may_move(state: SafetyState) -> None:
     assert next_state(state, SafetyEvent.FAULT) is SafetyState.FAULT
-    if state is not SafetyState.READY:
+    if state not in CHECKED | {SafetyState.READY}:
         assert next_state(state, SafetyEvent.FAULT_LOWER) is SafetyState.FAULT_LOWERING
 
 
@@ -88,7 +100,8 @@ def test_the_boards_are_told_when_air_stops(state: SafetyState) -> None:
     """Lowering still moves air, but only out; every other way out tells the boards to vent."""
     for event in SafetyEvent:
         target = next_state(state, event)
-        if target is not state and not OUTPUTS[target].lower:
+        checked = event is SafetyEvent.CHECKED  # the check ends with valves that vent
+        if target is not state and not OUTPUTS[target].lower and not checked:
             assert OUTPUTS[target].vent_on_entry
 
 
@@ -99,7 +112,10 @@ def test_only_measured_emptiness_leads_to_vented_and_only_vented_to_ready() -> N
         for target in (SafetyState.VENTED, SafetyState.READY)
     }  # fmt: skip
     assert into[SafetyState.VENTED] == {(SafetyState.VENTING, SafetyEvent.EMPTY)}
-    assert into[SafetyState.READY] == {(SafetyState.VENTED, SafetyEvent.ACTIVATE)}
+    assert into[SafetyState.READY] == {
+        (SafetyState.VENTED, SafetyEvent.ACTIVATE),
+        (SafetyState.CHECKING, SafetyEvent.CHECKED),
+    }
 
 
 @pytest.mark.parametrize("state", [SafetyState.LOWERING, SafetyState.FAULT_LOWERING])

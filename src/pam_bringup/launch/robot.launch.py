@@ -44,6 +44,7 @@ def start_driver(autostart: ParameterValue | bool, activate: ParameterValue | bo
         "realtime_priority": ParameterValue(
             LaunchConfiguration("realtime_priority"), value_type=int
         ),
+        "start_up_check": ParameterValue(LaunchConfiguration("start_up_check"), value_type=bool),
     }
     driver = Node(
         package="pam_driver",
@@ -108,6 +109,11 @@ def generate_launch_description() -> LaunchDescription:
                 "activate_on_start",
                 default_value="false",
                 description="the driver also activates itself, so that the robot may move",
+            ),
+            DeclareLaunchArgument(
+                "start_up_check",
+                default_value="true",
+                description="an activation first tests every valve with a small pulse of air",
             ),
             DeclareLaunchArgument(
                 "startup_timeout",

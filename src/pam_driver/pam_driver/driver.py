@@ -21,6 +21,7 @@ from pam_driver.joint_velocity import JointVelocity
 from pam_driver.safety.command_intake import CommandIntake, NamedCommand
 from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
 from pam_driver.safety.lowering import Lowering
+from pam_driver.safety.start_up_check import StartUpCheck
 from pam_driver.safety.states import FAULTY, OUTPUTS, SafetyEvent, SafetyState, next_state
 from pam_driver.safety.stop_categories import can_lower
 from pam_driver.snapshot import Snapshot, take_snapshot
@@ -28,6 +29,7 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig
 
 _COMMANDABLE: Final = frozenset({SafetyState.READY, SafetyState.ACTIVE})
+_PHYSICS: Final = frozenset({"pressure_implausible", "torque_implausible"})
 _VENTS: Final = frozenset({SafetyState.VENTED, SafetyState.VENTING})
 
 
@@ -96,6 +98,7 @@ class Driver:
             settings.exhaust_timeout or exhaust_timeout(rig, settings.vented_pressure),
         )
         self._lowering = Lowering(rig, settings.lowering_speed)
+        self._check = StartUpCheck(rig, self._vents) if settings.start_up_check else None
         self._lock = threading.Lock()
         self._fractions: tuple[float, ...] | None = None
         self._command_time = NEVER
@@ -152,6 +155,8 @@ class Driver:
         with self._lock:
             if self.state in FAULTY:
                 self.intake.refuse("not_active", "a fault is latched; clear it, then activate")
+            if self.state is SafetyState.CHECKING:
+                self.intake.refuse("not_active", "the start-up check tests the valves")
             if self.state not in _COMMANDABLE:
                 reason = f"the driver is {self.state.value}; activate it first"
                 self.intake.refuse("not_active", reason)
@@ -177,6 +182,8 @@ class Driver:
             return f"faults are latched, call ~/clear_faults: {reasons}"
         if self.state is SafetyState.LOWERING:
             return "the joints are being lowered"
+        if self.state is SafetyState.CHECKING:
+            return "the start-up check tests the valves"
         missing = self.missing_boards(now)
         if missing:
             return f"no answer from {', '.join(missing)}: check power, wiring and board numbers"
@@ -190,7 +197,7 @@ class Driver:
         return wrong
 
     def activate(self, now: float) -> None:
-        """Let air move from the next fresh command on.
+        """Let air move from the next fresh command on, after the start-up check if there is one.
 
         Raises
         ------
@@ -204,7 +211,11 @@ class Driver:
             self._boards.acknowledge()
             self.intake.last_rejection = ""
             self._ready_since = now
-            self._event(SafetyEvent.ACTIVATE, now)
+            if self._check is not None and self.state is SafetyState.VENTED:
+                self._check.start(now)
+                self._event(SafetyEvent.CHECK, now)
+            else:
+                self._event(SafetyEvent.ACTIVATE, now)
 
     def deactivate(self, now: float) -> None:
         """Lower the joints and vent, without raising a fault."""
@@ -279,7 +290,9 @@ class Driver:
     def _react(self, now: float) -> None:
         """Change the state as what was found demands."""
         found, state = self.conditions, self.state
-        if state in _COMMANDABLE:
+        if state is SafetyState.CHECKING and self._check is not None:
+            self._go_on_checking(self._check, now)
+        elif state in _COMMANDABLE:
             if found:
                 self.faults = found
                 self._stop(SafetyEvent.FAULT_LOWER if can_lower(found) else SafetyEvent.FAULT, now)
@@ -298,6 +311,24 @@ class Driver:
                 self._event(SafetyEvent.EXHAUST_BLOCKED, now)
             empty = self._exhausts.empty
             self._event(SafetyEvent.EMPTY if empty else SafetyEvent.NOT_EMPTY, now)
+
+    def _go_on_checking(self, check: StartUpCheck, now: float) -> None:
+        """One cycle of the start-up check.
+
+        It names its findings more exactly than the comparison with physics, which is left out.
+        """
+        found = tuple(one for one in self.conditions if one.kind not in _PHYSICS)
+        if not found:
+            self._fractions = check.setpoints(
+                self._readings.pressures, self._readings.positions, now
+            )
+            found = check.findings if check.finished else ()
+        if found:
+            self.faults = found
+            self._event(SafetyEvent.FAULT, now)
+        elif check.finished:
+            self._ready_since = now  # a command from before the end of the check is old
+            self._event(SafetyEvent.CHECKED, now)
 
     def _stop(self, event: SafetyEvent, now: float) -> None:
         """Stop; where there is nothing to lower, the valves vent at once."""

@@ -52,7 +52,7 @@ from pam_ros.periodic import PeriodicLoop
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
-_MOVING = frozenset({SafetyState.READY, SafetyState.ACTIVE})
+_MOVING = frozenset({SafetyState.CHECKING, SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
 
 

@@ -85,6 +85,10 @@ TABLE: Final = (
         "lowering_timeout", _D.lowering_timeout, "s", 0.0, 60.0, "a stop of category 1 that is "
         "not finished after this time ends in a vent; 0: every stop vents at once"
     ),
+    Parameter(
+        "start_up_check", _D.start_up_check, "-", 0, 1, "an activation first tests every valve "
+        "and sensor with small pulses of air; robot.launch.py asks for it"
+    ),
     Parameter("fluid_pressure_rate", 10.0, "Hz", 0.1, 100.0, "rate of <muscle>/pressure"),
 )  # fmt: skip
 
@@ -141,6 +145,7 @@ def settings_of(values: NodeParameters[Any]) -> DriverSettings:
         exhaust_timeout=values.number("exhaust_timeout"),
         lowering_speed=values.number("lowering_speed"),
         lowering_timeout=values.number("lowering_timeout"),
+        start_up_check=bool(values["start_up_check"]),
     )
 
 

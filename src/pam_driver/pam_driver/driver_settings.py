@@ -32,6 +32,8 @@ class DriverSettings:
     lowering_timeout : float
         A stop of category 1 that is not finished after this time ends in a vent [s]; 0 makes every
         stop one of category 0.
+    start_up_check : bool
+        An activation first tests every valve and sensor with small pulses of air.
     """
 
     command_timeout: float = 0.1
@@ -43,3 +45,4 @@ class DriverSettings:
     exhaust_timeout: float = 0.0
     lowering_speed: float = 0.5
     lowering_timeout: float = 4.0
+    start_up_check: bool = False

@@ -21,6 +21,7 @@ class SafetyState(Enum):
     UNCONFIGURED = "unconfigured"
     VENTING = "venting"
     VENTED = "vented"
+    CHECKING = "checking"
     READY = "ready"
     ACTIVE = "active"
     LOWERING = "lowering"
@@ -35,6 +36,8 @@ class SafetyEvent(Enum):
     EMPTY = "all muscles empty"
     NOT_EMPTY = "a muscle not empty"
     EXHAUST_BLOCKED = "exhaust blocked"
+    CHECK = "activate, with start-up check"
+    CHECKED = "start-up check passed"
     ACTIVATE = "activate"
     COMMAND = "command"
     DEACTIVATE = "deactivate"
@@ -88,6 +91,9 @@ OUTPUTS: Final[Mapping[SafetyState, SafetyOutput]] = {
     _S.VENTED: SafetyOutput(
         True, False, False, False, False, "all valves vent; every muscle is measured empty"
     ),
+    _S.CHECKING: SafetyOutput(
+        True, True, False, False, False, "a small test pulse on each valve; no command is taken"
+    ),
     _S.READY: SafetyOutput(
         True, False, False, False, False, "armed; vented until the first fresh command"
     ),
@@ -127,7 +133,18 @@ TRANSITIONS: Final[Mapping[SafetyState, Mapping[SafetyEvent, SafetyState]]] = {
     _S.VENTED: _row(
         _S.VENTED,
         NOT_EMPTY=_S.VENTING,
+        CHECK=_S.CHECKING,
         ACTIVATE=_S.READY,
+        LATCHED_FAULT=_S.FAULT,
+        CLEANUP=_S.UNCONFIGURED,
+    ),
+    _S.CHECKING: _row(
+        _S.CHECKING,
+        CHECKED=_S.READY,
+        DEACTIVATE=_S.VENTING,
+        VENT=_S.VENTING,
+        FAULT_LOWER=_S.FAULT,
+        FAULT=_S.FAULT,
         LATCHED_FAULT=_S.FAULT,
         CLEANUP=_S.UNCONFIGURED,
     ),

@@ -56,6 +56,7 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "sensor_range": StopCategory(0, _SENSOR),
     "pressure_implausible": StopCategory(0, _DOUBT),
     "torque_implausible": StopCategory(0, _DOUBT),
+    "start_up_check": StopCategory(0, _DOUBT),
     "exhaust_blocked": StopCategory(0, "every exhaust is open already"),
 }
 

@@ -1,0 +1,381 @@
+"""A small test pulse on each valve before the arm may move, watched by all sensors.
+
+One muscle after another gets a little air while all others vent. What the sensors show then tells
+crossed hoses, dead valves, wrong sensors and blocked exhausts apart:
+
+- its own pressure rises, and no other: valve, hose and sensor belong together;
+- another pressure rises instead: hoses or sensors are exchanged. If the joint turns towards the
+  muscle whose valve was opened, the air is in the right muscle and the sensors are exchanged;
+- its own pressure rises and the joint turns the other way: the hoses are crossed behind the sensor;
+- no pressure rises, but the joint turns: the sensor is dead;
+- nothing happens: the valve does not open, the hose is off or closed, or the sensor is dead;
+- the pressure does not fall again: the exhaust is blocked or the valve is stuck open.
+
+The pulse is as large as the joint bears without moving much. Gravity holds a joint back: the
+pressure whose torque gravity balances at `ALLOWED_ANGLE` from rest is
+
+    p = gravity_torque sin(ALLOWED_ANGLE) / g,   g = r max over q of F(p, L(q)) / p
+
+by the rig's force model. A joint without gravity is only held back by its inertia J: a torque that
+grows with t^2 for the time T of a pulse and falls as fast turns it by about g p T^2 / (4 J). The
+larger of both pressures is used, within `SMALLEST` and `LARGEST`: a smaller one could not be told
+from noise. A joint that turns by more than `ABORT_ANGLE` ends the check.
+
+A flow valve is opened by a ramp, so slow that a muscle of the rig file's volume reaches the
+pressure in `RISE`; a valve with an overlap of `OVERLAP` starts later and is found healthy. A
+pressure regulator is given the pressure as set point.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+import numpy as np
+
+from pam_driver.boards.protocol import Condition
+from pam_model.gas import pressure_rate, valve_flow
+from pam_model.joints.effective_force_model import effective_force_model
+from pam_model.rig import Joint, Muscle, Rig
+
+ALLOWED_ANGLE: Final = 0.03
+"""The joint should turn by no more than this during a pulse [rad]."""
+ABORT_ANGLE: Final = 0.15
+"""A joint that turns by more ends the check [rad]."""
+SMALLEST, LARGEST = 8e3, 5e4
+"""Bounds of a pulse's pressure [Pa]; the smaller is some thirty steps of a 12 bit sensor."""
+RISE: Final = 0.25
+"""Time in which a healthy flow valve without overlap reaches the pressure of its pulse [s]."""
+OVERLAP: Final = 0.15
+"""Largest overlap of a flow valve that is accepted, as a share of full opening."""
+SLOWER: Final = 3.0
+"""A valve, a hose or an exhaust may be so many times slower than the rig file says."""
+NOT_EMPTY: Final = 2e4
+"""A muscle that keeps this pressure while it vents cannot be tested [Pa]; less may be an offset."""
+SEEN_TURN: Final = 0.01
+"""A joint that turns by more has certainly turned [rad]."""
+_SHARE: Final = 0.5  # another pressure that rises by this share of the pulse is not the noise
+_EMPTY: Final = 0.5  # share of a pulse below which a muscle counts as empty
+_REGULATION: Final = 10.0  # time constants until a pressure regulator has reached its set point
+_SETTLE: Final = 0.3  # s, added to every wait, for delays of bus and valve
+_STILL: Final = 0.25  # s, without motion before the next pulse
+_STILL_TURN: Final = 0.002  # rad in that time
+_STILL_SHARE: Final = 0.2  # of a pulse in that time, for the pressures
+_LONGEST_SETTLING: Final = 10.0  # s
+_PLACES: Final = 9  # joint positions, to find the largest torque
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """The test pulse of one muscle.
+
+    Attributes
+    ----------
+    pressure : float
+        Pressure at which it ends [Pa gauge].
+    ramp : float
+        How fast a flow valve is opened [1/s]; 0 for a pressure regulator.
+    rise, fall : float
+        Time limits for filling and emptying [s].
+    """
+
+    pressure: float
+    ramp: float
+    rise: float
+    fall: float
+
+
+class _Phase(Enum):
+    SETTLE = "all muscles become empty, and the joints come to rest"
+    FILL = "a muscle is filled"
+    EMPTY = "it is emptied"
+    DONE = "every muscle has been tested, or the check has ended"
+
+
+class StartUpCheck:
+    """The check of one rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        Gives muscles, valves and joints.
+    vents : sequence of float
+        By muscle the fraction of full scale at which its valve vents.
+
+    Attributes
+    ----------
+    pulses : tuple of Pulse
+        By muscle.
+    findings : tuple of Condition
+        What was found, one line each; empty if everything is healthy so far.
+    """
+
+    def __init__(self, rig: Rig, vents: Sequence[float]) -> None:
+        self.pulses = tuple(pulse_of(rig, muscle) for muscle in rig.muscles)
+        self.findings: tuple[Condition, ...] = ()
+        self._rig = rig
+        self._vents = tuple(vents)
+        self._joint_of = tuple(_place_and_sign(rig, muscle) for muscle in rig.muscles)
+        self.start(0.0)
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing more is to be tested."""
+        return self._phase is _Phase.DONE
+
+    def start(self, now: float) -> None:
+        """Begin with the first muscle.
+
+        Parameters
+        ----------
+        now : float
+            Monotonic time [s].
+        """
+        self.findings = ()
+        self._muscle = 0
+        self._phase = _Phase.SETTLE
+        self._since = now
+        self._still_since = now
+        self._still_positions: tuple[float, ...] = ()
+        self._still_pressures: tuple[float, ...] = ()
+        self._rest: tuple[float, ...] = ()
+        self._start: tuple[float, ...] = ()
+        self._highest: list[float] = []
+        self._turn = 0.0
+
+    def setpoints(
+        self, pressures: Sequence[float], positions: Sequence[float], now: float
+    ) -> tuple[float, ...]:
+        """The fractions of full scale for one cycle.
+
+        Parameters
+        ----------
+        pressures : sequence of float
+            By muscle [Pa gauge].
+        positions : sequence of float
+            By joint [rad].
+        now : float
+            Monotonic time [s].
+        """
+        if self._phase is _Phase.SETTLE:
+            self._settle(pressures, positions, now)
+        elif self._phase is not _Phase.DONE:
+            self._watch(pressures, positions, now)
+        fractions = list(self._vents)
+        if self._phase is _Phase.FILL:
+            fractions[self._muscle] = self._fraction(now)
+        return tuple(fractions)
+
+    def _fraction(self, now: float) -> float:
+        muscle, pulse = self._rig.muscles[self._muscle], self.pulses[self._muscle]
+        if pulse.ramp:
+            return min(1.0, pulse.ramp * (now - self._since))
+        return pulse.pressure / (muscle.valve.full_scale or math.inf)
+
+    def _settle(self, pressures: Sequence[float], positions: Sequence[float], now: float) -> None:
+        """Wait for empty muscles and joints at rest, then begin the next pulse."""
+        change = _STILL_SHARE * self.pulses[self._muscle].pressure
+        turned = _largest_change(positions, self._still_positions)
+        if turned > _STILL_TURN or _largest_change(pressures, self._still_pressures) > change:
+            self._still_positions, self._still_pressures = tuple(positions), tuple(pressures)
+            self._still_since = now
+        full = [index for index, value in enumerate(pressures) if not value < NOT_EMPTY]
+        if not full and now - self._still_since >= _STILL:
+            self._phase, self._since = _Phase.FILL, now
+            self._rest, self._start = tuple(pressures), tuple(positions)
+            self._highest, self._turn = list(pressures), 0.0
+        elif now - self._since > _LONGEST_SETTLING:
+            for index in full:
+                self._find(
+                    index,
+                    f"shows {pressures[index]:.0f} Pa while it vents: its {_valve(self, index)} is "
+                    f"stuck open, its exhaust is blocked, or its {_sensor(self, index)} is wrong",
+                )
+            if not full:
+                name = self._rig.joints[0].name if len(self._rig.joints) == 1 else "a joint"
+                self._find(self._muscle, f"not tested: {name} does not come to rest")
+            self._phase = _Phase.DONE
+
+    def _watch(self, pressures: Sequence[float], positions: Sequence[float], now: float) -> None:
+        pulse = self.pulses[self._muscle]
+        self._highest = [max(pair) for pair in zip(self._highest, pressures, strict=True)]
+        moves = [here - there for here, there in zip(positions, self._start, strict=True)]
+        joint, sign = self._joint_of[self._muscle]
+        if joint is not None and abs(moves[joint]) > abs(self._turn):
+            self._turn = moves[joint]
+        risen = [high - rest for high, rest in zip(self._highest, self._rest, strict=True)]
+        if any(abs(move) > ABORT_ANGLE for move in moves):
+            self._conclude(risen, sign, aborted=True)
+            self._phase = _Phase.DONE
+        elif self._phase is _Phase.FILL:
+            if max(risen) >= pulse.pressure or now - self._since > pulse.rise:
+                self._phase, self._since = _Phase.EMPTY, now
+        elif (
+            now - self._since >= _SETTLE
+            and max(here - rest for here, rest in zip(pressures, self._rest, strict=True))
+            < _EMPTY * pulse.pressure
+        ):
+            self._conclude(risen, sign)
+            self._next(now)
+        elif now - self._since > pulse.fall:
+            before = len(self.findings)
+            self._conclude(risen, sign)
+            if len(self.findings) == before:
+                self._find(
+                    self._muscle,
+                    f"its {_sensor(self, self._muscle)} still shows "
+                    f"{pressures[self._muscle]:.0f} Pa {pulse.fall:.2g} s after the pulse: its "
+                    f"exhaust is blocked or its {_valve(self, self._muscle)} is stuck open",
+                )
+            self._phase = _Phase.DONE  # no more air into a rig that cannot be emptied
+
+    def _next(self, now: float) -> None:
+        self._muscle += 1
+        self._since = self._still_since = now
+        self._still_positions = ()
+        self._phase = _Phase.DONE if self._muscle == len(self.pulses) else _Phase.SETTLE
+
+    def _conclude(self, risen: Sequence[float], sign: float, *, aborted: bool = False) -> None:
+        """What the pulse of the present muscle has shown."""
+        muscle, pulse = self._muscle, self.pulses[self._muscle]
+        names, turn = self._rig.muscle_names, self._turn
+        enough = _SHARE * pulse.pressure
+        others = [place for place, rise in enumerate(risen) if place != muscle and rise >= enough]
+        right = sign * turn > SEEN_TURN
+        wrong = sign * turn < -SEEN_TURN
+        valve, sensor = _valve(self, muscle), _sensor(self, muscle)
+        own = risen[muscle] >= enough
+        if others and not own:
+            other = names[others[0]]
+            both = f"the {sensor} and the {_sensor(self, others[0])} ({other})"
+            reason = (
+                f"{both} are exchanged" if right else f"hoses, valves or sensors: {other} fills"
+            )
+            if wrong:
+                reason = f"its hose and that of {other} are crossed"
+            self._find(muscle, f"its {valve} raises the pressure of {other}: {reason}")
+        elif others:
+            shown = ", ".join(names[place] for place in others)
+            self._find(muscle, f"its {valve} also raises the pressure of {shown}: hoses are joined")
+        elif own and wrong:
+            self._find(
+                muscle,
+                f"its {valve} turns the joint by {turn:+.2f} rad, the wrong way: hoses are crossed "
+                f"behind the {sensor}, or the encoder counts the other way",
+            )
+        elif own and aborted:
+            self._find(
+                muscle,
+                f"a pulse of {risen[muscle]:.0f} Pa turns the joint by {turn:+.2f} rad, allowed "
+                f"are {ABORT_ANGLE:g} rad: load or {sensor} differ from the rig file",
+            )
+        elif not own and (right or wrong or aborted):
+            self._find(
+                muscle,
+                f"its {valve} turns the joint by {turn:+.2f} rad, but its {sensor} shows no "
+                "pressure: the sensor is dead",
+            )
+        elif not own:
+            self._find(
+                muscle,
+                f"its {sensor} shows no pressure after a pulse: its {valve} is stuck shut, its "
+                "hose is off or closed, or the sensor is dead",
+            )
+
+    def _find(self, muscle: int, text: str) -> None:
+        found = Condition("start_up_check", self._rig.muscle_names[muscle], text)
+        self.findings = (*self.findings, found)
+
+
+def pulse_of(rig: Rig, muscle: Muscle) -> Pulse:
+    """The test pulse of a muscle, from the rig's physics.
+
+    Parameters
+    ----------
+    rig : Rig
+        Gives joint, force model, volume and supply.
+    muscle : Muscle
+        One muscle of the rig.
+    """
+    joint = rig.joint_of(muscle.name)
+    pressure = SMALLEST if joint is None else _pressure(rig, muscle, joint)
+    pressure = min(pressure, 0.5 * muscle.max_pressure)
+    if muscle.valve.kind != "flow":
+        wait = _REGULATION * muscle.valve.time_constant * SLOWER + _SETTLE
+        return Pulse(pressure, 0.0, wait, wait + _fall(rig, muscle, pressure))
+    rate = _rate(rig, muscle, 1.0, 0.0)
+    ramp = 2.0 * pressure / (rate * RISE * RISE)
+    rise = OVERLAP / ramp + SLOWER * RISE + _SETTLE
+    return Pulse(pressure, ramp, rise, _fall(rig, muscle, pressure))
+
+
+def _pressure(rig: Rig, muscle: Muscle, joint: Joint) -> float:
+    """The pressure that hardly moves the joint [Pa gauge]."""
+    model = effective_force_model(rig, muscle.name)
+    places = np.linspace(*joint.position_limits, _PLACES)
+    sign = -1.0 if joint.muscles[0] == muscle.name else 1.0
+    lengths = [muscle.neutral_length + sign * joint.pulley_radius * float(q) for q in places]
+    pull = max(float(model.force(LARGEST, length)) for length in lengths)
+    gain = joint.pulley_radius * max(pull, 1e-3) / LARGEST
+    held_by_gravity = abs(joint.gravity_torque) * math.sin(ALLOWED_ANGLE) / gain
+    held_by_inertia = ALLOWED_ANGLE * 4.0 * joint.inertia / (gain * RISE * RISE)
+    return min(max(held_by_gravity, held_by_inertia, SMALLEST), LARGEST)
+
+
+def _rate(rig: Rig, muscle: Muscle, spool: float, pressure: float) -> float:
+    """How fast the pressure of a muscle changes at its neutral length [Pa/s]."""
+    gas, valve = rig.gas, muscle.valve
+    volume = float(rig.force_model(muscle.name).volume(muscle.neutral_length)) + muscle.dead_volume
+    inside = pressure + gas.ambient_pressure
+    flow = valve_flow(
+        spool,
+        inside,
+        supply_pressure=rig.supply_pressure,
+        ambient_pressure=gas.ambient_pressure,
+        conductance=valve.sonic_conductance,
+        critical_ratio=valve.critical_ratio,
+        temperature=gas.temperature,
+    )
+    rate = pressure_rate(
+        flow, inside, volume, temperature=gas.temperature, exponent=gas.polytropic_exponent
+    )
+    return float(abs(rate))
+
+
+def _fall(rig: Rig, muscle: Muscle, pressure: float) -> float:
+    """A time limit for emptying a muscle after its pulse [s]; an overshoot of the same is allowed.
+
+    Near ambient pressure the flow falls with the pressure, so that it decays like e^(-t/T).
+    """
+    constant = pressure / max(_rate(rig, muscle, -1.0, pressure), 1e-9)
+    return SLOWER * 4.0 * constant + 2.0 * muscle.valve.time_constant + 3.0 * _SETTLE
+
+
+def _place_and_sign(rig: Rig, muscle: Muscle) -> tuple[int | None, float]:
+    """The joint of a muscle, and the direction in which the muscle turns it."""
+    for place, joint in enumerate(rig.joints):
+        if muscle.name in joint.muscles:
+            return place, 1.0 if joint.muscles[0] == muscle.name else -1.0
+    return None, 0.0
+
+
+def _largest_change(here: Sequence[float], there: Sequence[float]) -> float:
+    """The largest difference; infinite if there is nothing to compare with."""
+    if len(here) != len(there):
+        return math.inf
+    return max((abs(a - b) for a, b in zip(here, there, strict=True)), default=0.0)
+
+
+def _valve(check: StartUpCheck, muscle: int) -> str:
+    """The valve of a muscle in words."""
+    one = check._rig.muscles[muscle]
+    return f"valve (board {one.board}, channel {one.channel})"
+
+
+def _sensor(check: StartUpCheck, muscle: int) -> str:
+    """The pressure sensor of a muscle in words; it has the channel of the valve."""
+    one = check._rig.muscles[muscle]
+    return f"pressure sensor (board {one.board}, channel {one.channel})"

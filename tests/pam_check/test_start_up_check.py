@@ -1,0 +1,238 @@
+"""The start-up check on simulated rigs that are wired wrongly or have defective parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pam_check.faults.chain import VirtualCan
+from pam_driver.bus import CanPort
+from pam_driver.driver import ActivationError, Driver
+from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety.command_intake import CommandError, NamedCommand
+from pam_driver.safety.pressure_plausibility import PressurePlausibility
+from pam_driver.safety.start_up_check import ABORT_ANGLE, StartUpCheck
+from pam_driver.safety.states import SafetyState
+from pam_model.rig import Rig, load_rig
+from pam_sim.faults.rig_faults import constant, stuck
+from pam_sim.simulated_rig import SimulatedRig
+
+ROOT = Path(__file__).parents[2]
+ELBOW, TWO_JOINTS = ROOT / "config/elbow.yaml", ROOT / "config/two_joints.yaml"
+STEP = 1e-3
+PATIENCE = 30.0
+
+
+class Bench:
+    """A simulated rig and a driver with start-up check, which may read another rig file."""
+
+    def __init__(
+        self, rig: Rig, wired: Rig | None = None, effects: dict[str, float] | None = None
+    ) -> None:
+        self.sim = SimulatedRig(rig, effects=effects)
+        self.can = VirtualCan()
+        port = CanPort({"interface": "simulated", "channel": "check"}, self.can)
+        settings = DriverSettings(start_up_check=True)
+        plausibility = PressurePlausibility(rig, 2.0 * STEP)
+        self.driver = Driver(wired or rig, port, settings, plausibility)
+        self.now = 0.0
+        self.moved = self.highest = 0.0
+        self._tick = 0
+        self._rest: list[float] = []
+
+    def step(self) -> None:
+        self._tick += 1
+        self.now += STEP
+        while self.can.to_boards:
+            self.sim.on_frame(*self.can.to_boards.popleft(), self.now)
+        for frame in self.sim.advance(self.now):
+            self.can.deliver(frame, self.now)
+        if self._tick % 2 == 0:
+            self.driver.cycle(self.now, self.now)
+        truth = self.sim.ground_truth()
+        self._rest = self._rest or truth.positions
+        turned = [abs(here - at) for here, at in zip(truth.positions, self._rest, strict=True)]
+        self.moved = max(self.moved, *turned)
+        self.highest = max(self.highest, *truth.pressures)
+
+    def run(self, until: Callable[[], bool]) -> None:
+        end = self.now + PATIENCE
+        while not until():
+            assert self.now < end
+            self.step()
+
+    def check(self) -> list[str]:
+        """Activate, and run until the check has ended; its findings."""
+        self.run(lambda: self.now > 0.6)
+        self.driver.activate(self.now)
+        assert self.driver.state is SafetyState.CHECKING
+        self.run(lambda: self.driver.state is not SafetyState.CHECKING)
+        found = [fault for fault in self.driver.faults if fault.kind == "start_up_check"]
+        assert len(found) == len(self.driver.faults)
+        return [str(fault) for fault in found]
+
+
+@pytest.fixture(scope="module")
+def elbow() -> Rig:
+    return load_rig(ELBOW)
+
+
+def exchanged(rig: Rig) -> Rig:
+    """The rig file of someone who has exchanged the channels of both muscles."""
+    channels = [muscle.channel for muscle in rig.muscles]
+    muscles = tuple(
+        replace(muscle, channel=channel)
+        for muscle, channel in zip(rig.muscles, reversed(channels), strict=True)
+    )
+    return replace(rig, muscles=muscles)
+
+
+@pytest.mark.parametrize("path", [ELBOW, TWO_JOINTS], ids=lambda path: path.stem)
+def test_a_healthy_rig_passes_and_hardly_moves(path: Path) -> None:
+    """Flow valves and pressure regulators."""
+    bench = Bench(load_rig(path))
+    assert bench.check() == []
+    assert bench.driver.state is SafetyState.READY
+    assert bench.moved < ABORT_ANGLE
+    assert bench.highest < 2e4
+    assert not bench.driver.faults
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"valve_dead_zone.overlap": 0.1},
+        {"valve_null_offset.offset": -0.05},
+        {"exhaust_restriction.ratio": 0.4},
+        {"coulomb_friction.torque": 0.5},
+        {"payload.mass": 1.0},
+        {"pressure_bias.bias": 5e3},
+        {"pressure_lag.time_constant": 0.03},
+    ],
+    ids=lambda effects: next(iter(effects)),
+)
+def test_a_rig_that_is_only_rough_passes(elbow: Rig, effects: dict[str, float]) -> None:
+    bench = Bench(elbow, effects=effects)
+    assert bench.check() == []
+    assert bench.moved < ABORT_ANGLE
+
+
+def test_exchanged_pressure_sensors_are_named(elbow: Rig) -> None:
+    bench = Bench(elbow)
+    bench.sim.faults.swapped.add(0)
+    first, second = bench.check()
+    assert first.startswith(
+        "elbow_flexor: its valve (board 0, channel 0) raises the pressure of elbow_extensor: the "
+        "pressure sensor (board 0, channel 0) and the pressure sensor (board 0, channel 1)"
+    )
+    assert first.endswith("are exchanged")
+    assert second.startswith("elbow_extensor: ")
+    assert bench.moved < ABORT_ANGLE
+
+
+def test_hoses_that_are_crossed_before_the_sensors_are_named(elbow: Rig) -> None:
+    bench = Bench(elbow, exchanged(elbow))
+    bench.sim.faults.swapped.add(0)
+    first, _ = bench.check()
+    assert first.startswith("elbow_flexor: its valve (board 0, channel 1) raises the pressure of")
+    assert "its hose and that of elbow_extensor are crossed" in first
+
+
+def test_hoses_that_are_crossed_behind_the_sensors_are_named(elbow: Rig) -> None:
+    """Each valve belongs to its sensor, but the joint turns the wrong way."""
+    bench = Bench(elbow, exchanged(elbow))
+    first, second = bench.check()
+    assert "the wrong way: hoses are crossed behind the pressure sensor" in first
+    assert first.startswith("elbow_flexor: ")
+    assert second.startswith("elbow_extensor: ")
+
+
+@pytest.mark.parametrize(("valve", "opening"), [(0, 0.0), (1, -1.0)], ids=["shut", "exhausting"])
+def test_a_valve_that_does_not_open_is_named(elbow: Rig, valve: int, opening: float) -> None:
+    bench = Bench(elbow)
+    bench.sim.faults.valves[0, valve] = opening
+    (found,) = bench.check()
+    assert found.startswith(f"{elbow.muscles[valve].name}: its pressure sensor (board 0, channel")
+    assert f"its valve (board 0, channel {valve}) is stuck shut" in found
+    assert bench.driver.state is SafetyState.FAULT
+
+
+@pytest.mark.parametrize("sensor", [0, 1])
+def test_a_sensor_that_shows_nothing_is_named_before_the_joint_has_moved_far(
+    elbow: Rig, sensor: int
+) -> None:
+    """The valve would fill the muscle more and more: the joint's angle ends the pulse."""
+    bench = Bench(elbow)
+    bench.sim.faults.sensors[0, sensor] = stuck()
+    (found,) = bench.check()
+    assert found.startswith(f"{elbow.muscles[sensor].name}: ")
+    assert "the sensor is dead" in found
+    bench.run(lambda: bench.driver.faults == () or bench.now > 6.0)
+    assert bench.moved < 2.0 * ABORT_ANGLE
+
+
+def test_a_sensor_that_shows_pressure_in_an_empty_muscle_prevents_the_activation(
+    elbow: Rig,
+) -> None:
+    bench = Bench(elbow)
+    bench.sim.faults.sensors[0, 1] = constant(5e4)
+    bench.run(lambda: bench.now > 0.6)
+    with pytest.raises(ActivationError, match="elbow_extensor"):
+        bench.driver.activate(bench.now)
+
+
+def test_a_pressure_regulator_that_does_not_open_is_named() -> None:
+    rig = load_rig(TWO_JOINTS)
+    (muscle,) = [muscle for muscle in rig.muscles if muscle.name == "elbow_flexor"]
+    assert muscle.valve.kind == "pressure_regulator"
+    bench = Bench(rig)
+    assert muscle.board is not None
+    bench.sim.faults.valves[muscle.board, 0] = 0.0
+    (found,) = bench.check()
+    assert found.startswith("elbow_flexor: its pressure sensor")
+    assert "is stuck shut" in found
+
+
+def test_a_muscle_that_keeps_the_air_of_its_pulse_ends_the_check(elbow: Rig) -> None:
+    check = StartUpCheck(elbow, (-1.0, -1.0))
+    check.start(0.0)
+    now, pressure, opened = 0.0, 0.0, False
+    while not check.finished:
+        now += 0.002
+        fractions = check.setpoints((pressure, 0.0), (0.0,), now)
+        opened = opened or fractions[0] > 0.0
+        if fractions[0] > 0.0:
+            pressure += 100.0
+        assert fractions[1] == -1.0
+        assert now < PATIENCE
+    assert opened
+    (found,) = check.findings
+    assert found.subject == "elbow_flexor"
+    assert "its exhaust is blocked or its valve (board 0, channel 0) is stuck open" in found.text
+
+
+def test_no_command_is_taken_while_the_valves_are_tested(elbow: Rig) -> None:
+    bench = Bench(elbow)
+    bench.run(lambda: bench.now > 0.6)
+    bench.driver.activate(bench.now)
+    bench.run(lambda: bench.now > 1.0)
+    command = NamedCommand(elbow.muscle_names, (0.5, 0.5))
+    with pytest.raises(CommandError, match="the start-up check tests the valves"):
+        bench.driver.set_commands(command, bench.now)
+    bench.driver.vent(bench.now)
+    bench.run(lambda: bench.driver.state is SafetyState.VENTED)
+    bench.driver.activate(bench.now)
+    assert bench.driver.state is SafetyState.CHECKING, "a stop ends the check, and it begins anew"
+
+
+def test_a_command_from_before_the_end_of_the_check_is_refused(elbow: Rig) -> None:
+    bench = Bench(elbow)
+    assert bench.check() == []
+    command = NamedCommand(elbow.muscle_names, (0.5, 0.5), age=0.05)
+    with pytest.raises(CommandError, match="computed before the driver was activated"):
+        bench.driver.set_commands(command, bench.now)
+    bench.driver.set_commands(command._replace(age=0.0), bench.now)
+    assert bench.driver.state is SafetyState.ACTIVE
