@@ -35,6 +35,51 @@ def _declare_check_rig(parser: Parser) -> None:
     add("--dbc", type=input_file, metavar="FILE", help="CAN database of boards of kind pam_board")
 
 
+def _scan(given: Arguments) -> Outcome:
+    from pam_driver.scan import run  # noqa: PLC0415  (python-can)
+
+    return run(given)
+
+
+def _declare_bus(parser: Parser, seconds: float, purpose: str) -> None:
+    add = parser.add_argument
+    add("--interface", help="python-can's interface (default: socketcan)")
+    add("--channel", help="python-can's channel (default: can0)")
+    add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
+    add(
+        "--duration",
+        type=number("s", above=0.0),
+        default=seconds,
+        metavar="S",
+        help=f"{purpose} [s] (default: %(default)g)",
+    )
+
+
+def _declare_scan(parser: Parser) -> None:
+    _declare_bus(parser, 2.0, "how long to listen")
+    parser.add_argument("--fd", action="store_true", help="the bus carries CAN FD frames")
+
+
+def _monitor(given: Arguments) -> Outcome:
+    from pam_driver.monitor import run  # noqa: PLC0415  (python-can)
+
+    return run(given)
+
+
+def _declare_monitor(parser: Parser) -> None:
+    add = parser.add_argument
+    add("rig_file", type=input_file, metavar="RIG", help="rig file")
+    _declare_bus(parser, 10.0, "how long to listen")
+    add(
+        "--period",
+        type=number("s", above=0.0),
+        default=0.5,
+        metavar="S",
+        help="time between two lines (default: %(default)g)",
+    )
+    add("--dbc", type=input_file, metavar="FILE", help="CAN database of boards of kind pam_board")
+
+
 COMMANDS = (
     Command(
         "check-rig",
@@ -43,6 +88,22 @@ COMMANDS = (
         _check_rig,
         bad_news="if a bus would carry too much",
         examples=("python -m pam_driver check-rig config/two_buses.yaml",),
+    ),
+    Command(
+        "scan",
+        "list what sends on a bus: boards, CANopen nodes, unknown frames; sends nothing",
+        _declare_scan,
+        _scan,
+        bad_news="if nothing was received",
+        examples=("python -m pam_driver scan --channel can0",),
+    ),
+    Command(
+        "monitor",
+        "show the measurements of a robot's boards, decoded by its rig file; sends nothing",
+        _declare_monitor,
+        _monitor,
+        bad_news="if a board is missing or something is wrong",
+        examples=("python -m pam_driver monitor config/elbow.yaml --channel can0",),
     ),
 )
 

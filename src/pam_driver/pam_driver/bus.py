@@ -97,7 +97,7 @@ class CanPort:
         self,
         options: dict[str, Any],
         bus: can.BusABC,
-        extended: Collection[int] = (),
+        extended: Collection[int] | None = (),
         *,
         fd: bool = False,
     ) -> None:
@@ -106,7 +106,7 @@ class CanPort:
         self.bits = 0
         self._options = options
         self._bus: can.BusABC | None = bus
-        self._extended = frozenset(extended)
+        self._extended = None if extended is None else frozenset(extended)
         self._fd = fd
         # a multicast socket also receives the frames that it sends
         self._hears_itself = isinstance(bus, UdpMulticastBus)
@@ -161,7 +161,8 @@ class CanPort:
             if frame_id in self._sent_ids and self._is_echo((frame_id, data)):
                 continue
             self.bits += 47 + 8 * len(data)
-            foreign = message.is_extended_id and frame_id not in self._extended
+            known = self._extended
+            foreign = message.is_extended_id and known is not None and frame_id not in known
             if foreign or message.is_remote_frame or (message.is_fd and not self._fd):
                 kind = "extended_id" if foreign else "remote_or_fd"
                 self._count(kind, f"0x{message.arbitration_id:X}")
@@ -283,7 +284,7 @@ def open_bus(
     *,
     bitrate: int = DEFAULT_BITRATE,
     accept: Sequence[int] = (),
-    extended: Collection[int] = (),
+    extended: Collection[int] | None = (),
     fd: bool = False,
     **options: Any,
 ) -> CanPort:
@@ -299,8 +300,9 @@ def open_bus(
         [bit/s]; ignored by SocketCAN, whose bitrate is set with `ip link`.
     accept : sequence of int
         Identifiers to receive where the kernel can filter (SocketCAN); all if empty.
-    extended : collection of int
+    extended : collection of int, or None
         Identifiers of 29 bits, with `EXTENDED`, that `receive_all` returns; others are counted.
+        None: all are returned.
     fd : bool, optional
         Send and receive CAN FD frames; else a received one is counted.
     **options

@@ -32,6 +32,36 @@ class OnlyBus(NamedTuple):
     options: Mapping[str, Any] = {}
 
 
+def bus_of_options(
+    rig: Rig, interface: str | None, channel: str | None, port: int | None
+) -> OnlyBus:
+    """The bus that the options of a command line name.
+
+    Parameters
+    ----------
+    rig : Rig
+        If its file describes buses, no option may be given.
+    interface, channel : str or None
+        As python-can takes them; by default SocketCAN's can0.
+    port : int or None
+        UDP port of a multicast bus.
+
+    Raises
+    ------
+    PamError
+        If an option contradicts the rig file.
+    """
+    options = {"interface": interface, "channel": channel, "port": port}
+    for name, value in options.items():
+        if rig.buses and value is not None:
+            raise PamError(
+                f"--{name}: the rig file describes its buses ({', '.join(rig.buses)}); change "
+                f"buses.<name>.{name} there"
+            )
+    further = {} if port is None else {"port": port}
+    return OnlyBus(interface or "socketcan", channel or "can0", None, further)
+
+
 def open_buses(
     rig: Rig, wiring: RigWiring, only: OnlyBus, *, filtered: bool = False
 ) -> dict[str, CanPort]:

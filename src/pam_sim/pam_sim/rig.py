@@ -12,7 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pam_driver.buses import OnlyBus, open_buses
+from pam_driver.buses import bus_of_options, open_buses
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
@@ -68,14 +68,7 @@ def _make_loop(given: Arguments) -> RigLoop:
         seed=given.seed,
         now=time.monotonic(),
     )
-    chosen = [name for name in ("interface", "channel", "port") if getattr(given, name) is not None]
-    if rig.buses and chosen:
-        raise PamError(
-            f"--{chosen[0]}: the rig file describes its buses ({', '.join(rig.buses)}); change "
-            f"buses.<name>.{chosen[0]} there"
-        )
-    options = {} if given.port is None else {"port": given.port}
-    only = OnlyBus(given.interface or "socketcan", given.channel or "can0", None, options)
+    only = bus_of_options(rig, given.interface, given.channel, given.port)
     loop = RigLoop(simulated, open_buses(rig, simulated.wiring, only), given.rate)
     loop.schedule(given.faults)
     return loop
