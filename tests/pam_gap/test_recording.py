@@ -234,3 +234,30 @@ def test_a_stamp_far_off_is_told_and_costs_no_memory() -> None:
     raw = RawRecording(Path("log.csv"), {"pressure_states.flexor": RawChannel(time, np.sin(time))})
     with pytest.raises(RecordingError, match="stamp that is far off"):
         resample(raw)
+
+
+def test_two_recordings_in_one_file_are_refused(tmp_path: Path) -> None:
+    """Sorted by stamp, their samples were mixed, and the mixture was diagnosed."""
+    time = np.arange(2000) * 0.002
+    twice = np.concatenate([time, time + 1e-4])
+    frame = pd.DataFrame({"time": twice, POSITION: np.concatenate([motion(time), 0.3 + 0 * time])})
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(RecordingError, match=r"log\.csv: .*goes back from 3\.998 s.*sample 2001"):
+        import_recording(tmp_path / "log.csv")
+
+
+def test_lost_rows_are_told_once_for_all_channels() -> None:
+    time = np.arange(4000) * 0.002
+    keep = np.ones(4000, dtype=bool)
+    keep[100:3900:37] = False
+    keep[2000:2100] = False
+    channel = (time[keep], 1e5 + 1e3 * motion(time[keep]))
+    recording = resample(
+        raw(pressure=channel, position=(time[keep], motion(time[keep])), command=(time, 0 * time))
+    )
+    told = [text for text in recording.repairs if "missing" in text]
+    assert len(told) == 2
+    assert all("of 3900 samples are missing" in text for text in told)
+    columns = {n: RawChannel(*channel) for n in (PRESSURE, POSITION, "supply_pressure")}
+    (one,) = [t for t in resample(RawRecording(Path("m"), columns)).repairs if "missing" in t]
+    assert one.startswith("all channels: ")

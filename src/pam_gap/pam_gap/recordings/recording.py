@@ -8,7 +8,7 @@ near true samples and outside gaps. Every repair is noted in words.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,6 +39,8 @@ MOST_ROWS = 1e7
 SPIKE = 25.0  # a sample this many noise widths from both neighbours is an error of the log
 SAME_TIME = 1e-3
 """Share of a step: a stamp this close to a grid point counts as on the grid point."""
+RESTARTED = 0.02
+"""Share of the samples, stamped before an earlier one, above which the clock was started anew."""
 _EPOCH = 1e8  # a time stamp above this is an absolute one
 
 
@@ -141,6 +143,7 @@ def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
     if time.size == 0:
         return RawChannel(time, value)
     if np.any(np.diff(time) < 0.0):
+        _refuse_restart(name, time)
         count = int((np.diff(time) < 0.0).sum())
         repairs.append(
             f"{name}: stamps ran backwards {count} times; the samples were sorted by stamp"
@@ -164,6 +167,47 @@ def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
         keep = np.concatenate(([True], ~spike, [True]))
         time, value = time[keep], value[keep]
     return RawChannel(time, value)
+
+
+def _refuse_restart(name: str, time: Array) -> None:
+    """Refuse stamps that start anew: sorting them would mix two recordings."""
+    late = time < np.maximum.accumulate(time)
+    if float(late.mean()) <= RESTARTED:
+        return
+    first = int(np.argmax(late))
+    raise RecordingError(
+        f"{name}: time goes back from {time[first - 1]:.6g} s to {time[first]:.6g} s at sample "
+        f"{first + 1} and stays behind for {100.0 * late.mean():.0f} % of the samples; expected "
+        "one recording with increasing time"
+    )
+
+
+def _lost(name: str, raw: RawChannel, period: float, repairs: list[str]) -> None:
+    """Note measurements that are missing between others, up to the pauses noted as gaps."""
+    if name.startswith(COMMANDS):
+        return
+    pauses = np.diff(raw.time) / period
+    few = (pauses > 1.5) & (pauses <= GAP_PERIODS)
+    if few.any():
+        lost = int(np.round(pauses[few] - 1.0).sum())
+        repairs.append(
+            f"{name}: {lost} of {raw.time.size + lost} samples are missing one by one or a few at "
+            "a time; the values between their neighbours were interpolated"
+        )
+
+
+def _for_all_channels(repairs: list[str], names: Collection[str]) -> list[str]:
+    """Notes that are the same for every channel, as one note."""
+    texts: dict[str, set[str]] = {}
+    for note in repairs:
+        name, _, text = note.partition(": ")
+        texts.setdefault(text, set()).add(name)
+    shared = {text for text, found in texts.items() if len(found) > 2 and found >= set(names)}
+    kept: list[str] = []
+    for note in repairs:
+        text = note.partition(": ")[2]
+        kept.append(f"all channels: {text}" if text in shared else note)
+    return list(dict.fromkeys(kept))
 
 
 def _periods(channels: Mapping[str, RawChannel]) -> dict[str, float]:
@@ -242,13 +286,16 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
     Raises
     ------
     RecordingError
-        When no channel has enough samples, the channels do not overlap in time, or the recording
-        is too long.
+        When no channel has enough samples, the channels do not overlap in time, the time starts
+        anew, or the recording is too long.
     """
     repairs = list(raw.remarks)
     channels: dict[str, RawChannel] = {}
     for name, channel in raw.channels.items():
-        cleaned = _clean(name, channel, repairs)
+        try:
+            cleaned = _clean(name, channel, repairs)
+        except RecordingError as error:
+            raise RecordingError(f"{raw.source}: {error}") from None
         if cleaned.time.size < 8:
             repairs.append(
                 f"{name}: the channel has only {cleaned.time.size} samples and is not used"
@@ -291,6 +338,7 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
     values: dict[str, Array] = {}
     valid: dict[str, Mask] = {}
     for name, channel in channels.items():
+        _lost(name, channel, periods[name], repairs)
         values[name], valid[name] = _onto_grid(name, channel, grid, chosen, periods[name], repairs)
     samples = {
         name: channel.value
@@ -298,7 +346,8 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
         if not name.startswith(COMMANDS) and not _is_on_grid(channel, start, chosen)
     }
     return Recording(
-        raw.source, chosen, grid - start, values, valid, tuple(repairs),
+        raw.source, chosen, grid - start, values, valid,
+        tuple(_for_all_channels(repairs, raw.channels)),
         samples=samples, one_clock=raw.one_clock,
     )  # fmt: skip
 
