@@ -16,16 +16,15 @@ FOUND = Diagnosis("named", "muscle", ("hysteresis",), (), (), {}, {}, CLOSED, ""
 
 def test_a_cause_is_named_with_what_it_explains() -> None:
     assert verdict_sentence(FOUND) == (
-        "The cause is hysteresis at the muscle stage. Modelling it closes 94 % of the gap on "
-        "held-out data."
+        "The cause is hysteresis at the muscle stage. It explains 94 % of the gap on held-out data."
     )
 
 
 def test_two_causes_are_named_each_at_its_own_stage() -> None:
     two = replace(FOUND, effects=("hysteresis", "coulomb_friction"))
     assert verdict_sentence(two) == (
-        "The causes are hysteresis (muscle stage) and coulomb friction (joint stage). Modelling "
-        "them closes 94 % of the gap on held-out data."
+        "The causes are hysteresis (muscle stage) and coulomb friction (joint stage). They "
+        "explain 94 % of the gap on held-out data."
     )
 
 
@@ -59,7 +58,7 @@ def test_a_cause_outside_every_set_is_named_beside_them() -> None:
     )
     assert verdict_sentence(ambiguous).endswith(
         "coulomb friction (joint stage). A further cause is payload (joint stage). The best "
-        "hypothesis closes 94 % of the gap on held-out data."
+        "hypothesis explains 94 % of the gap on held-out data."
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from pam_model.argument_types import count, input_path, output_folder
+from pam_model.argument_types import count, input_path, number, output_folder
 from pam_model.command_line import (
     Arguments,
     Command,
@@ -53,6 +53,13 @@ def _declare_diagnose(parser: Parser) -> None:
             metavar="RECORDING",
             help=f"more recordings, {text}",
         )
+    parser.add_argument(
+        "--material",
+        type=number("", least=0.0, most=0.5),
+        default=None,
+        metavar="SHARE",
+        help="share of the motion below which a gap does not matter (default: 0.002)",
+    )
     parser.add_argument(
         "--threads",
         type=count(0),

@@ -32,6 +32,7 @@ from pam_gap.prediction.fit import FitResult
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.identifiable import cautions, what_is_missing
 from pam_gap.prediction.locate import locate
+from pam_gap.prediction.materiality import squared_motion
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import LOCKED, SHUT, Recording
 from pam_gap.rules import DEFAULT, Rules
@@ -76,7 +77,8 @@ class JointDiagnosis:
         self.fitter = HypothesisFitter(self.problem, self.floor)
         self.folds: Folds = make_folds(self.problem)
         self.present = self.problem.present
-        self.judge = Judge(self.floor, self.present, rules.decision)
+        self.motion = squared_motion(self.problem)
+        self.judge = Judge(self.floor, self.present, rules.decision, self.motion)
         self.growth: list[tuple[GrowthStep, bool]] = []
         self.evidence: KeptEvidence | None = None
 
@@ -201,7 +203,7 @@ class JointDiagnosis:
         singles = tuple(h.effects[0] for h in result.by_size[0])
         self.evidence = KeptEvidence(
             self.floor, self.present, written, nominal, tuple(tried), settled,
-            singles, location.stages, tuple(self.growth),
+            singles, location.stages, tuple(self.growth), self.motion,
         )  # fmt: skip
         self.progress("gap figures", 0.96)
         form = AnswerForm(self.fitter, self.folds, self.judge)

@@ -27,7 +27,7 @@ from pam_gap.recordings.recording import (
     TURNED_OVER,
     Recording,
 )
-from pam_gap.rules import DEFAULT, Rules
+from pam_gap.rules import DEFAULT, Rules, changed
 from pam_model.command_line import Arguments, Outcome, Progress, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
@@ -221,6 +221,9 @@ def run(given: Arguments) -> Outcome:
         locked=given.locked,
         shut=given.shut,
         keep_evidence=given.keep_evidence,
+        rules=DEFAULT
+        if given.material is None
+        else changed("decision.material_share", given.material),
     )
     for answer in answers:
         print(f"{answer.joint}: {answer.sentence}")

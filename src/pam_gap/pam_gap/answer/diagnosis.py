@@ -14,6 +14,7 @@ from pam_gap.inference.confidence import Interval
 from pam_gap.inference.hypothesis import Hypothesis
 from pam_gap.prediction.gap_figures import GapFigure
 from pam_gap.prediction.locate import Location
+from pam_gap.prediction.materiality import GapSize
 from pam_model.rig import Rig
 
 
@@ -91,6 +92,12 @@ class Diagnosis:
         For `not_identifiable`: what the recordings lack, in full sentences.
     cautions : tuple of str
         What makes the answer less certain than it looks, in full sentences.
+    preferred : str
+        Why the named explanation was preferred to one that fits better; empty if it fits best.
+    sizes : tuple of GapSize
+        The gap of each channel in its unit and as a share of the motion, largest share first.
+    material_share : float
+        Share of the motion below which a gap does not matter.
     not_shown : tuple of str
         Effects that would stay below the noise in these recordings at their usual size.
     """
@@ -114,6 +121,9 @@ class Diagnosis:
     missing: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     not_shown: tuple[str, ...] = ()
+    preferred: str = ""
+    sizes: tuple[GapSize, ...] = ()
+    material_share: float = 0.0
     improved: Rig | None = None
     survivors: tuple[Hypothesis, ...] = ()
     proposal: Proposal | None = None
@@ -189,7 +199,41 @@ class Diagnosis:
             "missing": list(self.missing),
             "cautions": list(self.cautions),
             "not_shown": list(self.not_shown),
+            "preferred": self.preferred,
+            "leftover": self.leftover(),
+            "materiality": {
+                "limit": self.material_share,
+                "material": any(size.is_material for size in self.sizes),
+                "channels": {
+                    size.channel: {
+                        "motion": size.motion,
+                        "before": size.before,
+                        "retuned": size.retuned,
+                        "after": size.after,
+                        "limit": size.limit,
+                        "unit": size.unit,
+                    }
+                    for size in self.sizes
+                },
+            },
             "facts": dict(self.facts),
+        }
+
+    def leftover(self) -> dict[str, Any] | None:
+        """What the answer does not explain, in the channel where it is largest; None without data.
+
+        The errors contain no noise: the floor is subtracted in squares.
+        """
+        if not self.sizes:
+            return None
+        size = max(self.sizes, key=lambda s: s.share_left)
+        return {
+            "material": size.leaves_material,
+            "stage": size.stage,
+            "channel": size.channel,
+            "rms": size.after,
+            "share_of_motion": size.share_left,
+            "unit": size.unit,
         }
 
     def write(self, path: Path) -> None:

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pam_gap.answer.diagnosis import Diagnosis
+from pam_gap.answer.user_units import percent, plain, told, user_unit
+from pam_gap.prediction.materiality import GapSize
 from pam_model.effects import EFFECTS
+
+MOST_PARAMETERS = 3
+"""Of an effect, in a sentence; the table of the report has all of them."""
+VISIBLE = 0.66
+"""Error without noise, over the floor, from which a gap can be seen (1.2 floors with noise)."""
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -37,42 +44,124 @@ def best_left(diagnosis: Diagnosis) -> str:
     )
 
 
+def with_parameters(diagnosis: Diagnosis, effect: str) -> str:
+    """The parameters of an effect with their intervals, such as "torque 1.1 N m (1 to 1.2)"."""
+    shown = []
+    for name, found in list(diagnosis.parameters.get(effect, {}).items())[:MOST_PARAMETERS]:
+        value, low, high = found.interval.value, found.interval.low, found.interval.high
+        unit, factor = user_unit(value, found.unit)
+        ends = " to ".join(plain(factor * end) for end in (low, high))
+        words = name.replace("_", " ").replace(".", " of the ")
+        number = f"{plain(factor * value)} {unit}".removesuffix(" -")
+        shown.append(f"{words} {number} ({ends})")
+    return ", ".join(shown)
+
+
+def headline_size(diagnosis: Diagnosis) -> GapSize | None:
+    """The channel in which the rig file as written is wrong by the largest share of the motion."""
+    return max(diagnosis.sizes, key=lambda s: s.before / max(s.motion, 1e-300), default=None)
+
+
+def how_much(diagnosis: Diagnosis) -> str:
+    """What the named causes explain, in the units of the channel with the largest gap."""
+    size = headline_size(diagnosis)
+    if size is None or size.before <= 0.0:
+        return ""
+    error = f"{told(size.before, size.unit)} at {size.channel}"
+    return f"{percent(size.explained)} of an error of {error}"
+
+
+def what_is_left(diagnosis: Diagnosis) -> str:
+    """What the answer leaves, if it matters: its size, channel, and share of the motion."""
+    material = [size for size in diagnosis.sizes if size.leaves_material]
+    if not material:
+        return ""
+    size = max(material, key=lambda s: s.share_left)
+    return (
+        f"{told(size.after, size.unit)} at {size.channel} remain unexplained, "
+        f"{percent(size.share_left)} of its motion."
+    )
+
+
+def nothing_material(diagnosis: Diagnosis) -> str:
+    """The verdict `none` for a gap above the noise that is too small to matter."""
+    size = diagnosis.sizes[0]
+    return (
+        f"Nothing is worth a cause: the rig file, re-tuned within its tolerance, is wrong by "
+        f"{told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its motion "
+        f"of {told(size.motion, size.unit)}. This is below the limit of "
+        f"{percent(diagnosis.material_share)} ({told(size.limit, size.unit)})."
+    )
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one or two sentences, and what makes it less certain than it looks."""
     return " ".join([_verdict(diagnosis), *(f"Caution: {c}" for c in diagnosis.cautions)])
 
 
 def _verdict(diagnosis: Diagnosis) -> str:
-    effects, closed = diagnosis.effects, diagnosis.closed
-    if diagnosis.verdict == "none":
-        ratios = [gap.after / gap.floor for gap in diagnosis.gap.values() if gap.floor > 0.0]
-        left = (
-            f" The largest RMS error of a channel is {max(ratios):.2g} times its noise floor."
-            if ratios
-            else ""
-        )
-        return (
-            "No effect is needed: the rig file, with its parameters re-tuned within their "
-            f"tolerance, explains the recording down to the noise.{left}"
-        )
-    if diagnosis.verdict == "not_identifiable":
-        return f"A diagnosis is not possible. {' '.join(diagnosis.missing)}".rstrip()
-    if diagnosis.verdict == "unknown":
-        where = f" at the {diagnosis.stage} stage" if diagnosis.stage else ""
-        return f"The cause of the gap{where} is unknown: {best_left(diagnosis)}"
-    share = f"{100 * closed.value:.0f} % of the gap on held-out data." if closed else ""
-    if diagnosis.verdict == "ambiguous":
-        open_effects = {effect for group in diagnosis.indistinguishable for effect in group}
-        sure = [effect for effect in effects if effect not in open_effects]
-        groups = ", or between ".join(map(_with_stages, diagnosis.indistinguishable))
-        also = f" A further cause is {_with_stages(sure)}." if sure else ""
-        best = f" The best hypothesis closes {share}" if share else ""
-        return (
-            "The gap has a known cause, but this recording cannot distinguish between "
-            f"{groups}.{also}{best}"
-        )
+    match diagnosis.verdict:
+        case "none":
+            return _nothing(diagnosis)
+        case "not_identifiable":
+            return f"A diagnosis is not possible. {' '.join(diagnosis.missing)}".rstrip()
+        case "unknown":
+            where = f" at the {diagnosis.stage} stage" if diagnosis.stage else ""
+            return f"The cause of the gap{where} is unknown: {best_left(diagnosis)}"
+        case "ambiguous":
+            return _ambiguous(diagnosis)
+    return _named(diagnosis)
+
+
+def _nothing(diagnosis: Diagnosis) -> str:
+    if any(size.retuned > VISIBLE * size.floor for size in diagnosis.sizes):
+        return nothing_material(diagnosis)
+    ratios = [gap.after / gap.floor for gap in diagnosis.gap.values() if gap.floor > 0.0]
+    left = (
+        f" The largest RMS error of a channel is {max(ratios):.2g} times its noise floor."
+        if ratios
+        else ""
+    )
+    return (
+        "No effect is needed: the rig file, with its parameters re-tuned within their "
+        f"tolerance, explains the recording down to the noise.{left}"
+    )
+
+
+def _closes(diagnosis: Diagnosis, subject: str) -> str:
+    """What the answer explains, and what it leaves if that matters; empty without any figure."""
+    amount = how_much(diagnosis)
+    if amount:
+        return f" {subject} {amount}. {what_is_left(diagnosis)}".rstrip()
+    if diagnosis.closed is None:
+        return ""
+    return f" {subject} {100 * diagnosis.closed.value:.0f} % of the gap on held-out data."
+
+
+def _ambiguous(diagnosis: Diagnosis) -> str:
+    open_effects = {effect for group in diagnosis.indistinguishable for effect in group}
+    sure = [effect for effect in diagnosis.effects if effect not in open_effects]
+    groups = ", or between ".join(map(_with_stages, diagnosis.indistinguishable))
+    also = f" A further cause is {_with_stages(sure)}." if sure else ""
+    return (
+        "The gap has a known cause, but this recording cannot distinguish between "
+        f"{groups}.{also}{_closes(diagnosis, 'The best hypothesis explains')}"
+    )
+
+
+def _named(diagnosis: Diagnosis) -> str:
+    effects = diagnosis.effects
     if len(effects) == 1:
-        modelled = f" Modelling it closes {share}" if share else ""
-        return f"The cause is {_words(effects[0])} at the {diagnosis.stage} stage.{modelled}"
-    modelled = f" Modelling them closes {share}" if share else ""
-    return f"The causes are {_with_stages(effects)}.{modelled}"
+        numbers = with_parameters(diagnosis, effects[0])
+        size = f": {numbers}" if numbers else ""
+        return (
+            f"The cause is {_words(effects[0])} at the {diagnosis.stage} stage{size}."
+            f"{_closes(diagnosis, 'It explains')}"
+        )
+    numbers = "; ".join(
+        f"{_words(effect)}: {text}"
+        for effect in effects
+        if (text := with_parameters(diagnosis, effect))
+    )
+    size = f" ({numbers})" if numbers else ""
+    return f"The causes are {_with_stages(effects)}{size}.{_closes(diagnosis, 'They explain')}"

@@ -8,9 +8,11 @@ import numpy as np
 
 from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, FoundParameter, ScoredCandidate
 from pam_gap.answer.improved_rig import improve_rig
+from pam_gap.answer.user_units import percent
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import (
     Interval,
+    floor_reach,
     for_another_motion,
     gap_closed,
     parameter_intervals,
@@ -23,6 +25,7 @@ from pam_gap.prediction.channel_order import BOTH_FORCES, UNITS
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import gap_figures
 from pam_gap.prediction.locate import Location
+from pam_gap.prediction.materiality import GapSize, gap_sizes
 from pam_model.effects import EFFECTS
 from pam_model.plant.parameters import RIG_PLACES
 from pam_model.rig import Rig
@@ -77,6 +80,7 @@ class AnswerForm:
         final = decision.chosen if is_named and decision.chosen is not None else nominal
         effects, groups = named_effects(decision, singles)
         stage: str | None = EFFECTS[effects[0]].stage if effects else None
+        ranking = self.ranking(nominal, tried)
         if verdict == "unknown":
             stage = location.worst
         values = self.fitter.vector(final.hypothesis.members, final.hypothesis.result.values)
@@ -88,6 +92,8 @@ class AnswerForm:
             indistinguishable=groups,
             parameters=self.parameters(final.hypothesis) if is_named else {},
             gap=self.gap(written, final),
+            sizes=self.sizes(written, nominal, final),
+            material_share=self.rules.material_share,
             closed=for_another_motion(
                 gap_closed(written, final, self.floor, self.present, self.rules),
                 written,
@@ -99,7 +105,8 @@ class AnswerForm:
             else None,
             next_experiment="",
             joint=self.rig.joints[self.joint].name,
-            ranking=self.ranking(nominal, tried),
+            ranking=ranking,
+            preferred=why_preferred(final.effects, ranking) if is_named else "",
             location=location,
             horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
             improved=self.improved(final.hypothesis) if is_named else None,
@@ -174,6 +181,11 @@ class AnswerForm:
             for c in np.nonzero(self.present)[0]
         }
 
+    def sizes(self, written: HeldOut, nominal: HeldOut, final: HeldOut) -> tuple[GapSize, ...]:
+        """The gap of each channel in its unit and as a share of the motion."""
+        squares = [score.mean_square for score in (written, nominal, final)]
+        return gap_sizes(self.problem, self.floor, self.rules.material_share, squares)
+
     def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:
         """Scored hypotheses, best first, with the share of the gap that remains with each."""
         entries = []
@@ -185,7 +197,13 @@ class AnswerForm:
         )
         for score, share in zip(ranked, shares, strict=True):
             closed = gap_closed(nominal, score, self.floor, self.present, self.rules)
-            remaining = Interval(1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low)
+            left = 1.0 - closed.value
+            reach = floor_reach(nominal, self.floor, self.present, self.rules)
+            remaining = Interval(
+                left,
+                max(min(1.0 - closed.high, left - reach), 0.0),
+                max(1.0 - closed.low, left + reach),
+            )
             entries.append(
                 ScoredCandidate(
                     score.hypothesis.effects,
@@ -221,6 +239,26 @@ class AnswerForm:
             if not nuisance.is_factor:
                 targets[place] = ()
         return improve_rig(self.rig, self.joint, h, targets, factor)
+
+
+def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> str:
+    """Why an explanation was preferred to a better fitting one; empty if none fits better."""
+    own = next((entry for entry in ranking if set(entry.effects) == set(chosen)), None)
+    best = max(ranking, key=lambda entry: entry.weight, default=None)
+    if own is None or best is None or best is own or best.weight <= own.weight:
+        return ""
+    mine, other = (" + ".join(entry.effects) for entry in (own, best))
+    if set(best.effects) > set(own.effects):
+        reason = "a further effect is only accepted if it lowers the error clearly"
+    elif len(best.effects) > len(own.effects):
+        reason = "more effects are only accepted if they lower the error clearly"
+    else:
+        reason = "it is the simpler law, and both leave about the same error"
+    return (
+        f"{other} fits this recording better: it leads in {percent(best.weight)} of the resampled "
+        f"recordings, {mine} in {percent(own.weight)}. {mine} was preferred because {reason} (sum "
+        f"of the log errors {best.level:.2f} against {own.level:.2f})."
+    )
 
 
 def advice(verdict: str, proposal: Proposal | None, present: np.ndarray) -> str:

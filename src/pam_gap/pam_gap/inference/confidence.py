@@ -67,6 +67,12 @@ def parameter_intervals(
         hessian[np.diag_indices(n)] += 1e-9 * np.max(np.diag(hessian)) + 1e-12
         steps[k] = -np.linalg.solve(hessian, (slopes[sample] - mean_slope).sum(axis=0))
     low, high = np.percentile(steps, [LOW, HIGH], axis=0)
+    # Blocks that agree exactly, and bounds, do not make a parameter certain: an interval is never
+    # narrower than white noise alone allows, and at a bound it reaches into the permitted range.
+    information = hessians.sum(axis=0) + prior
+    information[np.diag_indices(n)] += 1e-9 * np.max(np.diag(information)) + 1e-12
+    least = NORMAL_90 * np.sqrt(np.maximum(np.diag(np.linalg.inv(information)), 0.0))
+    low, high = np.minimum(low, -least), np.maximum(high, least)
     lower = scaling.own(np.clip(at + low, scaling.low, scaling.high))
     upper = scaling.own(np.clip(at + high, scaling.low, scaling.high))
     return [
@@ -106,6 +112,13 @@ def gap_closed(
     return Interval(value, float(min(low, value)), float(max(high, value)))
 
 
+def floor_reach(before: Score, floor: Array, present: np.ndarray, rules: DecisionRules) -> float:
+    """Uncertainty of a share of the gap that follows from that of the noise floor."""
+    floor_rms = float(np.sqrt(floor[present].mean()))
+    first = float(pooled_rms(before.sums.sum(0), before.counts.sum(0), present))
+    return rules.floor_share * floor_rms / max(first - floor_rms, 1e-9)
+
+
 def for_another_motion(
     closed: Interval, before: Score, floor: Array, present: np.ndarray, rules: DecisionRules
 ) -> Interval:
@@ -128,9 +141,7 @@ def for_another_motion(
     rules : DecisionRules
         Constants.
     """
-    floor_rms = float(np.sqrt(floor[present].mean()))
-    first = float(pooled_rms(before.sums.sum(0), before.counts.sum(0), present))
-    reach = rules.floor_share * floor_rms / max(first - floor_rms, 1e-9)
+    reach = floor_reach(before, floor, present, rules)
     factor = float(np.exp(NORMAL_90 * rules.motion_spread))
     left, least, most = 1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low
     return Interval(

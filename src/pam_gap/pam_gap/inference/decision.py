@@ -65,12 +65,30 @@ class Judge:
         Channels that are judged.
     rules : DecisionRules
         Constants.
+    motion : ndarray, shape (channels,), optional
+        Squared range of each channel in units of its whitened errors; without it, every gap above
+        the noise matters.
     """
 
-    def __init__(self, floor: Array, present: np.ndarray, rules: DecisionRules) -> None:
+    def __init__(
+        self,
+        floor: Array,
+        present: np.ndarray,
+        rules: DecisionRules,
+        motion: Array | None = None,
+    ) -> None:
         self.floor = floor
         self.present = present
         self.rules = rules
+        self.motion = np.zeros_like(floor) if motion is None else motion
+
+    def is_material(self, score: Score) -> bool:
+        """Whether a score leaves an error that matters in any channel, by its share of the motion.
+
+        The limit belongs to the error without the floor, since noise is no gap.
+        """
+        limit = self.rules.material_share**2 * self.motion
+        return bool((score.mean_square - self.floor > limit)[self.present].any())
 
     def level(self, score: Score) -> float:
         """Level of a held-out score."""
@@ -155,7 +173,8 @@ class Judge:
             chosen = self.choose(nominal, tried)
         before = self.level(nominal)
         channels = int(self.present.sum())
-        if chosen is None or not has_gap(before, channels, self.rules):
+        matters = has_gap(before, channels, self.rules) and self.is_material(nominal)
+        if chosen is None or not matters:
             return Decision("none", chosen, (), tuple(tried))
         evidence = Evidence(
             chosen.effects,
@@ -169,7 +188,7 @@ class Judge:
             ),
         )
         rivals = self.rivals(chosen, tried, nominal)
-        verdict = decide(evidence, [r.label for r in rivals], self.rules)
+        verdict = decide(evidence, [r.label for r in rivals], self.rules, self.is_material(chosen))
         return Decision(verdict, chosen, tuple(rivals), tuple(tried))
 
     def weights[S: Score](

@@ -51,6 +51,9 @@ class KeptEvidence:
         The gap of each stage.
     growth : tuple of (GrowthStep, bool)
         State at each decision to seek one more effect, and whether it was sought.
+    motion : ndarray, shape (channels,), optional
+        Squared range of each channel in units of its whitened errors; without it, every gap above
+        the noise matters.
     """
 
     floor: Array
@@ -62,6 +65,7 @@ class KeptEvidence:
     singles: tuple[str, ...]
     stages: tuple[StageGap, ...]
     growth: tuple[tuple[GrowthStep, bool], ...]
+    motion: Array | None = None
 
     def save(self, path: Path) -> None:
         """Write the evidence to one NPZ file (arrays and one JSON text, no pickled objects)."""
@@ -81,6 +85,7 @@ class KeptEvidence:
             about=np.array(json.dumps(about)),
             floor=self.floor,
             present=self.present,
+            motion=np.zeros_like(self.floor) if self.motion is None else self.motion,
             sums=np.array([s.sums for s in scores]),
             counts=np.array([s.counts for s in scores]),
         )
@@ -98,6 +103,7 @@ class KeptEvidence:
             with np.load(path, allow_pickle=False) as file:
                 about = json.loads(str(file["about"]))
                 floor, present = file["floor"], file["present"]
+                motion = file.get("motion")
                 sums, counts = file["sums"], file["counts"]
         except (OSError, KeyError, ValueError) as error:
             raise PamError(f"{path}: not the evidence of a diagnosis ({error})") from error
@@ -121,6 +127,7 @@ class KeptEvidence:
             tuple(about["singles"]),
             tuple(StageGap(*entry) for entry in about["stages"]),
             tuple((GrowthStep(*entry[:-1]), bool(entry[-1])) for entry in about["growth"]),
+            motion,
         )
 
 
@@ -183,7 +190,7 @@ def decide_again(evidence: KeptEvidence, rules: Rules) -> DecidedAgain:
             return score
         return evidence.settled[place]
 
-    judge = Judge(evidence.floor, evidence.present, rules.decision)
+    judge = Judge(evidence.floor, evidence.present, rules.decision, evidence.motion)
     decision = judge.decide(evidence.nominal, evidence.tried, settle)
     answer = contract_answer(evidence, decision, judge, rules)
     return DecidedAgain(answer, is_exact and not missing)

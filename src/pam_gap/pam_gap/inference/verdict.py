@@ -107,14 +107,28 @@ def is_unknown(evidence: Evidence, rules: DecisionRules) -> bool:
     return evidence.closed < rules.closed_at_least
 
 
-def decide(evidence: Evidence, rivals: Sequence[str], rules: DecisionRules) -> str:
-    """The verdict; `rivals` are the hypotheses that the data do not distinguish from the best."""
+def decide(
+    evidence: Evidence, rivals: Sequence[str], rules: DecisionRules, leaves_material: bool = True
+) -> str:
+    """The verdict.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Figures of the best accepted hypothesis.
+    rivals : sequence of str
+        Hypotheses that the data do not distinguish from it.
+    rules : DecisionRules
+        Constants.
+    leaves_material : bool
+        Whether the error that it leaves matters; one that does not is no reason for `unknown`.
+    """
     gain = evidence.level_before - evidence.level_after
     if not has_gap(evidence.level_before, evidence.channels, rules):
         return "none"
     if not evidence.effects or gain < rules.no_gain:
         return "unknown"
-    if is_unknown(evidence, rules):
+    if leaves_material and is_unknown(evidence, rules):
         return "unknown"
     return "ambiguous" if rivals else "named"
 

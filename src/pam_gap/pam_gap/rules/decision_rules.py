@@ -25,6 +25,18 @@ class DecisionRules:
         "count as a gap.",
         acts=DECISION,
     )
+    material_share: float = rule(
+        0.002,
+        unit="of the motion",
+        decides="Share of a channel's range up to which a gap does not matter. If the re-tuned "
+        "plant leaves no more in any channel, the verdict is `none`; if a cause leaves no more, "
+        "the verdict is not `unknown`. Option `--material` of `diagnose`.",
+        trades="Larger: small effects are called not worth a cause. Smaller: causes are sought for "
+        "differences that no user would notice.",
+        origin="The order of the accuracy, linearity and repeatability that data sheets of "
+        "pressure sensors and encoders of such joints state (0.1 to 0.3 %).",
+        acts=DECISION,
+    )
     no_gain: float = rule(
         0.25,
         unit="level",

@@ -1,0 +1,151 @@
+"""A gap that does not matter is no cause; what matters is told in the user's units."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pam_gap.answer.diagnosis import Diagnosis, FoundParameter, ScoredCandidate
+from pam_gap.answer.sentences import verdict_sentence
+from pam_gap.answer.user_units import percent, plain, told
+from pam_gap.answer.write_answer import why_preferred
+from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.inference.candidates import candidates_for
+from pam_gap.inference.confidence import Interval, parameter_intervals
+from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.score import Score
+from pam_gap.prediction.materiality import GapSize, gap_sizes, motion_ranges, squared_motion
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.rules import DEFAULT, changed
+from pam_model.rig import Rig
+
+from .conftest import Maker
+
+POSITION = "joint_states.elbow.position"
+
+
+def score(effects: tuple[str, ...], rms: float) -> Score:
+    counts = np.full((30, 3), 40.0)
+    return Score(effects, " + ".join(effects), len(effects), counts * rms**2, counts)
+
+
+def decided(nominal: float, left: float, motion: float, share: float = 0.002) -> Decision[Score]:
+    """The decision for errors of so many floors, in channels that moved by `motion` floors."""
+    rules = changed("decision.material_share", share).decision
+    judge = Judge(np.ones(3), np.ones(3, dtype=bool), rules, np.full(3, motion**2))
+    tried = [score(("position_offset",), left), score(("leakage",), nominal)]
+    return judge.decide(score((), nominal), tried, lambda s: s)
+
+
+@pytest.mark.parametrize(
+    ("nominal", "left", "motion", "share", "verdict"),
+    [
+        (4.0, 1.0, 10000.0, 0.002, "none"),  # 4 floors are 0.04 % of the motion
+        (4.0, 1.0, 10000.0, 0.0, "named"),
+        (4.0, 1.0, 1000.0, 0.002, "named"),
+        (100.0, 8.0, 1000.0, 0.002, "unknown"),  # most is explained, but 0.8 % are left
+        (100.0, 8.0, 10000.0, 0.002, "named"),  # 8 floors do not matter here
+        (1.05, 1.0, 0.0, 0.002, "none"),
+    ],
+)
+def test_small_gaps_are_no_cause_and_small_rests_no_reason_for_unknown(
+    nominal: float, left: float, motion: float, share: float, verdict: str
+) -> None:
+    """A demo with nothing hidden was `unknown`, for 0.3 mrad of a motion of 0.7 rad."""
+    assert decided(nominal, left, motion, share).verdict == verdict
+
+
+def test_the_limit_belongs_to_each_channel(rig: Rig, record: Maker) -> None:
+    problem = PredictionProblem(rig, 0, [record()])
+    ranges, squares = motion_ranges(problem), squared_motion(problem)
+    assert 0.2 < ranges[2] < 2.0  # rad
+    assert 5e4 < ranges[0] < 6e5  # Pa
+    floor, square = np.ones(5), np.zeros(5)
+    square[2] = 1.0 + 0.003**2 * squares[2]
+    position, *others = gap_sizes(problem, floor, 0.002, [square + 1.0, square, square])
+    assert position.channel == POSITION
+    assert position.is_material
+    assert position.share == pytest.approx(0.003)
+    assert position.retuned == pytest.approx(0.003 * ranges[2])
+    assert not any(size.is_material for size in others)
+
+
+SIZE = GapSize(POSITION, "rad", "joint", 0.7, 0.0071, 0.0066, 0.0009, 1e-4, 0.0014)
+NAMED = Diagnosis(
+    "named", "joint", ("coulomb_friction",), (), (),
+    {"coulomb_friction": {"torque": FoundParameter(Interval(1.12, 1.05, 1.18), "N m")}},
+    {}, Interval(0.99, 0.9, 1.0), "", sizes=(SIZE,), material_share=0.002,
+)  # fmt: skip
+
+
+def test_the_answer_says_where_what_and_how_much() -> None:
+    assert verdict_sentence(NAMED) == (
+        "The cause is coulomb friction at the joint stage: torque 1.12 N m (1.05 to 1.18). It "
+        "explains 87 % of an error of 7.1 mrad at joint_states.elbow.position."
+    )
+
+
+def test_what_remains_is_said_if_it_matters() -> None:
+    rest = replace(NAMED, sizes=(replace(SIZE, after=0.0021),))
+    assert verdict_sentence(rest).endswith(
+        "explains 70 % of an error of 7.1 mrad at joint_states.elbow.position. 2.1 mrad at "
+        "joint_states.elbow.position remain unexplained, 0.3 % of its motion."
+    )
+    left = rest.to_json()["leftover"]
+    assert left["material"] is True
+    assert (left["stage"], left["channel"], left["unit"]) == ("joint", POSITION, "rad")
+    assert left["rms"] == pytest.approx(0.0021)
+    assert NAMED.to_json()["leftover"]["material"] is False
+
+
+def test_a_gap_that_does_not_matter_is_told_with_its_size_and_limit() -> None:
+    small = replace(SIZE, before=0.0004, retuned=0.0003, after=0.0003)
+    none = replace(NAMED, verdict="none", stage=None, effects=(), parameters={}, sizes=(small,))
+    assert verdict_sentence(none) == (
+        "Nothing is worth a cause: the rig file, re-tuned within its tolerance, is wrong by 0.3 "
+        "mrad at joint_states.elbow.position, 0.043 % of its motion of 0.7 rad. This is below the "
+        "limit of 0.2 % (1.4 mrad)."
+    )
+    assert none.to_json()["materiality"]["limit"] == 0.002
+    assert none.to_json()["materiality"]["material"] is False
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(3.01e-4, "rad", "0.3 mrad"), (0.7, "rad", "0.7 rad"), (1.23e5, "Pa", "120 kPa"),
+     (150.0, "Pa", "150 Pa"), (-1e-9, "s", "-1e-06 ms"), (-0.0, "s", "0 ms"), (12.0, "N", "12 N"),
+     (0.05, "-", "0.05")],
+)  # fmt: skip
+def test_values_are_told_in_units_that_people_use(value: float, unit: str, text: str) -> None:
+    assert told(value, unit) == text
+
+
+def test_numbers_have_no_needless_exponent() -> None:
+    assert [plain(v) for v in (12345.0, 0.5, -0.0)] == ["12300", "0.5", "0"]
+    assert [percent(v) for v in (0.99, 0.0007, 0.5)] == ["99 %", "0.07 %", "50 %"]
+
+
+def test_a_better_fit_that_was_not_preferred_is_explained() -> None:
+    """A cause was named with weight 0.0 while a pair had 0.88, without a word."""
+    width = Interval(0.1, 0.05, 0.2)
+    pair = ScoredCandidate(("creep", "hysteresis"), 0.88, width, level=1.1)
+    own = ScoredCandidate(("hysteresis",), 0.0, width, level=1.4)
+    text = why_preferred(("hysteresis",), [pair, own])
+    assert "creep + hysteresis fits this recording better" in text
+    assert "88 %" in text
+    assert "a further effect is only accepted if" in text
+    assert why_preferred(("creep", "hysteresis"), [pair, own]) == ""
+
+
+def test_no_interval_has_zero_width(rig: Rig, record: Maker) -> None:
+    """Neither at a bound, nor where all blocks agree."""
+    engine = JointDiagnosis(rig, 0, [record({"coulomb_friction.torque": 0.6})])
+    friction = next(c for c in candidates_for(rig, rig.joints[0]) if c.effect == "coulomb_friction")
+    found = engine.fitter.fit((friction,), friction.starts[0], max_iterations=4)
+    for place in ("found", "bound"):
+        if place == "bound":
+            found.result.values[:] = [p.high for p in friction.free]
+        for entry in parameter_intervals(engine.fitter, engine.folds, found):
+            assert entry.high > entry.low, place
+            assert entry.low <= entry.value <= entry.high
+    assert DEFAULT.decision.material_share == 0.002
