@@ -58,7 +58,7 @@ def _declare_diagnose(parser: Parser) -> None:
         type=number("", least=0.0, most=0.5),
         default=None,
         metavar="SHARE",
-        help="share of the motion below which a gap does not matter (default: 0.002)",
+        help="share of the motion below which a gap does not matter (default: 0.001)",
     )
     parser.add_argument(
         "--threads",

@@ -6,6 +6,8 @@ simulation, model node and controller can read in place of the rig file.
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
+from pam_gap.answer.provenance import provenance
 from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, Trace, write_report
+from pam_gap.answer.report_figures import RETUNED, WITH_ANSWER
 from pam_gap.diagnose_recordings import UnknownJointError, diagnose_joint, joints_to_diagnose
 from pam_gap.experiments.files import FOLDER
 from pam_gap.prediction.channel_order import UNITS
@@ -70,7 +74,8 @@ def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
     data = problem.data[0]
     rows = errors.shape[1]
     time = problem.row_time[:rows]
-    changed = bool(diagnosis.effects)
+    has_answer = diagnosis.verdict != "not_identifiable"
+    limits = {size.channel: size.limit for size in diagnosis.sizes}
     traces = []
     for c in np.nonzero(problem.present)[0]:
         measured = block_means(data.measured[:, c], problem.block)
@@ -82,10 +87,20 @@ def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
                 time=time,
                 measured=measured,
                 nominal=predicted[0],
-                improved=predicted[1] if changed else None,
+                improved=predicted[1] if has_answer else None,
+                improved_name=WITH_ANSWER if diagnosis.effects else RETUNED,
+                limit=limits.get(problem.names[c], 0.0),
             )
         )
     return traces
+
+
+def _delay(seconds: float) -> str:
+    """A delay in words; what rounds to nothing is not called late or early."""
+    shown = round(1e3 * seconds, 1)
+    if shown == 0.0:
+        return "by less than 0.05 ms"
+    return f"{shown:.1f} ms late" if shown > 0.0 else f"{-shown:.1f} ms early"
 
 
 def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name: str) -> ReportData:
@@ -93,10 +108,9 @@ def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name:
     location = diagnosis.location
     stages = [] if location is None else list(location.stages)
     shown = [StageGap(s.stage, s.gap_over_floor, s.note) for s in stages]
-    late = "" if location is None else "; ".join(
-        f"{name} {1e3 * delay:.1f} ms" for name, delay in location.delays
-    )  # fmt: skip
-    shown.append(StageGap("sensing", None, f"delays behind the nominal plant: {late}"))
+    if location is not None and location.delays:
+        late = "; ".join(f"{name} {_delay(delay)}" for name, delay in location.delays)
+        shown.append(StageGap("sensing", None, f"measured behind the re-tuned rig file: {late}"))
     return ReportData(
         title=f"Diagnosis of {diagnosis.joint}",
         verdict_sentence=diagnosis.sentence,
@@ -143,6 +157,7 @@ def diagnose_files(
     shut: Sequence[str | Path] = (),
     rules: Rules = DEFAULT,
     keep_evidence: bool = False,
+    command: str = "",
 ) -> list[Diagnosis]:
     """Diagnose every joint in the recordings, or one, and write the results to `out`.
 
@@ -168,6 +183,8 @@ def diagnose_files(
         Hand-set constants of the diagnosis.
     keep_evidence : bool
         Write evidence.npz too, from which the verdict can be decided again with other rules.
+    command : str
+        The command line, for the record of what the answer was made from.
 
     Raises
     ------
@@ -180,6 +197,7 @@ def diagnose_files(
         numbers = joints_to_diagnose(rig, read, joint)
     except UnknownJointError as error:
         raise PamError(f"{rig_path}: {error}") from None
+    origin = provenance(rig_path, [*recordings, *turned_over, *locked, *shut], command)
     place = Path(out)
     answers = []
     for number in numbers:
@@ -194,6 +212,7 @@ def diagnose_files(
             engine, diagnosis = diagnose_joint(
                 rig, number, read, threads=threads, progress=tell, rules=rules
             )
+        diagnosis.provenance = origin
         improved_name = ""
         if diagnosis.improved is not None:
             save_rig(diagnosis.improved, folder / IMPROVED_RIG)
@@ -220,6 +239,7 @@ def run(given: Arguments) -> Outcome:
         turned_over=given.turned_over,
         locked=given.locked,
         shut=given.shut,
+        command=shlex.join(sys.orig_argv),
         keep_evidence=given.keep_evidence,
         rules=DEFAULT
         if given.material is None

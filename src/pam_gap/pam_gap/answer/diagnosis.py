@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pam_gap.answer.provenance import Provenance
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import Interval
 from pam_gap.inference.hypothesis import Hypothesis
@@ -92,12 +93,14 @@ class Diagnosis:
         For `not_identifiable`: what the recordings lack, in full sentences.
     cautions : tuple of str
         What makes the answer less certain than it looks, in full sentences.
+    provenance : Provenance or None
+        What the answer was made from; None for recordings in memory.
     preferred : str
         Why the named explanation was preferred to one that fits better; empty if it fits best.
     sizes : tuple of GapSize
         The gap of each channel in its unit and as a share of the motion, largest share first.
-    material_share : float
-        Share of the motion below which a gap does not matter.
+    material_share, unexplained_share : float
+        Shares of the motion below which a gap does not matter, and one that no effect explains.
     not_shown : tuple of str
         Effects that would stay below the noise in these recordings at their usual size.
     """
@@ -121,9 +124,11 @@ class Diagnosis:
     missing: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     not_shown: tuple[str, ...] = ()
+    provenance: Provenance | None = None
     preferred: str = ""
     sizes: tuple[GapSize, ...] = ()
     material_share: float = 0.0
+    unexplained_share: float = 0.0
     improved: Rig | None = None
     survivors: tuple[Hypothesis, ...] = ()
     proposal: Proposal | None = None
@@ -194,6 +199,7 @@ class Diagnosis:
                 }
                 for figure in self.horizons
             ],
+            "provenance": None if self.provenance is None else self.provenance.to_json(),
             "repairs": list(self.repairs),
             "left_out": list(self.left_out),
             "missing": list(self.missing),
@@ -203,6 +209,7 @@ class Diagnosis:
             "leftover": self.leftover(),
             "materiality": {
                 "limit": self.material_share,
+                "limit_unexplained": self.unexplained_share,
                 "material": any(size.is_material for size in self.sizes),
                 "channels": {
                     size.channel: {
@@ -211,6 +218,7 @@ class Diagnosis:
                         "retuned": size.retuned,
                         "after": size.after,
                         "limit": size.limit,
+                        "limit_unexplained": size.limit_unexplained,
                         "unit": size.unit,
                     }
                     for size in self.sizes

@@ -86,11 +86,15 @@ def what_is_left(diagnosis: Diagnosis) -> str:
 def nothing_material(diagnosis: Diagnosis) -> str:
     """The verdict `none` for a gap above the noise that is too small to matter."""
     size = diagnosis.sizes[0]
+    limit, reason = size.limit, "This is"
+    if size.is_material:
+        limit, reason = size.limit_unexplained, "No known effect explains this, and it is"
+    share = limit / max(size.motion, 1e-300)
     return (
         f"Nothing is worth a cause: the rig file, re-tuned within its tolerance, is wrong by "
         f"{told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its motion "
-        f"of {told(size.motion, size.unit)}. This is below the limit of "
-        f"{percent(diagnosis.material_share)} ({told(size.limit, size.unit)})."
+        f"of {told(size.motion, size.unit)}. {reason} below the limit of {percent(share)} "
+        f"({told(limit, size.unit)})."
     )
 
 

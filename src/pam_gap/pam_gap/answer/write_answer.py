@@ -94,6 +94,7 @@ class AnswerForm:
             gap=self.gap(written, final),
             sizes=self.sizes(written, nominal, final),
             material_share=self.rules.material_share,
+            unexplained_share=self.rules.material_share * self.rules.unexplained_factor,
             closed=for_another_motion(
                 gap_closed(written, final, self.floor, self.present, self.rules),
                 written,
@@ -184,7 +185,9 @@ class AnswerForm:
     def sizes(self, written: HeldOut, nominal: HeldOut, final: HeldOut) -> tuple[GapSize, ...]:
         """The gap of each channel in its unit and as a share of the motion."""
         squares = [score.mean_square for score in (written, nominal, final)]
-        return gap_sizes(self.problem, self.floor, self.rules.material_share, squares)
+        share = self.rules.material_share
+        most = share * self.rules.unexplained_factor
+        return gap_sizes(self.problem, self.floor, share, most, squares)
 
     def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:
         """Scored hypotheses, best first, with the share of the gap that remains with each."""

@@ -82,12 +82,20 @@ class Judge:
         self.rules = rules
         self.motion = np.zeros_like(floor) if motion is None else motion
 
-    def is_material(self, score: Score) -> bool:
+    def is_material(self, score: Score, *, unexplained: bool = False) -> bool:
         """Whether a score leaves an error that matters in any channel, by its share of the motion.
 
-        The limit belongs to the error without the floor, since noise is no gap.
+        Parameters
+        ----------
+        score : Score
+            Score of a hypothesis. The floor is subtracted, since noise is no gap.
+        unexplained : bool
+            Whether the error is one that no effect explains, for which the limit is larger.
         """
-        limit = self.rules.material_share**2 * self.motion
+        share = self.rules.material_share
+        if unexplained:
+            share *= self.rules.unexplained_factor
+        limit = share**2 * self.motion
         return bool((score.mean_square - self.floor > limit)[self.present].any())
 
     def level(self, score: Score) -> float:
@@ -188,7 +196,10 @@ class Judge:
             ),
         )
         rivals = self.rivals(chosen, tried, nominal)
-        verdict = decide(evidence, [r.label for r in rivals], self.rules, self.is_material(chosen))
+        left = self.is_material(chosen, unexplained=True)
+        verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
+        if verdict == "unknown" and not self.is_material(nominal, unexplained=True):
+            verdict = "none"
         return Decision(verdict, chosen, tuple(rivals), tuple(tried))
 
     def weights[S: Score](

@@ -121,14 +121,16 @@ def decide(
     rules : DecisionRules
         Constants.
     leaves_material : bool
-        Whether the error that it leaves matters; one that does not is no reason for `unknown`.
+        Whether the error that it leaves matters. If it does not and most of the gap is explained,
+        it is no reason for `unknown`.
     """
     gain = evidence.level_before - evidence.level_after
     if not has_gap(evidence.level_before, evidence.channels, rules):
         return "none"
     if not evidence.effects or gain < rules.no_gain:
         return "unknown"
-    if leaves_material and is_unknown(evidence, rules):
+    explains_most = evidence.closed >= rules.closed_at_least and not leaves_material
+    if is_unknown(evidence, rules) and not explains_most:
         return "unknown"
     return "ambiguous" if rivals else "named"
 

@@ -40,8 +40,8 @@ class GapSize:
         RMS error that the answer leaves.
     floor : float
         RMS error that noise alone causes, which the three errors above do not contain.
-    limit : float
-        Error below which a gap does not matter.
+    limit, limit_unexplained : float
+        Errors below which a gap does not matter, and one that no effect explains.
     """
 
     channel: str
@@ -53,6 +53,7 @@ class GapSize:
     after: float
     floor: float
     limit: float
+    limit_unexplained: float
 
     @property
     def share(self) -> float:
@@ -77,7 +78,7 @@ class GapSize:
     @property
     def leaves_material(self) -> bool:
         """Whether what the answer leaves matters."""
-        return self.after > self.limit
+        return self.after > self.limit_unexplained
 
 
 def channel_stage(channel: int) -> str:
@@ -121,6 +122,7 @@ def gap_sizes(
     problem: PredictionProblem,
     floor: Array,
     share: float,
+    share_unexplained: float,
     mean_squares: Sequence[Array],
 ) -> tuple[GapSize, ...]:
     """The gap of every compared channel, the one with the largest share of its motion first.
@@ -131,8 +133,8 @@ def gap_sizes(
         Rig and recordings.
     floor : ndarray, shape (N_CHANNELS,)
         Mean squared whitened error due to noise alone.
-    share : float
-        Share of the motion below which a gap does not matter.
+    share, share_unexplained : float
+        Shares of the motion below which a gap does not matter, and one that no effect explains.
     mean_squares : sequence of three ndarrays, shape (N_CHANNELS,)
         Mean squared whitened errors of the rig file as written, re-tuned, and of the answer.
     """
@@ -154,6 +156,7 @@ def gap_sizes(
                 after,
                 float(np.sqrt(floor[c]) * scale[c]),
                 share * float(ranges[c]),
+                share_unexplained * float(ranges[c]),
             )
         )
     return tuple(sorted(found, key=lambda gap: -gap.share))

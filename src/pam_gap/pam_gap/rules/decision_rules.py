@@ -26,15 +26,25 @@ class DecisionRules:
         acts=DECISION,
     )
     material_share: float = rule(
-        0.002,
+        0.001,
         unit="of the motion",
         decides="Share of a channel's range up to which a gap does not matter. If the re-tuned "
-        "plant leaves no more in any channel, the verdict is `none`; if a cause leaves no more, "
-        "the verdict is not `unknown`. Option `--material` of `diagnose`.",
+        "plant leaves no more in any channel, the verdict is `none`. Option `--material` of "
+        "`diagnose`.",
         trades="Larger: small effects are called not worth a cause. Smaller: causes are sought for "
         "differences that no user would notice.",
-        origin="The order of the accuracy, linearity and repeatability that data sheets of "
-        "pressure sensors and encoders of such joints state (0.1 to 0.3 %).",
+        origin="The better end of the accuracy that data sheets of pressure sensors and encoders "
+        "of such joints state (0.1 to 0.3 % of the range).",
+        acts=DECISION,
+    )
+    unexplained_factor: float = rule(
+        3.0,
+        unit="of `material_share`",
+        decides="Multiple of that share up to which a gap that no effect explains does not matter: "
+        "the verdict is then `none`, or the cause that leaves it, instead of `unknown`.",
+        trades="Larger: effects outside the table are not reported. Smaller: errors within the "
+        "accuracy of the sensors become `unknown`.",
+        origin="The other end of the accuracy of such sensors, 0.3 % of the range.",
         acts=DECISION,
     )
     no_gain: float = rule(

@@ -1,0 +1,105 @@
+"""What an answer was made from: files with their hashes, versions, command and date."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+import pam_gap
+from pam_model.errors import PamError
+
+_CHUNK = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A file or the folder of a bag, with the hash of its content."""
+
+    path: str
+    sha256: str
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What an answer was made from.
+
+    Attributes
+    ----------
+    rig : SourceFile
+        The rig file.
+    recordings : tuple of SourceFile
+        The recordings.
+    command : str
+        The command line; empty for a call from a script.
+    versions : tuple of (str, str)
+        Programs and their versions.
+    date : str
+        Time of the answer, UTC, ISO 8601.
+    """
+
+    rig: SourceFile
+    recordings: tuple[SourceFile, ...]
+    command: str
+    versions: tuple[tuple[str, str], ...]
+    date: str
+
+    def to_json(self) -> dict[str, Any]:
+        """The mapping that diagnosis.json holds."""
+        return {
+            "rig": _as_json(self.rig),
+            "recordings": [_as_json(entry) for entry in self.recordings],
+            "command": self.command,
+            "versions": dict(self.versions),
+            "date": self.date,
+        }
+
+
+def _as_json(entry: SourceFile) -> dict[str, Any]:
+    return {"path": entry.path, "sha256": entry.sha256, "bytes": entry.size}
+
+
+def source_file(path: str | Path) -> SourceFile:
+    """A file, or all files of a folder in the order of their names, with one hash.
+
+    Raises
+    ------
+    PamError
+        When it cannot be read.
+    """
+    place = Path(path)
+    files = sorted(p for p in place.rglob("*") if p.is_file()) if place.is_dir() else [place]
+    digest, size = hashlib.sha256(), 0
+    try:
+        for file in files:
+            with file.open("rb") as content:
+                while chunk := content.read(_CHUNK):
+                    digest.update(chunk)
+                    size += len(chunk)
+    except OSError as error:
+        raise PamError(f"{path}: cannot be read: {error}") from error
+    return SourceFile(str(path), digest.hexdigest(), size)
+
+
+def provenance(rig: str | Path, recordings: Sequence[str | Path], command: str = "") -> Provenance:
+    """Collect what an answer is made from."""
+    return Provenance(
+        source_file(rig),
+        tuple(source_file(path) for path in recordings),
+        command,
+        (
+            ("pam_gap", pam_gap.__version__),
+            ("Python", platform.python_version()),
+            ("numpy", np.__version__),
+            ("scipy", scipy.__version__),
+        ),
+        datetime.now(UTC).isoformat(timespec="seconds"),
+    )

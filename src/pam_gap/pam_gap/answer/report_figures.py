@@ -1,0 +1,256 @@
+"""The figures of the report, as data URLs.
+
+Axes are in the units that people use (mrad, kPa). Only the stage that the verdict names is
+coloured, so that no innocent one looks guilty. Legends name what is drawn, and nothing else.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import numpy.typing as npt
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pam_gap.answer.user_units import percent, told, user_unit
+
+Array = npt.NDArray[np.float64]
+
+MEASURED, NOMINAL, IMPROVED = "0.25", "#c2410c", "#00798c"
+GUILTY, NEUTRAL = "#fbd5c0", "#f4f4f4"
+STAGES = ("valve", "muscle", "joint", "sensing")
+STAGE_FLOW = {
+    "valve": "commands → pressures",
+    "muscle": "pressures, length → force",
+    "joint": "force → motion",
+    "sensing": "true → measured",
+}
+MAX_POINTS = 4000
+"""A longer trace is thinned for the picture; the extremes of each bin are kept."""
+WRITTEN, RETUNED, WITH_ANSWER = "rig file as written", "rig file re-tuned", "improved rig file"
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One channel as measured and as predicted, at the same times."""
+
+    channel: str
+    unit: str
+    time: Array
+    measured: Array
+    nominal: Array
+    improved: Array | None = None
+    held_out: tuple[tuple[float, float], ...] = ()
+    """Time intervals [s] that were not used for fitting."""
+    improved_name: str = WITH_ANSWER
+    """What the improved prediction is: the improved rig file, or the rig file re-tuned."""
+    limit: float = 0.0
+    """Error below which a gap does not matter, in the channel's unit; 0 for none."""
+
+
+@dataclass(frozen=True)
+class RankedCandidate:
+    """Share of the gap that a candidate leaves on held-out data, with its 90 % interval."""
+
+    effect: str
+    weight: float
+    remaining: float
+    low: float
+    high: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class StageGap:
+    """RMS error over floor of a stage that is simulated from its measured inputs."""
+
+    stage: str
+    gap_over_floor: float | None
+    note: str = ""
+
+
+def thinned(time: Array, values: Array, points: int = MAX_POINTS) -> tuple[Array, Array]:
+    """Keep the smallest and largest value of each bin, so that no peak is lost.
+
+    Parameters
+    ----------
+    time, values : (n,) ndarray
+        A trace.
+    points : int
+        Largest number of values that are kept.
+    """
+    if time.size <= points:
+        return time, values
+    edges = np.linspace(0, time.size, points // 2 + 1).astype(np.intp)
+    filled = np.where(np.isfinite(values), values, 0.0)
+    picks: list[int] = []
+    for start, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        part = filled[start:end]
+        picks += sorted((start + int(part.argmin()), start + int(part.argmax())))
+    return time[picks], values[picks]
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg")
+    plt.close(figure)
+    text = buffer.getvalue()
+    return "data:image/svg+xml;base64," + base64.b64encode(text.encode()).decode()
+
+
+def _png(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    plt.close(figure)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _size_of(values: Array) -> float:
+    return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+
+
+def _grey_where_held_out(axes: Sequence[Axes], trace: Trace) -> None:
+    for start, end in trace.held_out:
+        for axis in axes:
+            axis.axvspan(start, end, color="0.92", zorder=0)
+    note = "   (grey: not used for fitting)" if trace.held_out else ""
+    axes[-1].set_xlabel(f"time [s]{note}")
+
+
+def draw_trace(trace: Trace) -> str:
+    """Draw a channel and, below it, its residuals; return the picture as a data URL."""
+    figure, (upper, lower) = plt.subplots(
+        2, 1, figsize=(9.5, 4.2), sharex=True, layout="constrained", height_ratios=(2, 1)
+    )
+    unit, factor = user_unit(_size_of(trace.measured), trace.unit)
+    # The measured signal lies wide and light under the predictions, so that all can be seen.
+    upper.plot(
+        *thinned(trace.time, factor * trace.measured), color="0.72", lw=3.0, label="measured"
+    )
+    curves = [(WRITTEN, trace.nominal, NOMINAL, "-")]
+    if trace.improved is not None:
+        curves.append((trace.improved_name, trace.improved, IMPROVED, "--"))
+    residuals = [values - trace.measured for _, values, _, _ in curves]
+    small, scale = user_unit(max(map(_size_of, residuals)), trace.unit)
+    for (label, values, colour, line), left in zip(curves, residuals, strict=True):
+        upper.plot(
+            *thinned(trace.time, factor * values), color=colour, ls=line, lw=0.9, label=label
+        )
+        lower.plot(*thinned(trace.time, scale * left), color=colour, lw=0.7)
+    _grey_where_held_out((upper, lower), trace)
+    upper.set_ylabel(f"[{unit}]")
+    lower.set_ylabel(f"error [{small}]")
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    upper.set_title(trace.channel, fontsize=10, loc="left")
+    return _png(figure)
+
+
+def draw_error(trace: Trace) -> str:
+    """Draw the error of one channel over the whole recording, before and after."""
+    figure, axis = plt.subplots(figsize=(9.5, 2.9), layout="constrained")
+    curves = [(WRITTEN, trace.nominal - trace.measured, NOMINAL)]
+    if trace.improved is not None:
+        curves.append((trace.improved_name, trace.improved - trace.measured, IMPROVED))
+    unit, scale = user_unit(max(_size_of(left) for _, left, _ in curves), trace.unit)
+    if trace.limit > 0.0:
+        axis.axhspan(
+            -scale * trace.limit, scale * trace.limit, color="0.88", zorder=0,
+            label="does not matter",
+        )  # fmt: skip
+    for label, left, colour in curves:
+        axis.plot(*thinned(trace.time, scale * left), color=colour, lw=0.8, label=label)
+    axis.set_ylabel(f"error [{unit}]")
+    axis.set_xlabel("time [s]")
+    axis.margins(x=0.0)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    axis.set_title(f"predicted minus measured, {trace.channel}", fontsize=10, loc="left")
+    return _png(figure)
+
+
+def draw_stages(stages: Sequence[StageGap], named: str | None) -> str:
+    """Draw the chain of stages, each with its gap over floor; only the named one is coloured."""
+    figure, axis = plt.subplots(figsize=(9.5, 1.9), layout="constrained")
+    axis.set_xlim(0, len(STAGES) * 2.4)
+    axis.set_ylim(0, 1.5)
+    axis.axis("off")
+    known = {s.stage: s for s in stages}
+    for i, stage in enumerate(STAGES):
+        x = 0.1 + 2.4 * i
+        entry = known.get(stage)
+        gap = entry.gap_over_floor if entry else None
+        is_named = stage == named
+        box = mpl.patches.FancyBboxPatch(
+            (x, 0.3), 1.9, 0.9, boxstyle="round,pad=0.03",
+            facecolor=GUILTY if is_named else NEUTRAL,
+            edgecolor=NOMINAL if is_named else "0.4", linewidth=3 if is_named else 1,
+        )  # fmt: skip
+        axis.add_patch(box)
+        figures = "not measured alone" if gap is None else f"{gap:.1f} × noise"
+        axis.text(x + 0.95, 0.95, stage, ha="center", va="center", weight="bold", fontsize=11)
+        axis.text(x + 0.95, 0.68, STAGE_FLOW[stage], ha="center", va="center", fontsize=8)
+        axis.text(x + 0.95, 0.43, figures, ha="center", va="center", fontsize=9)
+        if i + 1 < len(STAGES):
+            axis.annotate(
+                "", (x + 2.36, 0.75), (x + 1.97, 0.75), arrowprops={"arrowstyle": "->", "lw": 1.5}
+            )
+    return _svg(figure)
+
+
+def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> str:
+    """Draw the share of the held-out gap that remains with each candidate, with intervals."""
+    shown = list(ranking)[:14]
+    figure, axis = plt.subplots(figsize=(9.5, 0.8 + 0.3 * len(shown)), layout="constrained")
+    for row, entry in enumerate(shown):
+        is_named = set(entry.effect.split(" + ")) <= set(named)
+        colour = IMPROVED if is_named else "0.45"
+        low = max(entry.low, LEAST_REMAINING)
+        axis.plot([low, max(entry.high, low)], [row, row], color=colour, lw=2)
+        axis.plot(max(entry.remaining, LEAST_REMAINING), row, "o", color=colour, ms=6)
+        axis.text(
+            1.01, row, percent(max(entry.remaining, 0.0)), transform=axis.get_yaxis_transform(),
+            va="center", fontsize=8,
+        )  # fmt: skip
+    axis.set_yticks(range(len(shown)), [c.effect for c in shown])
+    axis.set_ylim(len(shown) - 0.4, -0.6)
+    axis.set_xscale("log")
+    axis.axvline(1.0, color="0.7", lw=1)
+    axis.set_xlabel(
+        "share of the gap that remains on held-out data, with 90 % interval\n"
+        "(1: the whole gap of the re-tuned rig file; above 1: worse than without the effect)"
+    )
+    axis.grid(axis="x", color="0.9")
+    return _svg(figure)
+
+
+LEAST_REMAINING = 1e-3
+"""Smallest share that the logarithmic axis of the ranking shows."""
+
+
+def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]]) -> str:
+    """Draw the error of each channel as written and with the answer, relative to its floor."""
+    figure, axis = plt.subplots(figsize=(9.5, 1.0 + 0.55 * len(gap)), layout="constrained")
+    for row, entry in enumerate(gap.values()):
+        floor = max(float(entry["floor"]), 1e-300)
+        for key, offset, colour in (("before", -0.18, NOMINAL), ("after", 0.18, IMPROVED)):
+            ratio = entry[key] / floor
+            axis.barh(
+                row + offset, ratio, height=0.34, color=colour,
+                label={"before": WRITTEN, "after": "with the answer"}[key] if row == 0 else None,
+            )  # fmt: skip
+            text = f" {told(float(entry[key]), str(entry['unit']))}"
+            axis.text(ratio, row + offset, text, va="center", fontsize=8)
+    axis.axvline(1.0, color="0.2", ls="--", lw=1, label="noise alone")
+    axis.set_yticks(range(len(gap)), list(gap))
+    axis.invert_yaxis()
+    axis.set_xscale("symlog", linthresh=1.0)
+    axis.margins(x=0.25)
+    axis.set_xlabel("RMS error over noise floor, on held-out data")
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    return _svg(figure)
