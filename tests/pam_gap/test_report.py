@@ -168,8 +168,8 @@ def test_the_page_says_what_it_was_made_from(tmp_path: Path) -> None:
 
 def test_sizes_stand_in_the_units_of_the_user() -> None:
     channel = {
-        "motion": 0.7, "before": 0.0071, "retuned": 0.0066, "after": 0.0009, "limit": 0.0007, "limit_unexplained": 0.0021,
-        "unit": "rad",
+        "motion": 0.7, "before": 0.0071, "retuned": 0.0066, "after": 0.0009,
+        "limit": 0.0007, "limit_unexplained": 0.0021, "unit": "rad",
     }  # fmt: skip
     page = render(
         data(
