@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from pam_model.argument_types import count, input_path, number, output_folder
+from pam_model.argument_types import count, input_file, input_path, number, output_folder
 from pam_model.command_line import (
     Arguments,
     Command,
@@ -35,7 +35,7 @@ def _declare_diagnose(parser: Parser) -> None:
         nargs="*",
         type=input_path,
         metavar="RECORDING",
-        help="rosbag2 folder or file, CSV(.gz) or Parquet; several of one rig may be given",
+        help="rosbag2, CSV(.gz), Parquet, NPZ or MAT; several of one rig may be given",
     )
     add_rig(parser, required=True)
     parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
@@ -53,6 +53,12 @@ def _declare_diagnose(parser: Parser) -> None:
             metavar="RECORDING",
             help=f"more recordings, {text}",
         )
+    parser.add_argument(
+        "--map",
+        type=input_file,
+        metavar="FILE",
+        help="names, units, scales and signs of the columns of tables (docs/any_log.md)",
+    )
     parser.add_argument(
         "--material",
         type=number("", least=0.0, most=0.5),

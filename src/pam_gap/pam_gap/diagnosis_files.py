@@ -23,6 +23,7 @@ from pam_gap.experiments.files import FOLDER
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.column_map import ColumnMap, load_column_map
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import (
@@ -47,6 +48,7 @@ def import_as_mounted(
     locked: Sequence[str | Path],
     shut: Sequence[str | Path],
     rules: Rules = DEFAULT,
+    column_map: ColumnMap | None = None,
 ) -> list[Recording]:
     """Read recordings and note the mounting of the joint for each.
 
@@ -62,7 +64,9 @@ def import_as_mounted(
         *((path, LOCKED) for path in locked),
         *((path, SHUT) for path in shut),
     ):
-        recording = without_computed(import_recording(path), rig, rules.recording)
+        recording = without_computed(
+            import_recording(path, column_map=column_map), rig, rules.recording
+        )
         read.append(replace(recording, mounting=mounting))
     return read
 
@@ -158,6 +162,7 @@ def diagnose_files(
     rules: Rules = DEFAULT,
     keep_evidence: bool = False,
     command: str = "",
+    map_path: str | Path | None = None,
 ) -> list[Diagnosis]:
     """Diagnose every joint in the recordings, or one, and write the results to `out`.
 
@@ -185,6 +190,8 @@ def diagnose_files(
         Write evidence.npz too, from which the verdict can be decided again with other rules.
     command : str
         The command line, for the record of what the answer was made from.
+    map_path : str or Path, optional
+        Map file that names the columns of the channels, for tables with other names or units.
 
     Raises
     ------
@@ -192,7 +199,8 @@ def diagnose_files(
         For a rig file or recording that cannot be used.
     """
     rig = load_rig(rig_path)
-    read = import_as_mounted(recordings, rig, turned_over, locked, shut, rules)
+    column_map = None if map_path is None else load_column_map(map_path)
+    read = import_as_mounted(recordings, rig, turned_over, locked, shut, rules, column_map)
     try:
         numbers = joints_to_diagnose(rig, read, joint)
     except UnknownJointError as error:
@@ -239,6 +247,7 @@ def run(given: Arguments) -> Outcome:
         turned_over=given.turned_over,
         locked=given.locked,
         shut=given.shut,
+        map_path=given.map,
         command=shlex.join(sys.orig_argv),
         keep_evidence=given.keep_evidence,
         rules=DEFAULT

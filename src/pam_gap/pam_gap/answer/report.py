@@ -15,6 +15,8 @@ import jinja2
 import matplotlib as mpl
 
 from pam_gap.answer.report_figures import (
+    RETUNED,
+    WITH_ANSWER,
     RankedCandidate,
     StageGap,
     Trace,
@@ -280,7 +282,7 @@ def render(data: ReportData) -> str:
         stages=draw_stages(data.stages, diagnosis["stage"]) if data.stages else "",
         stage_words=_stage_words(diagnosis["stage"], verdict),
         ranking=draw_ranking(data.ranking, named) if data.ranking else "",
-        shrinkage=draw_shrinkage(diagnosis["gap"])
+        shrinkage=draw_shrinkage(diagnosis["gap"], WITH_ANSWER if named else RETUNED)
         if diagnosis["gap"] and verdict != "not_identifiable"
         else "",
         horizons=[

@@ -225,15 +225,24 @@ def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> st
         "share of the gap that remains on held-out data, with 90 % interval\n"
         "(1: the whole gap of the re-tuned rig file; above 1: worse than without the effect)"
     )
+    _plain_ticks(axis)
     axis.grid(axis="x", color="0.9")
     return _svg(figure)
 
 
+FEW = 5.0
+"""Range of a logarithmic axis below which the ticks between powers of ten have numbers."""
 LEAST_REMAINING = 1e-3
 """Smallest share that the logarithmic axis of the ranking shows."""
 
 
-def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]]) -> str:
+def _plain_ticks(axis: Axes) -> None:
+    """Numbers instead of powers of ten on a logarithmic axis."""
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter("{x:g}" if axis.get_xlim()[1] < FEW * axis.get_xlim()[0] else "")
+
+
+def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSWER) -> str:
     """Draw the error of each channel as written and with the answer, relative to its floor."""
     figure, axis = plt.subplots(figsize=(9.5, 1.0 + 0.55 * len(gap)), layout="constrained")
     for row, entry in enumerate(gap.values()):
@@ -242,7 +251,7 @@ def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]]) -> str:
             ratio = entry[key] / floor
             axis.barh(
                 row + offset, ratio, height=0.34, color=colour,
-                label={"before": WRITTEN, "after": "with the answer"}[key] if row == 0 else None,
+                label={"before": WRITTEN, "after": answer}[key] if row == 0 else None,
             )  # fmt: skip
             text = f" {told(float(entry[key]), str(entry['unit']))}"
             axis.text(ratio, row + offset, text, va="center", fontsize=8)
@@ -251,6 +260,7 @@ def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]]) -> str:
     axis.invert_yaxis()
     axis.set_xscale("symlog", linthresh=1.0)
     axis.margins(x=0.25)
+    axis.xaxis.set_major_formatter("{x:g}")
     axis.set_xlabel("RMS error over noise floor, on held-out data")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
     return _svg(figure)

@@ -1,0 +1,203 @@
+"""A map from the columns of any table to the channels of the rig contract, with their units.
+
+The map is a YAML file. For each channel it names the column and, where they differ from the
+contract, the unit, a scale, an offset and a sign::
+
+    time: {column: t, unit: ms}          # or rate: 500, in Hz, for tables without a time
+    channels:
+      pressure_states.elbow_flexor: {column: p1, unit: bar, absolute: true}
+      joint_states.elbow.position: {column: phi, unit: deg, sign: -1, offset: 0.02}
+      valve_commands.elbow_flexor: {column: u1, scale: 0.01}
+
+A value becomes sign * scale * column in SI units, plus the offset in SI units. For an absolute
+pressure the ambient one, 101 325 Pa, is subtracted unless `ambient` says otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from pam_gap.recordings.recording import (
+    COMMANDS,
+    JOINTS,
+    MUSCLES,
+    PRESSURES,
+    SUPPLY,
+    Array,
+    RecordingError,
+)
+from pam_model.unit_hints import RECORDED
+
+STANDARD_AMBIENT = 101325.0  # Pa
+_UNITS = (
+    ("time", "time", "s"),
+    (SUPPLY, SUPPLY, "Pa absolute"),
+    (PRESSURES, "", "Pa gauge"),
+    (COMMANDS, "", ""),
+    (JOINTS, ".position", "rad"),
+    (JOINTS, ".effort", "N m"),
+    (MUSCLES, ".position", "m"),
+    (MUSCLES, ".effort", "N"),
+)
+"""Beginning and end of the name of a channel, and its unit."""
+_KEYS = frozenset({"column", "unit", "scale", "offset", "sign", "absolute", "ambient"})
+
+
+@dataclass(frozen=True, slots=True)
+class MappedColumn:
+    """One column of a table as a channel: value = factor * column + offset, in SI units."""
+
+    column: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def values(self, columns: Mapping[str, Array]) -> Array:
+        """The channel's values; the column must exist."""
+        result: Array = self.factor * columns[self.column] + self.offset
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnMap:
+    """The channels of a table.
+
+    Attributes
+    ----------
+    source : Path
+        The map file.
+    channels : mapping of str to MappedColumn
+        Channel of the rig contract -> column.
+    time : MappedColumn or None
+        Column of the time [s]; None for a table with a constant rate.
+    rate : float
+        Rate [Hz] of a table without a time.
+    """
+
+    source: Path
+    channels: Mapping[str, MappedColumn]
+    time: MappedColumn | None
+    rate: float = 0.0
+
+    def apply(self, path: Path, columns: Mapping[str, Array]) -> dict[str, Array]:
+        """Time and channels of a table with these columns.
+
+        Raises
+        ------
+        RecordingError
+            When a column is missing; the message names those of the table.
+        """
+        wanted = [entry.column for entry in self.channels.values()]
+        wanted += [] if self.time is None else [self.time.column]
+        missing = sorted({name for name in wanted if name not in columns})
+        if missing:
+            raise RecordingError(
+                f"{path}: no column {', '.join(missing)}, which {self.source} names; it has "
+                f"{', '.join(list(columns)[:12])}"
+            )
+        result = {name: entry.values(columns) for name, entry in self.channels.items()}
+        count = min((values.size for values in result.values()), default=0)
+        if self.time is not None:
+            result["time"] = self.time.values(columns)
+        else:
+            result["time"] = np.arange(count) / self.rate
+        sizes = {name: values.size for name, values in result.items()}
+        if len(set(sizes.values())) > 1:
+            told = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise RecordingError(f"{path}: the columns differ in length ({told})")
+        return result
+
+
+def unit_of(channel: str) -> str:
+    """Unit of a channel; "" for a valve command, which has two; "?" for no channel."""
+    for prefix, suffix, unit in _UNITS:
+        if channel.startswith(prefix) and channel.endswith(suffix):
+            return unit
+    return "?"
+
+
+def _factor(channel: str, unit: str, where: str) -> float:
+    """Factor from a given unit to that of the channel."""
+    expected = unit_of(channel)
+    scales: dict[str, float] = {}
+    for own in ("Pa gauge", "-") if not expected else (expected,):
+        scales |= {own.split()[0]: 1.0, **dict(RECORDED.get(own, ()))}
+    if unit not in scales:
+        raise RecordingError(f"{where}: unit {unit!r}; expected one of {', '.join(scales)}")
+    return scales[unit]
+
+
+def _number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:
+    value = entry.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise RecordingError(f"{where}: {key} is {value!r}; expected a number")
+    return float(value)
+
+
+def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
+    where = f"{source}: {channel}"
+    if isinstance(entry, str):
+        return MappedColumn(entry)
+    if not isinstance(entry, Mapping) or not isinstance(entry.get("column"), str):
+        raise RecordingError(f"{where}: expected the name of a column, or a mapping with `column`")
+    unknown = sorted(set(map(str, entry)) - _KEYS)
+    if unknown:
+        raise RecordingError(
+            f"{where}: unknown key {', '.join(unknown)}; known are {', '.join(sorted(_KEYS))}"
+        )
+    factor = _number(entry, "scale", 1.0, where)
+    if "unit" in entry:
+        factor *= _factor(channel, str(entry["unit"]), where)
+    sign = _number(entry, "sign", 1.0, where)
+    if abs(sign) != 1.0 or factor == 0.0:
+        raise RecordingError(f"{where}: expected a sign of 1 or -1 and a scale other than 0")
+    offset = _number(entry, "offset", 0.0, where)
+    if entry.get("absolute", False):
+        if not channel.startswith(PRESSURES):
+            raise RecordingError(f"{where}: only a {PRESSURES}<muscle> can be `absolute`")
+        offset -= _number(entry, "ambient", STANDARD_AMBIENT, where)
+    return MappedColumn(entry["column"], sign * factor, offset)
+
+
+def load_column_map(path: str | Path) -> ColumnMap:
+    """Read a map file.
+
+    Raises
+    ------
+    RecordingError
+        When it cannot be read, or a channel, key, unit or number in it is wrong.
+    """
+    source = Path(path)
+    try:
+        content = yaml.safe_load(source.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())
+        raise RecordingError(f"{source}: not a readable map of columns ({reason})") from None
+    if not isinstance(content, Mapping) or not isinstance(content.get("channels"), Mapping):
+        raise RecordingError(f"{source}: no `channels`; expected channel: column")
+    unknown = sorted(set(map(str, content)) - {"time", "rate", "channels"})
+    if unknown:
+        raise RecordingError(
+            f"{source}: unknown key {', '.join(unknown)}; known are time, rate, channels"
+        )
+    if ("time" in content) == ("rate" in content):
+        raise RecordingError(f"{source}: expected either `time` or `rate` [Hz]")
+    strangers = [str(name) for name in content["channels"] if unit_of(str(name)) in ("?", "s")]
+    if strangers:
+        raise RecordingError(
+            f"{source}: {', '.join(strangers)}: no channel; expected {PRESSURES}<muscle>, "
+            f"{COMMANDS}<muscle>, {JOINTS}<joint>.position, {MUSCLES}<muscle>.effort or {SUPPLY}"
+        )
+    channels = {str(k): _column(str(k), v, source) for k, v in content["channels"].items()}
+    if "rate" in content:
+        rate = _number(content, "rate", 0.0, str(source))
+        if not rate > 0.0:
+            raise RecordingError(f"{source}: rate is {rate:g}; expected Hz above 0")
+        return ColumnMap(source, channels, None, rate)
+    return ColumnMap(source, channels, _column("time", content["time"], source))
