@@ -28,7 +28,7 @@ from pam_sim.boards.sensors import SensorQuality
 from pam_sim.simulated_rig import SimulatedRig
 from support.board_conformance import CHECKS, BoardBench
 from support.rigs import CONFIG, ELBOW
-from support.weak_device import weak_rig
+from support.weak_device import rig_with_sensors_apart, weak_rig
 
 VENDOR: Final = "vendor"
 BOARDS: Final = {"left": {"kind": VENDOR, "node": 3}, "right": {"kind": VENDOR, "node": 7}}
@@ -143,10 +143,10 @@ class Line:
         return SendOutcome.SENT
 
 
-@pytest.mark.parametrize("kind", EXAMPLES)
+@pytest.mark.parametrize("kind", [*EXAMPLES, "valves and sensors apart"])
 def test_the_driver_moves_a_simulated_robot_of_every_kind(kind: str, tmp_path: Path) -> None:
     """The driver's core and the simulation know no kind: a rig file is all that differs."""
-    rig = EXAMPLES[kind](tmp_path)
+    rig = (EXAMPLES | {"valves and sensors apart": rig_with_sensors_apart})[kind](tmp_path)
     sim, line = SimulatedRig(rig, quality=SensorQuality(0.0, 0.0, 0.0, 0.0)), Line()
     driver = Driver(rig, line, DriverSettings())
     formats = driver.intake

@@ -68,6 +68,18 @@ def test_half_the_bitrate_doubles_the_load() -> None:
     assert bus_load([], Bus()) == 0.0
 
 
+def test_measurements_that_come_too_rarely_are_named(tmp_path: Path) -> None:
+    rig = load_rig(CONFIG / "elbow_vendor_dbc.yaml")
+    section = rig.boards["manifold"]
+    answers = {**section["answers"], "PVM_Joint": {"counter": "Roll_Cnt", "period": 0.1}}
+    slow = replace(rig, boards={"manifold": {**section, "answers": answers}})
+    assert check_rig(rig, Bus(), 500.0).problems == []
+    assert check_rig(slow, Bus(), 500.0).problems == [
+        "board manifold: PVM_Joint comes every 100 ms, but sensor_timeout of the driver is 50 ms "
+        "by default, and the driver would vent"
+    ]
+
+
 def test_the_table_says_what_each_muscle_is_wired_to(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check-rig", str(CONFIG / "two_buses.yaml"), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -26,7 +26,7 @@ from pam_ros.periodic import LoopStatistics
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.simulated_rig import SimulatedRig
 from support.rigs import CONFIG
-from support.weak_device import weak_rig
+from support.weak_device import rig_with_sensors_apart, weak_rig
 
 TWO_BUSES = CONFIG / "two_buses.yaml"
 ONLY = OnlyBus("virtual", "unused")
@@ -119,7 +119,7 @@ def _move(
     after = simulated.ground_truth().positions
     assert all(b - a > 0.05 for a, b in zip(before, after, strict=True))
     assert driver.state is SafetyState.ACTIVE, driver.faults
-    driver.vent(now)
+    driver.vent_at_once(now)
     run(0.01, None)
     return seen
 
@@ -217,10 +217,44 @@ def test_frames_of_can_fd_need_a_bus_that_the_rig_file_describes(tmp_path: Path)
 
 def test_what_a_board_does_not_promise_is_said_with_what_makes_up_for_it() -> None:
     (board,) = RigWiring(load_rig(CONFIG / "elbow_vendor_dbc.yaml")).make_boards().values()
-    strong = replace(board.promises, keeps_host_fault=True)
-    assert weaker_promises(strong) == []
-    weak = replace(strong, watchdog=None, measures_supply=False)
-    lines = weaker_promises(weak)
+    board.promises = strong = replace(board.promises, keeps_host_fault=True)
+    assert weaker_promises(board) == []
+    board.promises = replace(strong, watchdog=None, measures_supply=False)
+    lines = weaker_promises(board)
     assert len(lines) == 2
     assert lines[0].startswith("no watchdog: ") and "; instead: a dump valve" in lines[0]
     assert all("\n" not in line for line in lines)
+
+
+def test_a_device_needs_promises_only_for_what_it_does(tmp_path: Path) -> None:
+    """No watchdog is asked of a sensor, and no counter of a device that only drives valves."""
+    boards = RigWiring(rig_with_sensors_apart(tmp_path)).make_boards()
+    of_valves, of_sensors = (weaker_promises(boards[name]) for name in ("valves", "sensors_0"))
+    assert any(line.startswith("no watchdog") for line in of_valves)
+    assert any("an unplugged device is not noticed" in line for line in of_valves)
+    assert not any("counter" in line for line in of_valves)
+    assert [line.split(":")[0] for line in of_sensors] == [
+        "no fault report",
+        "no counter in the measurements",
+        "no uptime",
+    ]
+
+
+def test_a_pressure_sensor_on_another_board_is_read_written_and_wired(tmp_path: Path) -> None:
+    rig = rig_with_sensors_apart(tmp_path)
+    save_rig(rig, tmp_path / "rig.yaml")
+    assert load_rig(tmp_path / "rig.yaml") == rig
+    wiring = RigWiring(rig)
+    assert wiring.muscles[2:] == (("valve_board", 0), ("valve_board", 1))
+    assert wiring.sensors[2:] == (("sensors_1", "left"), ("sensors_1", "right"))
+    muscle = rig.muscles[3]
+    twice = replace(muscle, pressure_sensor=rig.muscles[2].pressure_sensor)
+    with pytest.raises(
+        RigError, match=r"elbow_extensor\.pressure_sensor: elbow_flexor already uses"
+    ):
+        RigWiring(rig.with_muscle(twice))
+    tree = yaml.safe_load((tmp_path / "rig.yaml").read_text())
+    del tree["/**"]["ros__parameters"]["elbow_flexor"]["pressure_sensor"]["channel"]
+    (tmp_path / "torn.yaml").write_text(yaml.safe_dump(tree))
+    with pytest.raises(RigError, match=r"elbow_flexor\.pressure_sensor\.channel: missing; a pr"):
+        load_rig(tmp_path / "torn.yaml")

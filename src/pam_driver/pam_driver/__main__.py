@@ -86,7 +86,7 @@ COMMANDS = (
         "check rig file, DBC files, identifiers and bus load without a bus, and show the wiring",
         _declare_check_rig,
         _check_rig,
-        bad_news="if a bus would carry too much",
+        bad_news="if a bus would carry too much, or measurements come too rarely",
         examples=("python -m pam_driver check-rig config/two_buses.yaml",),
     ),
     Command(

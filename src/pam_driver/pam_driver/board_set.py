@@ -84,7 +84,7 @@ class BoardSet:
         self.boards = wiring.make_boards()
         self.ports = dict(ports)
         self.pressures = tuple(
-            (self.boards[board].pressures, channel) for board, channel in wiring.muscles
+            (self.boards[board].pressures, channel) for board, channel in wiring.sensors
         )
         self.angles = tuple(
             (self.boards[board].angles, channel) for board, channel in wiring.joints

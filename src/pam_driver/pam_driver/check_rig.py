@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ from pam_driver.boards.protocol import Address, Board, DescribesItself
 from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_driver.bus_load import HIGHEST_LOAD, bus_load
+from pam_driver.driver_settings import DriverSettings
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import RigError
 from pam_model.rig import Bus, Rig, load_rig
@@ -83,16 +84,17 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
                 f"{100.0 * HIGHEST_LOAD:.0f} %: use another bus for some of them, a higher "
                 "bitrate, or fewer frames"
             )
-    for board in boards.values():
-        found.missing_promises[board.name] = weaker_promises(board.promises)
+    for address, board in boards.items():
+        found.problems += _too_slow(address, board, rate, found.wires)
+        found.missing_promises[board.name] = weaker_promises(board)
     return found
 
 
 def _wires(rig: Rig, wiring: RigWiring, boards: dict[Address, Board]) -> Iterator[Wire]:
     entries = [
-        (muscle.name, what, place)
-        for muscle, place in zip(rig.muscles, wiring.muscles, strict=True)
-        for what in ("setpoint", "pressure")
+        entry
+        for muscle, valve, sensor in zip(rig.muscles, wiring.muscles, wiring.sensors, strict=True)
+        for entry in ((muscle.name, "setpoint", valve), (muscle.name, "pressure", sensor))
     ]
     entries += [
         (joint.name, "angle", place) for joint, place in zip(rig.joints, wiring.joints, strict=True)
@@ -102,6 +104,29 @@ def _wires(rig: Rig, wiring: RigWiring, boards: dict[Address, Board]) -> Iterato
         known = board.wires() if isinstance(board, DescribesItself) else {}
         signal = known.get((what, channel), "-")
         yield Wire(name, what, str(address), str(channel), kind_name(wired), wired.bus, signal)
+
+
+def _too_slow(address: Address, board: Board, rate: float, wires: Sequence[Wire]) -> Iterator[str]:
+    """Messages that come so rarely that the driver would take them for missing."""
+    if not isinstance(board, DescribesItself):
+        return
+    settings = DriverSettings()
+    measuring = {
+        wire.signal.split(".")[0]
+        for wire in wires
+        if wire.board == str(address) and wire.what != "setpoint"
+    }
+    for one in board.traffic(rate):
+        name, limit = (
+            ("sensor_timeout", settings.sensor_timeout)
+            if one.name in measuring
+            else ("board_timeout", settings.board_timeout)
+        )
+        if one.frame_id in board.identifiers.answers and one.rate * limit < 1.0:
+            yield (
+                f"{board.name}: {one.name} comes every {1e3 / one.rate:g} ms, but {name} of the "
+                f"driver is {1e3 * limit:g} ms by default, and the driver would vent"
+            )
 
 
 def _load(boards: list[Board], bus: Bus, rate: float) -> float | None:

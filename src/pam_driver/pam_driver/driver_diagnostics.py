@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pam_driver.boards.protocol import Board, Promises
+from pam_driver.boards.protocol import Board
 from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.bus import CanPort
 from pam_driver.bus_diagnostics import BusDiagnostics
@@ -110,7 +110,7 @@ class DriverDiagnostics:
     def _board(self, board: Board) -> Any:
         wrong = [found for found in self._driver.conditions if found.subject == board.name]
         report = board.report()
-        values = {**report.values, **_promised(board.promises)}
+        values = {**report.values, **_promised(board)}
         text = report.text
         if wrong:
             text = "; ".join(found.text for found in wrong)
@@ -118,10 +118,10 @@ class DriverDiagnostics:
         return diagnostic_status(f"pam_driver: {board.name}", level, text, values, board.name)
 
 
-def _promised(promises: Promises) -> dict[str, object]:
+def _promised(board: Board) -> dict[str, object]:
     """The diagnostic values that show what a board does for safety by itself."""
-    seconds = promises.watchdog
+    seconds = board.promises.watchdog
     return {
         "vents by itself without commands after [s]": "never" if seconds is None else seconds,
-        **{f"weaker {i}": line for i, line in enumerate(weaker_promises(promises))},
+        **{f"weaker {i}": line for i, line in enumerate(weaker_promises(board))},
     }

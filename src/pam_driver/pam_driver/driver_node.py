@@ -152,7 +152,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         names = ", ".join(port.name for port in ports.values())
         self.get_logger().info(f"measuring on {names}, valves vented")
         for board in self._driver.boards.values():
-            for line in weaker_promises(board.promises):
+            for line in weaker_promises(board):
                 self.get_logger().warning(f"{board.name}: {line}")
         self._vent_reason = "configured, not activated yet"
         self._publish_state()

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from pam_model.rig import Rig, load_rig
+from pam_model.rig import PressureSensor, Rig, load_rig
 from support.rigs import CONFIG
 
 DBC: Final = """VERSION ""
@@ -61,6 +61,30 @@ def section(dbc: Path, offset: int) -> dict[str, object]:
         },
         "angles": {"shaft": {"signal": "Angle.AngleRaw"}},
     }
+
+
+def rig_with_sensors_apart(folder: Path) -> Rig:
+    """Valves on one device and sensors on another: a mapped one, and a valve board."""
+    rig = weak_rig(folder)
+    io = rig.boards["io_0"]
+    valves = {key: io[key] for key in ("kind", "dbc", "identifier_offset", "setpoints", "commands")}
+    sensors = {key: io[key] for key in io if key not in {"setpoints", "commands"}}
+    boards = {
+        "valves": valves,
+        "valve_board": {"kind": "pam_board", "number": 0},
+        "sensors_0": sensors,
+        "sensors_1": {**sensors, "identifier_offset": 1},
+    }
+    channels = {"valves": ("left", "right"), "valve_board": (0, 1)}
+    for place, (joint, board) in enumerate(zip(rig.joints, channels, strict=True)):
+        encoder = replace(joint.encoder, board=f"sensors_{place}")
+        rig = rig.with_joint(replace(joint, encoder=encoder))
+        sides = zip(joint.muscles, channels[board], ("left", "right"), strict=True)
+        for name, channel, side in sides:
+            muscle = replace(rig.muscle(name), board=board, channel=channel)
+            sensor = PressureSensor(f"sensors_{place}", side)
+            rig = rig.with_muscle(replace(muscle, pressure_sensor=sensor))
+    return replace(rig, boards=boards)
 
 
 def weak_rig(folder: Path) -> Rig:

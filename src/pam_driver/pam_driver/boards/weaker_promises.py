@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from pam_driver.boards.protocol import Promises
+from pam_driver.boards.protocol import Board
 
 WITHOUT: Final[Mapping[str, tuple[str, str]]] = {
     "watchdog": (
@@ -58,10 +58,27 @@ WITHOUT: Final[Mapping[str, tuple[str, str]]] = {
 """By the name of a promise: what its absence means, and what makes up for it."""
 
 
-def weaker_promises(promises: Promises) -> list[str]:
-    """One line for each promise that a board does not give; empty if it gives all of them."""
-    return [
+_OF_VALVES: Final = frozenset(WITHOUT) - {"counts_samples", "tells_faults", "has_heartbeat"}
+_OF_MEASUREMENTS: Final = frozenset({"counts_samples", "measures_supply"})
+
+
+def weaker_promises(board: Board) -> list[str]:
+    """One line for each promise that a board does not give; empty if it gives all of them.
+
+    A board that is sent nothing needs no promise about valves, and one that sends nothing none
+    about measurements.
+    """
+    silent, mute = not board.identifiers.answers, not board.identifiers.commands
+    lines = [
         f"{meaning}; instead: {instead}"
         for name, (meaning, instead) in WITHOUT.items()
-        if not getattr(promises, name)
+        if not getattr(board.promises, name)
+        and not (mute and name in _OF_VALVES)
+        and not (silent and name in _OF_MEASUREMENTS)
     ]
+    if silent:
+        lines.append(
+            "it sends nothing: an unplugged device is not noticed by itself; instead: the "
+            "pressures are compared with the commands (pressure_implausible)"
+        )
+    return lines

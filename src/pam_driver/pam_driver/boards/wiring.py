@@ -40,8 +40,9 @@ class RigWiring:
 
     Attributes
     ----------
-    muscles, joints : tuple of (address, channel)
-        By muscle and by joint, in the rig's order.
+    muscles, sensors, joints : tuple of (address, channel)
+        Of the valve and the pressure sensor by muscle, and of the encoder by joint, in the rig's
+        order.
     boards : dict of address to WiredBoard
         What is wired to each board, in the order in which the rig file names them.
     kinds : dict of str to BoardKind
@@ -61,11 +62,12 @@ class RigWiring:
     ) -> None:
         problems: list[str] = []
         muscles = _muscle_places(rig, problems)
+        sensors = _sensor_places(rig, muscles, problems)
         joints = _joint_places(rig, problems)
         if not rig.muscles:
             problems.append("the rig has no muscle")
         self._buses = rig.buses
-        self.boards = _wired_boards(rig, muscles, joints, problems)
+        self.boards = _wired_boards(rig, muscles, sensors, joints, problems)
         known = board_kinds() if kinds is None else kinds
         self.kinds: dict[str, BoardKind] = {}
         for board in self.boards.values():
@@ -81,6 +83,7 @@ class RigWiring:
         if problems:
             raise RigError("\n".join(problems))
         self.muscles = tuple(muscles.values())
+        self.sensors = tuple(sensors.values())
         self.joints = tuple(joints.values())
 
     @property
@@ -140,6 +143,24 @@ def _muscle_places(rig: Rig, problems: list[str]) -> dict[int, Place]:
     return places
 
 
+def _sensor_places(rig: Rig, muscles: Mapping[int, Place], problems: list[str]) -> dict[int, Place]:
+    """Where each pressure is measured: on the board of the valve unless the rig file says where."""
+    places: dict[int, Place] = {}
+    taken: dict[Place, str] = {}
+    for index, place in muscles.items():
+        muscle = rig.muscles[index]
+        sensor = muscle.pressure_sensor
+        places[index] = place if sensor is None else (sensor.board, sensor.channel)
+        other = taken.setdefault(places[index], muscle.name)
+        if other != muscle.name:
+            board, channel = places[index]
+            problems.append(
+                f"{muscle.name}.pressure_sensor: {other} already uses board {board} channel "
+                f"{channel}"
+            )
+    return places
+
+
 def _joint_places(rig: Rig, problems: list[str]) -> dict[int, Place]:
     places: dict[int, Place] = {}
     taken: dict[Place, str] = {}
@@ -159,16 +180,23 @@ def _joint_places(rig: Rig, problems: list[str]) -> dict[int, Place]:
 
 
 def _wired_boards(
-    rig: Rig, muscles: Mapping[int, Place], joints: Mapping[int, Place], problems: list[str]
+    rig: Rig,
+    muscles: Mapping[int, Place],
+    sensors: Mapping[int, Place],
+    joints: Mapping[int, Place],
+    problems: list[str],
 ) -> dict[Address, WiredBoard]:
     valves: dict[Address, list[MuscleWire]] = {}
+    pressures: dict[Address, list[MuscleWire]] = {}
     angles: dict[Address, list[JointWire]] = {}
     for index, (board, channel) in muscles.items():
         valves.setdefault(board, []).append(MuscleWire(channel, index, rig.muscles[index]))
+    for index, (board, channel) in sensors.items():
+        pressures.setdefault(board, []).append(MuscleWire(channel, index, rig.muscles[index]))
     for index, (board, channel) in joints.items():
         angles.setdefault(board, []).append(JointWire(channel, index, rig.joints[index]))
     boards = {}
-    for address in dict.fromkeys((*valves, *angles)):
+    for address in dict.fromkeys((*valves, *pressures, *angles)):
         settings = dict(rig.boards.get(str(address), {}) if isinstance(address, str) else {})
         if rig.buses and "bus" not in settings:
             if len(rig.buses) > 1:
@@ -182,7 +210,7 @@ def _wired_boards(
             address,
             settings,
             valves=tuple(valves.get(address, ())),
-            pressures=tuple(valves.get(address, ())),
+            pressures=tuple(pressures.get(address, ())),
             angles=tuple(angles.get(address, ())),
             ambient_pressure=rig.gas.ambient_pressure,
         )

@@ -1,7 +1,17 @@
 """The rig file, one description of a robot: reading, checking and writing; rigs as data."""
 
 from pam_model.rig.file import load_rig, rig_from_parameters, rig_of_node, save_rig
-from pam_model.rig.types import Bus, Encoder, Gas, Joint, Muscle, Plausibility, Rig, Valve
+from pam_model.rig.types import (
+    Bus,
+    Encoder,
+    Gas,
+    Joint,
+    Muscle,
+    Plausibility,
+    PressureSensor,
+    Rig,
+    Valve,
+)
 
 __all__ = [
     "Bus",
@@ -10,6 +20,7 @@ __all__ = [
     "Joint",
     "Muscle",
     "Plausibility",
+    "PressureSensor",
     "Rig",
     "Valve",
     "load_rig",

@@ -43,6 +43,13 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+class _Dumper(yaml.SafeDumper):
+    """Plain YAML without aliases, which `_Loader` refuses, for values that occur twice."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
 def _read(path: Path) -> Any:
     try:
         with path.open("rb") as stream:
@@ -165,7 +172,9 @@ def save_rig(rig: Rig, path: str | Path) -> None:
         # a DBC file beside the rig file stays named without its folder
         if isinstance(dbc := section.get("dbc"), str) and Path(dbc).parent == path.parent.resolve():
             section["dbc"] = Path(dbc).name
-    text = yaml.safe_dump({"/**": {"ros__parameters": tree}}, sort_keys=False, allow_unicode=True)
+    text = yaml.dump(
+        {"/**": {"ros__parameters": tree}}, Dumper=_Dumper, sort_keys=False, allow_unicode=True
+    )
     heading = "# Units: SI; pressures gauge unless named absolute. Keys: docs/rig_file.md\n"
     draft = path.with_name(path.name + ".part")
     try:

@@ -19,6 +19,7 @@ from pam_model.rig.types import (
     Joint,
     Muscle,
     Plausibility,
+    PressureSensor,
     Rig,
     Valve,
     ValveKind,
@@ -96,6 +97,16 @@ def _muscle(section: Section, name: str, max_pressure: float) -> Muscle | None:
     board, channel = section.place("board"), section.place("channel")
     if ("board" in section.tree) != ("channel" in section.tree):
         section.add("board", ": board and channel are needed together; one of them is missing")
+    sensor = None
+    if section.get("pressure_sensor") is not None:
+        where = section.section("pressure_sensor")
+        places = [where.place(key) for key in ("board", "channel")]
+        for key in ("board", "channel"):
+            if key not in where.tree:
+                where.add(key, ": missing; a pressure_sensor needs board and channel")
+        where.finish()
+        if places[0] is not None and places[1] is not None:
+            sensor = PressureSensor(places[0], places[1])
     constants_of = section.section("model_parameters")
     constants: dict[str, float] = {}
     if model in models:
@@ -118,6 +129,7 @@ def _muscle(section: Section, name: str, max_pressure: float) -> Muscle | None:
         valve=valve,
         board=board,
         channel=channel,
+        pressure_sensor=sensor,
         model_parameters=constants,
         effects=effects,
         **numbers,
@@ -214,15 +226,23 @@ def _check_reach(rig: Rig, problems: Problems) -> None:
 def _check_wiring(rig: Rig, problems: Problems) -> None:
     """Check that no two muscles, and no two encoders, share a channel."""
     used: dict[tuple[str, int | str, int | str], str] = {}
-    inputs = [
-        ("board", muscle.board, muscle.channel, muscle.name)
-        for muscle in rig.muscles
-        if muscle.board is not None
-    ] + [
-        ("encoder.board", joint.encoder.board, joint.encoder.channel, joint.name)
-        for joint in rig.joints
-        if joint.encoder is not None
-    ]
+    inputs = (
+        [
+            ("board", muscle.board, muscle.channel, muscle.name)
+            for muscle in rig.muscles
+            if muscle.board is not None
+        ]
+        + [
+            ("pressure_sensor.board", sensor.board, sensor.channel, muscle.name)
+            for muscle in rig.muscles
+            if (sensor := muscle.pressure_sensor) is not None
+        ]
+        + [
+            ("encoder.board", joint.encoder.board, joint.encoder.channel, joint.name)
+            for joint in rig.joints
+            if joint.encoder is not None
+        ]
+    )
     for kind, board, channel, name in inputs:
         assert board is not None and channel is not None
         other = used.setdefault((kind, board, channel), name)

@@ -100,6 +100,14 @@ class Encoder:
 
 
 @dataclass(frozen=True, slots=True)
+class PressureSensor:
+    """The board that measures a muscle's pressure, and the channel on it; see `Muscle.board`."""
+
+    board: int | str
+    channel: int | str
+
+
+@dataclass(frozen=True, slots=True)
 class Muscle:
     """One muscle with its valve.
 
@@ -129,6 +137,8 @@ class Muscle:
         Board and channel that drive and measure it. A board is given by its number or by the name
         of its section in `Rig.boards`. The kind of board determines which numbers and channels
         exist. A rig for offline use needs neither.
+    pressure_sensor : PressureSensor or None
+        Another board and channel that measure its pressure; None: the same that drive it.
     model_parameters : mapping
         Constants of the force model.
     effects : mapping
@@ -147,6 +157,7 @@ class Muscle:
     dead_volume: float = 0.0
     board: int | str | None = None
     channel: int | str | None = None
+    pressure_sensor: PressureSensor | None = None
     model_parameters: Mapping[str, float] = field(default_factory=dict)
     effects: EffectValues = field(default_factory=dict)
 
@@ -406,7 +417,7 @@ def _fields(part: Any) -> dict[str, Any]:
         value = getattr(part, key)
         if key == "name" or value is None or value == {}:
             continue
-        if isinstance(value, Valve | Encoder):
+        if isinstance(value, Valve | Encoder | PressureSensor):
             value = _fields(value)
         elif key == "effects":
             value = _effects(value)

@@ -71,6 +71,10 @@ class SimulatedMappedBoard:
         now: float,
     ) -> None:
         self.valves = tuple(BoardValve.of(wire.muscle) for wire in wired.valves)
+        self._limits = {
+            wire.place: valve.max_pressure
+            for wire, valve in zip(wired.valves, self.valves, strict=True)
+        }
         self.rejected_frames = 0
         self._wired, self._device, self._settings = wired, device, settings
         self._messages = messages
@@ -272,8 +276,8 @@ class SimulatedMappedBoard:
         if any(math.isnan(value) for value in (*pressures, *angles)):
             self._faults.add("SENSOR")
             self._stop()
-        limits = (valve.max_pressure for valve in self.valves)
-        if any(value > limit for value, limit in zip(pressures, limits, strict=False)):
+        limits = [self._limits.get(wire.place, math.inf) for wire in self._wired.pressures]
+        if any(value > limit for value, limit in zip(pressures, limits, strict=True)):
             self._faults.add("OVER_PRESSURE")
             self._stop()
 

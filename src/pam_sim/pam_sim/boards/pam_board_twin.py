@@ -54,9 +54,11 @@ class SimulatedPamBoard:
     valves : sequence of BoardValve, optional
         The valves on its channels.
     channels : sequence of int, optional
-        The channel of each valve and of its pressure sensor.
+        The channel of each valve.
     now : float, optional
         Time of power-up [s].
+    sensors : sequence of int, optional
+        The channel of each pressure sensor; by default those of the valves.
     """
 
     def __init__(
@@ -67,6 +69,7 @@ class SimulatedPamBoard:
         valves: Sequence[BoardValve] = (BoardValve(), BoardValve()),
         channels: Sequence[int] = (0, 1),
         now: float = 0.0,
+        sensors: Sequence[int] | None = None,
     ) -> None:
         self.number = number
         self.settings = settings or BoardSettings()
@@ -76,6 +79,11 @@ class SimulatedPamBoard:
         self._codec = codec
         self.valves = tuple(valves)
         self._channels = tuple(channels)
+        self._sensors = self._channels if sensors is None else tuple(sensors)
+        self._limits = {
+            channel: valve.max_pressure
+            for channel, valve in zip(self._channels, self.valves, strict=True)
+        }
         self._watchdog = self.settings.watchdog_period or codec.watchdog_timeout
         self._valve_id = codec.frame_id(ValveCommand, number)
         self._own_ids = {self._valve_id, codec.frame_id(BoardCommand, number)}
@@ -123,7 +131,13 @@ class SimulatedPamBoard:
     def restarted(self, now: float) -> SimulatedBoard:
         """The board after a power-up at `now` [s]."""
         return SimulatedPamBoard(
-            self.number, self._codec, self.settings, self.valves, self._channels, now
+            self.number,
+            self._codec,
+            self.settings,
+            self.valves,
+            self._channels,
+            now,
+            self._sensors,
         )
 
     def misbehave(self, fault: str, value: float) -> None:
@@ -165,7 +179,7 @@ class SimulatedPamBoard:
         now : float
             Time [s], which never decreases.
         pressures : sequence of float
-            Readings of the pressure sensors, one per valve [Pa gauge]; NaN for a defective one.
+            Readings of the pressure sensors [Pa gauge]; NaN for a defective one.
         angles : sequence of float
             Reading of the encoder [rad], empty without encoder; NaN for a defective one.
         supply_pressure : float
@@ -177,7 +191,7 @@ class SimulatedPamBoard:
         if self._is_due(Measurement, now):
             self._samples = (self._samples + self._counter_step) & 0xFF
             shown = [0.0] * CHANNELS
-            for channel, pressure in zip(self._channels, pressures, strict=True):
+            for channel, pressure in zip(self._sensors, pressures, strict=True):
                 shown[channel] = _within(pressure, PRESSURE_RANGE)
             angle = _within(position, POSITION_RANGE)
             messages.append(Measurement((shown[0], shown[1]), angle, self._samples))
@@ -252,8 +266,8 @@ class SimulatedPamBoard:
         if self.state is BoardState.ACTIVE and now - self._last_counted > self._watchdog:
             self._fail(BoardFault.WATCHDOG)
         self._over_pressure = any(
-            pressure > valve.max_pressure
-            for pressure, valve in zip(pressures, self.valves, strict=True)
+            pressure > self._limits.get(channel, math.inf)
+            for channel, pressure in zip(self._sensors, pressures, strict=True)
         )
         self._sensor_lost = any(math.isnan(value) for value in (*pressures, position))
         if self._over_pressure:
@@ -286,6 +300,7 @@ class PamBoardTwins:
             [BoardValve.of(wire.muscle) for wire in wired.valves],
             [int(wire.channel) for wire in wired.valves],
             now,
+            [int(wire.channel) for wire in wired.pressures],
         )
 
 

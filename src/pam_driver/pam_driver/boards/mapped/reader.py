@@ -110,8 +110,8 @@ class DeviceReader:
                 )
         made = commands.commands()
         answers = tuple(answer.frame for answer in self._answers.values())
-        if not answers and not self.problems:
-            top.problems.add(top.path, ": maps no message from the device")
+        if not answers and not made.cyclic and not self.problems:
+            top.problems.add(top.path, ": maps neither a set point nor a measurement")
         return Device(
             answers,
             made.cyclic,

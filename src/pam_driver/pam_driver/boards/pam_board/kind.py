@@ -54,7 +54,8 @@ class PamBoardKind:
                 if other != board.name:
                     found.append(f"{board.name}: {other} already uses number {number}")
             wrong_number = isinstance(board.address, int) and not 0 <= board.address <= last
-            for wire in board.valves:
+            others = [wire for wire in board.pressures if wire not in board.valves]
+            for wire in (*board.valves, *others):
                 if wrong_number or wire.channel not in range(CHANNELS):
                     found.append(
                         f"{wire.muscle.name}: {place} channel {wire.channel}, expected board 0 "
