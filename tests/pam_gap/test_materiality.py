@@ -116,6 +116,16 @@ def test_a_gap_that_does_not_matter_is_told_with_its_size_and_limit() -> None:
     assert none.to_json()["materiality"]["material"] is False
 
 
+def test_an_unknown_cause_says_how_large_the_gap_is_and_what_comes_closest() -> None:
+    best = ScoredCandidate(("payload",), 0.9, Interval(0.57, 0.4, 0.7), over_floor=(7.3,))
+    unknown = replace(NAMED, verdict="unknown", effects=(), parameters={}, ranking=(best,))
+    assert (
+        "is unknown: the rig file, re-tuned within its tolerance, is wrong by 6.6 mrad at "
+        "joint_states.elbow.position, 0.94 % of its motion; the closest explanation removes 43 % "
+        "of the gap; the best known effect (payload) still leaves"
+    ) in verdict_sentence(unknown)
+
+
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
     [(3.01e-4, "rad", "0.3 mrad"), (0.7, "rad", "0.7 rad"), (1.23e5, "Pa", "120 kPa"),

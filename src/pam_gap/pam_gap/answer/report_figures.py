@@ -132,7 +132,7 @@ def draw_trace(trace: Trace) -> str:
     unit, factor = user_unit(_size_of(trace.measured), trace.unit)
     # The measured signal lies wide and light under the predictions, so that all can be seen.
     upper.plot(
-        *thinned(trace.time, factor * trace.measured), color="0.72", lw=3.0, label="measured"
+        *thinned(trace.time, factor * trace.measured), color="0.55", lw=3.0, label="measured"
     )
     curves = [(WRITTEN, trace.nominal, NOMINAL, "-")]
     if trace.improved is not None:

@@ -111,10 +111,26 @@ def _verdict(diagnosis: Diagnosis) -> str:
             return f"A diagnosis is not possible. {' '.join(diagnosis.missing)}".rstrip()
         case "unknown":
             where = f" at the {diagnosis.stage} stage" if diagnosis.stage else ""
-            return f"The cause of the gap{where} is unknown: {best_left(diagnosis)}"
+            amount = _unknown_size(diagnosis)
+            return f"The cause of the gap{where} is unknown: {amount}{best_left(diagnosis)}"
         case "ambiguous":
             return _ambiguous(diagnosis)
     return _named(diagnosis)
+
+
+def _unknown_size(diagnosis: Diagnosis) -> str:
+    """The size of a gap that is not explained, before what comes closest."""
+    if not diagnosis.sizes:
+        return ""
+    size = diagnosis.sizes[0]
+    closest = ""
+    if diagnosis.ranking:
+        explained = min(max(1.0 - diagnosis.ranking[0].remaining.value, 0.0), 1.0)
+        closest = f"the closest explanation removes {percent(explained)} of the gap; "
+    return (
+        f"the rig file, re-tuned within its tolerance, is wrong by {told(size.retuned, size.unit)} "
+        f"at {size.channel}, {percent(size.share)} of its motion; {closest}"
+    )
 
 
 def _nothing(diagnosis: Diagnosis) -> str:
