@@ -11,7 +11,7 @@ import pytest
 from pam_driver.boards.wiring import RigWiring
 from pam_model.errors import RigError
 from pam_model.rig import Rig, load_rig
-from support.mapped_device import ELBOW_VENDOR, problems_after
+from support.mapped_device import ELBOW_VENDOR, nested, problems_after
 
 Change = Callable[[dict[str, Any]], None]
 
@@ -359,3 +359,29 @@ def test_two_devices_with_the_same_identifiers_are_refused() -> None:
         RigWiring(rig).make_boards()
     other["identifier_offset"] = 1
     RigWiring(rig).make_boards()
+
+
+def paths_of(tree: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Every key of a section, at any depth."""
+    found = []
+    for key, value in tree.items():
+        found.append((*path, key))
+        if isinstance(value, dict):
+            found += paths_of(value, (*path, key))
+    return found
+
+
+JUNK = (None, 5, -1, 1e99, True, "", "x", "a.b", [], [1], ["x", 2.5], {}, {"a": {}}, {"signal": 3})
+
+
+@pytest.mark.parametrize("junk", JUNK, ids=repr)
+def test_nonsense_anywhere_in_a_section_is_refused_or_accepted_but_never_a_crash(
+    junk: object,
+) -> None:
+    rig = load_rig(ELBOW_VENDOR)
+    section = nested(rig.boards["manifold"])
+    for path in paths_of(section):
+        if path[0] in {"kind", "bus"}:
+            continue
+        lines = problems_after(rig, put("/".join(path), junk))
+        assert all(line.startswith("boards.manifold") and "\n" not in line for line in lines), path

@@ -141,7 +141,7 @@ def _directed(where: Section, linear: Linear, unit: str, quantity: str) -> Linea
     if quantity not in {ANGLE, SHARE}:
         return linear
     sign = where.get("sign")
-    if sign not in {None, 1, -1} or isinstance(sign, bool):
+    if sign not in (None, 1, -1) or isinstance(sign, bool):
         where.add("sign", f" = {sign!r}: must be 1 or -1")
         sign = 1
     zero = where.number("zero", Key(unit, -1e6, 1e6, 0.0))

@@ -202,7 +202,7 @@ class DeviceReader:
         )
         invalid = self._invalid(where, signal)
         wraps = where.get("wraps") if what == ANGLE_INPUT else None
-        if wraps not in {None, True, False}:
+        if wraps is not None and not isinstance(wraps, bool):
             where.add("wraps", f" = {wraps!r}: must be true or false")
         if converted is None:
             return
