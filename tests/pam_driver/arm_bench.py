@@ -88,8 +88,11 @@ class ArmBench:
         """Activate, and hold these pressures."""
         self.step(0.3)
         self.driver.activate(self.now)
+        for part in range(1, 101):  # slowly, so that no joint exceeds its speed
+            self.wanted = [part / 100.0 * pressure for pressure in pressures]
+            self.step(0.01)
         self.wanted = pressures
-        self.step(seconds)
+        self.step(max(seconds - 1.0, 0.0))
         assert self.driver.state is SafetyState.ACTIVE, self.driver.faults
 
     def _tick(self) -> None:
@@ -108,7 +111,8 @@ class ArmBench:
             self.wire.to_driver.append(ReceivedFrame(frame_id, data, self.now))
         if self._ticks % 2:
             return
-        if self.wanted is not None:
+        commandable = self.driver.state in {SafetyState.READY, SafetyState.ACTIVE}
+        if self.wanted is not None and commandable:
             values = [
                 min(max((wanted - measured) / 1e5, -1.0), 1.0) if flow else wanted
                 for flow, wanted, measured in zip(

@@ -44,6 +44,7 @@ class RecordingPort:
         self.outcome = SendOutcome.SENT
         self.waiting: list[ReceivedFrame] = []
         self.sent: list[tuple[int, Any, float]] = []
+        self.counters: dict[int, int] = {}  # by board, of the last valve command
         self.received_at: list[float] = []
 
     def receive_all(self, now: float) -> list[ReceivedFrame]:
@@ -53,7 +54,10 @@ class RecordingPort:
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
         assert isinstance(now, float)
-        self.sent.append((*self.codec.decode(frame_id, data), now))
+        board, message = self.codec.decode(frame_id, data)
+        self.sent.append((board, message, now))
+        if isinstance(message, ValveCommand):
+            self.counters[board] = message.counter
         return self.outcome
 
 
@@ -98,7 +102,6 @@ class ExactBench:
         self.boards = list(self.driver.boards)
         self.now = 16.0
         self.counter = 0
-        self.echo = 0
         self.uptime = 0.0
         self.state = BoardState.VENTED
         self.pressures = (1e5, 2e5)
@@ -116,7 +119,9 @@ class ExactBench:
 
     def hear_all(self, board: int) -> None:
         self.hear(board, Measurement(self.pressures, self.position, self.counter))
-        self.hear(board, Status(self.state, BoardFault(0), self.echo, SUPPLY, 0))
+        self.hear(
+            board, Status(self.state, BoardFault(0), self.port.counters.get(board, 0), SUPPLY, 0)
+        )
         self.hear(board, Heartbeat(self.uptime, PROTOCOL_VERSION, 1))
 
     def step(self, count: int = 1, command: tuple[float, ...] = (), silent: bool = False) -> Any:
@@ -125,7 +130,6 @@ class ExactBench:
             self.now += TICK
             self.uptime += TICK
             self.counter = (self.counter + 1) & 0xFF
-            self.echo = (self.echo + 1) & 0xFF
             if self.follows:
                 active = self.driver.state is SafetyState.ACTIVE
                 self.state = BoardState.ACTIVE if active else BoardState.VENTED

@@ -147,6 +147,9 @@ class Line:
 def test_the_driver_moves_a_simulated_robot_of_every_kind(kind: str, tmp_path: Path) -> None:
     """The driver's core and the simulation know no kind: a rig file is all that differs."""
     rig = (EXAMPLES | {"valves and sensors apart": rig_with_sensors_apart})[kind](tmp_path)
+    # these steps of the valves move the joints faster than a person's arm
+    quick = tuple(replace(joint, max_velocity=50.0) for joint in rig.joints)
+    rig = replace(rig, joints=quick)
     sim, line = SimulatedRig(rig, quality=SensorQuality(0.0, 0.0, 0.0, 0.0)), Line()
     driver = Driver(rig, line, DriverSettings())
     formats = driver.intake

@@ -302,11 +302,25 @@ def test_the_lowest_supply_counts(rig: Rig) -> None:
     assert look(checks, 8.2, supply=(SUPPLY, ambient + 4.5e5)) == []
 
 
+@pytest.mark.parametrize(
+    ("share", "size"), [(1.0, None), (1.14, None), (1.16, 0.16 / 0.3), (1.3, 1.0), (1.6, 2.0)]
+)
+def test_a_supply_above_its_limit_is_a_fault_and_half_way_a_suspicion(
+    share: float, size: float | None, rig: Rig
+) -> None:
+    """Flow into a muscle grows with the supply, and with it the gain of the control loop."""
+    supply = rig.gas.ambient_pressure + share * rig.supply_gauge_pressure
+    found = look(SensorChecks(rig), 8.0, supply=(SUPPLY, supply))
+    expected = [] if size is None else [pytest.approx(size)]
+    assert [one.size for one in found] == expected
+    assert {one.kind for one in found} == (set() if size is None else {"supply_high"})
+
+
 @pytest.mark.parametrize(("above", "size"), [(0.0, None), (1e5, None), (-1.0, math.inf)])
 def test_no_loss_of_supply_at_all_may_be_asked_for(
     above: float, size: float | None, rig: Rig
 ) -> None:
-    strict = replace(rig, plausibility=Plausibility(supply_share=1.0))
+    strict = replace(rig, plausibility=Plausibility(supply_share=1.0, supply_high_share=9.0))
     supply = rig.supply_pressure + above
     found = look(SensorChecks(strict), 8.0, supply=(supply, supply))
     assert [one.size for one in found] == ([] if size is None else [size])

@@ -64,6 +64,9 @@ def test_the_driver_moves_a_robot_that_mixes_kinds_on_two_buses(
 ) -> None:
     """Over real ports: each frame stays on its bus, and both joints move."""
     rig = load_rig(rig_file(tmp_path, on_virtual_buses(request.node.name)))
+    # these steps of the valves move the joints faster than a person's arm
+    quick = tuple(replace(joint, max_velocity=50.0) for joint in rig.joints)
+    rig = replace(rig, joints=quick)
     simulated = SimulatedRig(rig, quality=SensorQuality(0.0, 0.0, 0.0, 0.0))
     wiring = RigWiring(rig)
     ours, theirs = open_buses(rig, wiring, ONLY), open_buses(rig, simulated.wiring, ONLY)

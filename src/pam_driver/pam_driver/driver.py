@@ -20,6 +20,7 @@ from pam_driver.fault_judge import FaultJudge, Motion, Plausibility, Readings
 from pam_driver.joint_velocity import JointVelocity
 from pam_driver.safety.command_intake import CommandIntake, NamedCommand
 from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
+from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.lowering import Lowering
 from pam_driver.safety.start_up_check import StartUpCheck
 from pam_driver.safety.states import FAULTY, OUTPUTS, SafetyEvent, SafetyState, next_state
@@ -102,6 +103,7 @@ class Driver:
         self._lock = threading.Lock()
         self._fractions: tuple[float, ...] | None = None
         self._command_time = NEVER
+        self._command_age = 0.0
         self._active_since = math.inf
         self._ready_since = math.inf
         self._cleared_at = NEVER
@@ -123,6 +125,11 @@ class Driver:
     def lowers(self) -> bool:
         """Whether the driver lowers the joints at present."""
         return OUTPUTS[self.state].lower
+
+    @property
+    def loop(self) -> LoopWatch:
+        """The delays of the control loop."""
+        return self._judge.loop
 
     @property
     def suspicions(self) -> tuple[Condition, ...]:
@@ -164,6 +171,7 @@ class Driver:
                 self.intake.refuse("not_active", "computed before the driver was activated")
             self._fractions = self.intake.take(command, now)
             self._command_time = now - command.age
+            self._command_age = command.age
             self._event(SafetyEvent.COMMAND, now)
 
     def missing_boards(self, now: float) -> list[str]:
@@ -274,6 +282,7 @@ class Driver:
             oldest = now - self._settings.sensor_timeout
             snapshot = take_snapshot(self.state, self._boards, self._velocity, oldest)
             self._readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)
+            self._judge.watch_motion(self._readings, self._command_age, now)
             self._judge.judge(self._setpoints(), self._readings, now)
             output = OUTPUTS[self.state]
             self._exhausts.update(snapshot.pressures, not (output.enable or output.lower), now)
@@ -356,6 +365,7 @@ class Driver:
             self._lower(now)
         elif not output.lower:
             self._fractions = None
+            self._command_age = 0.0
             self._active_since = math.inf
         if output.vent_on_entry and before is not SafetyState.UNCONFIGURED:
             self._boards.vent(now)

@@ -105,12 +105,19 @@ class DriverDiagnostics:
         text = f"{new} cycles late or skipped" if new else "ok"
         # a few late cycles are normal on a kernel without PREEMPT_RT
         level = WARN if new > 50 else OK
-        return diagnostic_status("pam_driver: loop", level, text, loop_values(loop))
+        delays = self._driver.loop
+        values = loop_values(loop) | {
+            "extra delay [ms]": 1e3 * delays.extra_delay,
+            "measurement age [ms]": 1e3 * delays.measurement_age,
+            "command age on arrival [ms]": 1e3 * delays.command_age,
+        }
+        return diagnostic_status("pam_driver: loop", level, text, values)
 
     def _board(self, board: Board) -> Any:
         wrong = [found for found in self._driver.conditions if found.subject == board.name]
         report = board.report()
         values = {**report.values, **_promised(board)}
+        values["command to echo [ms]"] = 1e3 * board.round_trip
         text = report.text
         if wrong:
             text = "; ".join(found.text for found in wrong)

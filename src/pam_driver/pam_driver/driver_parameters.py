@@ -78,6 +78,10 @@ TABLE: Final = (
         "rig's volumes and conductances, plus one second"
     ),
     Parameter(
+        "loop_delay_limit", _D.loop_delay_limit, "s", 0.001, 1.0, "largest delay of commands and "
+        "measurements around the loop beyond three cycles; above it the driver vents"
+    ),
+    Parameter(
         "lowering_speed", _D.lowering_speed, "rad/s", 0.05, 5.0, "speed with which a stop of "
         "category 1 lets a loaded joint sink"
     ),
@@ -143,6 +147,8 @@ def settings_of(values: NodeParameters[Any]) -> DriverSettings:
         velocity_bandwidth=values.number("velocity_bandwidth"),
         vented_pressure=values.number("vented_pressure"),
         exhaust_timeout=values.number("exhaust_timeout"),
+        loop_delay_limit=values.number("loop_delay_limit"),
+        period=1.0 / values.number("rate"),
         lowering_speed=values.number("lowering_speed"),
         lowering_timeout=values.number("lowering_timeout"),
         start_up_check=bool(values["start_up_check"]),

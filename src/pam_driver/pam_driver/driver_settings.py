@@ -27,6 +27,10 @@ class DriverSettings:
     exhaust_timeout : float
         A muscle that is not empty so long after its valve began to vent has a blocked exhaust [s];
         0: from the rig's volumes and conductances, see `safety.exhaust_watch`.
+    loop_delay_limit : float
+        Largest delay of the loop beyond three cycles, see `safety.loop_watch` [s].
+    period : float
+        Time between two cycles [s].
     lowering_speed : float
         Speed with which a stop of category 1 lets a loaded joint sink [rad/s].
     lowering_timeout : float
@@ -43,6 +47,8 @@ class DriverSettings:
     velocity_bandwidth: float = 40.0
     vented_pressure: float = 20e3
     exhaust_timeout: float = 0.0
+    loop_delay_limit: float = 0.01
+    period: float = 0.002
     lowering_speed: float = 0.5
     lowering_timeout: float = 4.0
     start_up_check: bool = False

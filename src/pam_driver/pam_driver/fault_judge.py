@@ -10,6 +10,8 @@ from pam_driver.board_set import BoardSet
 from pam_driver.boards.protocol import NEVER, Condition
 from pam_driver.bus import BusState
 from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety.joint_speed import JointSpeedWatch
+from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_driver.safety.sensor_checks import SensorChecks
 from pam_model.rig import Rig
@@ -88,6 +90,8 @@ class FaultJudge:
     ----------
     suspicions : tuple of Condition
         Deviations above the warning share of a plausibility limit.
+    loop : LoopWatch
+        The delays of the control loop.
     """
 
     def __init__(
@@ -99,6 +103,8 @@ class FaultJudge:
         plausibility: Plausibility | None = None,
     ) -> None:
         self.suspicions: tuple[Condition, ...] = ()
+        self.loop = LoopWatch(settings.loop_delay_limit, settings.period)
+        self._speeds = JointSpeedWatch(rig)
         self._rig = rig
         self._boards = boards
         self._settings = settings
@@ -110,6 +116,27 @@ class FaultJudge:
         self._limits = tuple(
             muscle.max_pressure + settings.over_pressure_margin for muscle in rig.muscles
         )
+
+    def watch_motion(self, readings: Readings, command_age: float, now: float) -> None:
+        """Take the speeds and the delays of one cycle.
+
+        Parameters
+        ----------
+        readings : Readings
+            The measurements.
+        command_age : float
+            Age with which the command in use arrived [s]; 0 while none is in use.
+        now : float
+            Monotonic time [s].
+        """
+        boards = self._boards
+        self._speeds.update(readings.velocities, now)
+        oldest = min(
+            (samples[channel].time for samples, channel in (*boards.pressures, *boards.angles)),
+            default=now,
+        )
+        trips = {board.name: board.round_trip for board in boards.boards.values()}
+        self.loop.update(trips, now - oldest, command_age, now)
 
     def judge(self, setpoints: Sequence[float] | None, readings: Readings, now: float) -> None:
         """Check the measurements of one cycle for sensor faults and against the physics.
@@ -170,6 +197,8 @@ class FaultJudge:
                 now, settings.board_timeout, settings.sensor_timeout, moving
             )
         yield from self._sensor_conditions(now)
+        yield from self._speeds.conditions(now)
+        yield from self.loop.conditions()
         yield from self._implausible
         if motion.commanded and now - motion.command_time > settings.command_timeout:
             text = f"no valid command for {settings.command_timeout:g} s"

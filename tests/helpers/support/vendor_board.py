@@ -65,6 +65,7 @@ class VendorBoard:
     supply_pressure = math.nan
     follows = True
     host_fault = False
+    round_trip = math.nan
 
     def __init__(self, wired: WiredBoard) -> None:
         self.name = wired.name

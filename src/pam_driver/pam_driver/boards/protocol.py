@@ -216,6 +216,10 @@ class Board(Protocol):
     def host_fault(self) -> bool:
         """Whether it reports a latched fault of the host; False for a kind that keeps none."""
 
+    @property
+    def round_trip(self) -> float:
+        """From sending a command until its echo arrived [s]; NaN if unknown or not echoed."""
+
     def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
         """The frames of one cycle.
 

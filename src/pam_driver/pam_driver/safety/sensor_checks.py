@@ -140,3 +140,9 @@ class SensorChecks:
         if size > self._limits.warning_share:
             text = f"supply is at {min(known):.0f} Pa absolute"
             yield Deviation("supply_low", "supply", size, text)
+        highest = max(known) - self._rig.gas.ambient_pressure
+        excess = highest / self._rig.supply_gauge_pressure - 1.0
+        size = excess / (self._limits.supply_high_share - 1.0)
+        if size > self._limits.warning_share:
+            text = f"supply is at {max(known):.0f} Pa absolute"
+            yield Deviation("supply_high", "supply", size, text)

@@ -34,6 +34,8 @@ _DOUBT = "sensor, valve or muscle is not what lowering assumes"
 
 STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "command_timeout": StopCategory(1, "the controller is gone; sensors, boards and bus work"),
+    "joint_too_fast": StopCategory(0, "what drives the joint is unknown: all air must leave"),
+    "loop_too_slow": StopCategory(0, "lowering is a loop with the same delay"),
     "supply_low": StopCategory(1, "lowering only lets air out, so it needs no supply"),
     "supply_high": StopCategory(1, "lowering closes the supply side of every valve"),
     "stale_sensor": StopCategory(0, _SENSOR),

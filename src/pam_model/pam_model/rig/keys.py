@@ -79,6 +79,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "position_margin": Key("rad", 0.0, 10.0, 0.05),
         "pressure_rate": Key("Pa/s", 1e4, 1e9, 5e6),
         "supply_share": Key("-", 0.0, 1.0, 0.5),
+        "supply_high_share": Key("-", 1.01, 100.0, 1.3),
     },
 }
 """Every number of a rig file, by section ("" is the top level)."""

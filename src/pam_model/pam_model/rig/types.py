@@ -263,6 +263,8 @@ class Plausibility:
         Largest rate of a pressure, taken over 10 ms [Pa/s].
     supply_share : float
         Lowest supply pressure over the nominal one, both gauge [-].
+    supply_high_share : float
+        Highest supply pressure over the nominal one, both gauge [-].
     """
 
     pressure_residual: float = 100e3
@@ -274,6 +276,7 @@ class Plausibility:
     position_margin: float = 0.05
     pressure_rate: float = 5e6
     supply_share: float = 0.5
+    supply_high_share: float = 1.3
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
+from pam_driver.boards.echo_delay import EchoDelay
 from pam_driver.boards.frame_errors import ForeignCommandError
 from pam_driver.boards.pam_board.codec import (
     BoardCode,
@@ -66,6 +67,7 @@ class PamBoard(BoardMonitor):
         }
         self._codec = codec
         self._counter_sent = 0
+        self._echo_delay = EchoDelay()
         # by channel the muscle's place in the rig's order, -1 for a channel without a muscle
         places = {wire.channel: wire.place for wire in wired.valves}
         self._places = (places.get(0, -1), places.get(1, -1))
@@ -85,6 +87,11 @@ class PamBoard(BoardMonitor):
         return self.status is not None and self.status.state is BoardState.ACTIVE
 
     @property
+    def round_trip(self) -> float:
+        """From sending the command that the last status names until this status arrived [s]."""
+        return self._echo_delay.value
+
+    @property
     def host_fault(self) -> bool:
         """Whether the last status reported a latched fault of the host."""
         return self.status is not None and BoardFault.HOST in self.status.faults
@@ -92,6 +99,7 @@ class PamBoard(BoardMonitor):
     def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
         """One valve command; a channel without a muscle is never enabled."""
         self._counter_sent = (self._counter_sent + 1) & 0xFF
+        self._echo_delay.sent(self._counter_sent, now)
         if setpoints is None:
             message = ValveCommand(_NO_VALVES, _NO_ENABLE, self._counter_sent)
         else:
@@ -173,6 +181,7 @@ class PamBoard(BoardMonitor):
     def _hear_status(self, data: bytes, time: float, stamp: float) -> None:
         _, message = self._codec.decode(self._status_id, data)
         self.hear_status(message, time)  # type: ignore[arg-type]
+        self._echo_delay.heard(message.command_counter, time)  # type: ignore[union-attr]
 
     def _hear_heartbeat(self, data: bytes, time: float, stamp: float) -> None:
         _, message = self._codec.decode(self._heartbeat_id, data)
