@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from cantools.database.can import Message
 from cantools.database.errors import Error
@@ -95,6 +95,7 @@ class SimulatedMappedBoard:
         self._armed = not device.promises.needs_arming
         self._started = self._accepted_at = now
         self._last_count: dict[str, int] = {}
+        self._wanted: dict[tuple[int, int, int], dict[str, Any]] = {}
         self._echo = 0
         self._counter_step = 1
         self._sent = self._regular_frames()
@@ -236,16 +237,24 @@ class SimulatedMappedBoard:
         self, frame: CommandFrame, base: tuple[int, int], values: Mapping[str, Any]
     ) -> bool:
         """Whether a command has the constant values of a request."""
+        key = (frame.frame_id, *base)
+        wanted = self._wanted.get(key)
+        if wanted is None:
+            wanted = self._wanted[key] = self._constants(frame, base)
+        return all(values.get(name) == value for name, value in wanted.items())
+
+    def _constants(self, frame: CommandFrame, base: tuple[int, int]) -> dict[str, Any]:
+        """The raw values of the signals of a frame that neither set points nor counters set."""
         names = {output.layout.name for output in frame.outputs}
         names |= {layout.name for layout in (frame.counter,) if layout is not None}
         names |= {frame.checksum.layout.name} if frame.checksum is not None else set()
         word = base[1] | int.from_bytes(base[0].to_bytes(frame.length, "little"), "big")
-        wanted: dict[str, Any] = dict(
+        constants: dict[str, Any] = dict(
             self._messages[frame.name].decode(  # type: ignore[arg-type]
                 word.to_bytes(frame.length, "big"), decode_choices=False, scaling=False
             )
         )
-        return all(values.get(name) == value for name, value in wanted.items() if name not in names)
+        return {name: value for name, value in constants.items() if name not in names}
 
     def _take(self, frame: CommandFrame, values: Mapping[str, Any]) -> None:
         for output in frame.outputs:
@@ -326,9 +335,9 @@ class SimulatedMappedBoard:
         data = (data + bytes(frame.length))[: frame.length]
         checksum = frame.checksum
         if checksum is not None:
-            values[checksum.layout.name] = checksum.value(data)
-            data = message.encode(values, scaling=False, strict=False)
-            data = (data + bytes(frame.length))[: frame.length]
+            order: Literal["big", "little"] = "big" if checksum.layout.big else "little"
+            own = checksum.value(data).to_bytes(checksum.end - checksum.start, order)
+            data = data[: checksum.start] + own + data[checksum.end :]
         return data
 
 
