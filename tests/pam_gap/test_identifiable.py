@@ -114,6 +114,15 @@ def test_a_resting_or_empty_channel_is_not_taken_for_clipped(rubbing: Recording)
     assert without_saturated(recording) is recording
 
 
+def test_a_peak_that_is_reached_once_is_not_taken_for_clipped(rubbing: Recording) -> None:
+    values = dict(rubbing.values)
+    top = int(np.argmax(values[FLEXOR]))
+    values[FLEXOR] = values[FLEXOR].copy()
+    values[FLEXOR][max(top - 9, 0) : top + 9] = values[FLEXOR][top]  # 0.07 s
+    recording = replace(rubbing, values=values)
+    assert without_saturated(recording) is recording
+
+
 def test_seconds_are_counted_by_channel_without_gaps(rig: Rig, rubbing: Recording) -> None:
     valid = dict(rubbing.valid)
     valid[FLEXOR] = valid[FLEXOR].copy()

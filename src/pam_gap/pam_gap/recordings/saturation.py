@@ -42,7 +42,7 @@ def without_saturated(recording: Recording, rules: RecordingRules = DEFAULT.reco
             if name.startswith(PRESSURES) and word == "below":
                 continue  # an empty muscle; its pressure is known
             clipped = at_the_end(values, end, rules.clipped_samples)
-            if clipped.any():
+            if clipped.mean() >= rules.clipped_share:
                 valid[name] = valid[name] & ~clipped
                 shares[name] = shares.get(name, 0.0) + float(clipped.mean())
                 notes.append(

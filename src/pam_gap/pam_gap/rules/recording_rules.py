@@ -125,6 +125,15 @@ class RecordingRules:
         trades="Longer: short clippings are fitted. Shorter: equal samples by chance are left out.",
         origin=NUMERICAL,
     )
+    clipped_share: float = rule(
+        0.01,
+        unit="of the samples",
+        decides="Smallest share of samples in such runs for which a channel counts as clipped.",
+        trades="Larger: short clippings are fitted. Smaller: a coarse channel that turns at its "
+        "largest value counts as clipped.",
+        origin="A coarse encoder that turned slowly stood at its largest value for 0.07 % of a "
+        "practice recording.",
+    )
     clipped_noise: float = rule(
         0.5,
         unit="of a step",
