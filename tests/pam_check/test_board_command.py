@@ -17,6 +17,8 @@ from support.rigs import ELBOW
 
 # what a shared machine may delay: the simulated board runs in real time on it
 TIMED = {"heartbeat", "status_period", "measurement_period", "watchdog_time", "repeated_counter"}
+# what needs a person, or a limit that the supply can reach
+UNTRIED = {"over_pressure", "restart", "emergency_stop", "enabling_switch"}
 PATIENCE = 120.0
 
 
@@ -60,7 +62,7 @@ def test_the_simulated_board_keeps_the_rules_in_real_time(bus: BusChoice, tmp_pa
     assert done.returncode == 0, done.stderr
     rules = {rule["rule"]: rule for rule in json.loads(done.stdout)["rules"]}
     passed = {name for name, rule in rules.items() if rule["verdict"] == "pass"}
-    assert set(rules) - passed <= TIMED | {"over_pressure", "restart"}, done.stdout
+    assert set(rules) - passed <= TIMED | UNTRIED, done.stdout
     assert "watchdog_latches" in page.read_text()
 
 

@@ -37,13 +37,16 @@ BROKEN = {
     broken.ChannelsExchanged: ("own_channel", {"enable_bits"}),
     broken.IgnoresLatchFault: ("host_fault", set()),
     broken.CountsNothing: ("wrong_length", {"wrong_checksum", "out_of_range", "checksum_storm"}),
+    broken.EmergencyStopOnlyTold: ("emergency_stop", set()),
+    broken.EnablingSwitchOnlyTold: ("enabling_switch", set()),
+    broken.BrakeReleasedByItsBit: ("brake_and_dump", set()),
     broken.NoOverPressure: ("over_pressure", set()),
 }
 
 
 def results_of(board: GoodBoard, may_open: bool = True) -> tuple[list[RuleResult], VirtualLine]:
     line = VirtualLine(board)
-    limits = TestLimits(over_pressure=200_000.0, ask=line.restart)
+    limits = TestLimits(over_pressure=200_000.0, ask=line.person)
     tester = BoardTester(line, CODEC, 0, limits)
     find_board(tester)
     return play_all(tester, may_open), line
@@ -120,7 +123,7 @@ def test_a_slow_computer_is_not_the_boards_fault() -> None:
 def test_without_person_or_limit_the_rules_that_need_them_are_not_tried() -> None:
     tester = BoardTester(VirtualLine(GoodBoard()), CODEC, 0)
     find_board(tester)
-    for name in ("over_pressure", "restart"):
+    for name in ("over_pressure", "restart", "emergency_stop"):
         result = play(tester, next(rule for rule in RULES if rule.name == name), may_open=True)
         assert result.verdict is Verdict.NOT_TRIED
         assert "--" in result.came_back

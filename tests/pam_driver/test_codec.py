@@ -26,6 +26,7 @@ from pam_driver.boards.pam_board.codec import (
     FrameRangeError,
     Heartbeat,
     Measurement,
+    SafetyInput,
     Status,
     UnknownFrameError,
     ValveCommand,
@@ -45,7 +46,12 @@ SUPPLY = st.floats(0.0, 1_310_680.0) | st.just(math.nan)
 MESSAGES = st.one_of(
     st.builds(BoardCommand, st.sampled_from(BoardCode), st.integers(0, 65535)),
     st.builds(
-        ValveCommand, st.tuples(FRACTION, FRACTION), st.tuples(st.booleans(), st.booleans()), BYTE
+        ValveCommand,
+        st.tuples(FRACTION, FRACTION),
+        st.tuples(st.booleans(), st.booleans()),
+        BYTE,
+        st.booleans(),
+        st.booleans(),
     ),
     st.builds(Measurement, st.tuples(PRESSURE, PRESSURE), POSITION, BYTE),
     st.builds(
@@ -55,6 +61,10 @@ MESSAGES = st.one_of(
         BYTE,
         SUPPLY,
         st.integers(0, 65535),
+        st.sampled_from(SafetyInput),
+        st.sampled_from(SafetyInput),
+        st.booleans(),
+        st.booleans(),
     ),
     st.builds(Heartbeat, st.floats(0.0, 4294967.295), BYTE, st.integers(0, 65535)),
 )
@@ -71,6 +81,8 @@ def signals_of(message: Any) -> dict[str, float]:
             "Enable0": message.enable[0],
             "Enable1": message.enable[1],
             "Counter": message.counter,
+            "ReleaseBrake": message.release_brake,
+            "CloseDump": message.close_dump,
         }
     if isinstance(message, Measurement):
         return {
@@ -90,12 +102,17 @@ def signals_of(message: Any) -> dict[str, float]:
             "FaultTemperature": 6,
             "FaultInternal": 7,
             "FaultHost": 8,
+            "FaultEmergencyStop": 9,
         }
         return {
             "State": message.state,
             "CommandCounter": message.command_counter,
             "SupplyPressure": message.supply_pressure,
             "RejectedFrames": message.rejected_frames,
+            "EmergencyStop": message.emergency_stop,
+            "EnablingSwitch": message.enabling_switch,
+            "BrakeReleased": message.brake_released,
+            "DumpClosed": message.dump_closed,
             **{name: message.faults >> bit & 1 for name, bit in faults.items()},
         }
     return {
@@ -137,7 +154,7 @@ def test_decodes_what_cantools_decodes(board: int, message: Any) -> None:
     for name, value in signals_of(heard).items():
         choices = description.get_signal_by_name(name).choices or {}
         if str(choices.get(raw[name])) == "not_available":
-            assert math.isnan(value)
+            assert math.isnan(value) or value is SafetyInput.NOT_AVAILABLE
         else:
             assert value == expected[name]
 
@@ -269,7 +286,7 @@ BAD_DBC = {
     ),
     "no protocol": (lambda text: text.replace("ProtocolVersion", "Version"), "ProtocolVersion"),
     "other protocol": (
-        lambda text: text.replace('BA_ "ProtocolVersion" 1', 'BA_ "ProtocolVersion" 2'),
+        lambda text: text.replace('BA_ "ProtocolVersion" 2', 'BA_ "ProtocolVersion" 1'),
         "ProtocolVersion",
     ),
     "nonsense": (lambda text: text[: len(text) // 3] + "%%%", "not a valid DBC"),

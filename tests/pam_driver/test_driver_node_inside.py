@@ -13,6 +13,7 @@ import rclpy
 from lifecycle_msgs.msg import State
 from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from pam_check.chain import private_domain
@@ -25,6 +26,7 @@ from pam_driver.boards.pam_board.codec import (
     BoardState,
     ValveCommand,
 )
+from pam_driver.boards.protocol import EMERGENCY_STOP
 from pam_driver.bus import BusError, CanPort, open_bus
 from pam_driver.driver_node import DriverNode
 from pam_driver.safety.states import SafetyState
@@ -316,6 +318,30 @@ def test_a_fault_that_the_board_keeps_outlives_the_node(
     assert node._on_clear_faults(Trigger.Request(), Trigger.Response()).success
     inside.answer(inside.healthy)
     assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+
+
+def test_a_topic_of_the_emergency_stop_stops_the_node(
+    monkeypatch: pytest.MonkeyPatch, codec: BoardCodec
+) -> None:
+    wanted = ("people.emergency_stop_topic", "true"), ("people.deadline", 5.0)
+    inside = Inside(monkeypatch, codec, *wanted)
+    try:
+        node = inside.node
+        assert node.count_subscribers("/pam_driver/emergency_stop_released") == 1
+        assert node.count_subscribers("/pam_driver/enabling_switch_held") == 0
+        assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        driver = node._driver
+        assert driver is not None
+        inside.answer(lambda: not driver.missing_boards(time.monotonic()))
+        assert "topic: no emergency stop" in driver.activation_problem(time.monotonic())
+        node._on_people(EMERGENCY_STOP, Bool(data=True))
+        inside.answer(inside.healthy)
+        assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+        node._on_people(EMERGENCY_STOP, Bool(data=False))
+        inside.answer(lambda: driver.state is SafetyState.FAULT)
+        assert "emergency stop is pressed" in str(driver.faults[0])
+    finally:
+        inside.close()
 
 
 def test_a_simulated_clock_is_refused(inside: Inside) -> None:

@@ -52,7 +52,7 @@ class KernelLine(VirtualLine):
 def test_the_simulated_board_keeps_every_rule_over_socketcan(bus: BusChoice) -> None:
     line = KernelLine(GoodBoard(), bus)
     try:
-        limits = TestLimits(over_pressure=200_000.0, ask=line.restart)
+        limits = TestLimits(over_pressure=200_000.0, ask=line.person)
         tester = BoardTester(line, CODEC, 0, limits)
         find_board(tester)
         results = play_all(tester, may_open=True)

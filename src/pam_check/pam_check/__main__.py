@@ -110,9 +110,10 @@ def _declare_board(parser: Parser) -> None:
         "(default: this rule is not tried)",
     )
     add(
-        "--restart",
+        "--person",
         action="store_true",
-        help="ask for the board to be switched off and on, to see how it starts",
+        help="ask a person to switch the board off and on, and to press and release its emergency "
+        "stop and enabling switch if it has them",
     )
     add(
         "--tolerance",

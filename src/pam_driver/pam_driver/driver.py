@@ -22,6 +22,7 @@ from pam_driver.safety.command_intake import CommandIntake, NamedCommand
 from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
 from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.lowering import Lowering
+from pam_driver.safety.people_inputs import PeopleInputs
 from pam_driver.safety.start_up_check import StartUpCheck
 from pam_driver.safety.states import FAULTY, OUTPUTS, SafetyEvent, SafetyState, next_state
 from pam_driver.safety.stop_categories import can_lower
@@ -62,6 +63,10 @@ class Driver:
         Why the state became `FAULT`; kept until cleared.
     conditions : tuple of Condition
         What is wrong now.
+    people : PeopleInputs
+        Emergency stop and enabling switch.
+    vent_reason : str
+        Why the driver vented by itself without a fault; empty after the next activation.
     intake : CommandIntake
         Checks commands and counts those that it refuses and accepts.
 
@@ -92,6 +97,8 @@ class Driver:
         named = ports if isinstance(ports, Mapping) else {"": ports}
         self._boards = BoardSet(wiring or RigWiring(rig), named, self._velocity)
         self._vents = self.intake.vented
+        self.people = PeopleInputs(rig.people, self._boards.boards)
+        self.vent_reason = ""
         self._judge = FaultJudge(rig, self._boards, settings, self._vents, plausibility)
         self._exhausts = ExhaustWatch(
             rig,
@@ -202,7 +209,7 @@ class Driver:
         )
         if not wrong and self.state is SafetyState.VENTING:
             return f"not all muscles are empty yet: {self._exhausts.remaining()}"
-        return wrong
+        return "; ".join(filter(None, (wrong, self.people.not_enabled(now))))
 
     def activate(self, now: float) -> None:
         """Let air move from the next fresh command on, after the start-up check if there is one.
@@ -219,6 +226,7 @@ class Driver:
             self._boards.acknowledge()
             self.intake.last_rejection = ""
             self._ready_since = now
+            self.vent_reason = ""
             if self._check is not None and self.state is SafetyState.VENTED:
                 self._check.start(now)
                 self._event(SafetyEvent.CHECK, now)
@@ -244,9 +252,7 @@ class Driver:
     def vent_at_once(self, now: float) -> None:
         """Vent without lowering; the frames are sent to the boards before this returns."""
         with self._lock:
-            self._event(SafetyEvent.VENT, now)
-            if OUTPUTS[self.state].lower:
-                self._event(SafetyEvent.VENT, now)
+            self._vent_at_once(now)
             self._boards.vent(now)
             self._send_valve_commands(now)
 
@@ -286,9 +292,10 @@ class Driver:
             self._judge.judge(self._setpoints(), self._readings, now)
             output = OUTPUTS[self.state]
             self._exhausts.update(snapshot.pressures, not (output.enable or output.lower), now)
+            self._hear_latched_faults(now)
+            self._obey_enabling_switch(now)
             self.conditions = tuple(self._conditions(now))
             self._react(now)
-            self._hear_latched_faults(now)
             if OUTPUTS[self.state].latch:
                 self._boards.latch_fault(now)
             if OUTPUTS[self.state].lower:
@@ -345,6 +352,12 @@ class Driver:
         if OUTPUTS[self.state].lower and self._lowered(now):
             self._event(SafetyEvent.LOWERED, now)
 
+    def _vent_at_once(self, now: float) -> None:
+        """Vent without lowering; the second of two vents ends a lowering."""
+        self._event(SafetyEvent.VENT, now)
+        if OUTPUTS[self.state].lower:
+            self._event(SafetyEvent.VENT, now)
+
     def _lowered(self, now: float) -> bool:
         """Whether all muscles are empty, or the time for lowering is over."""
         over = now - self._lowering_since >= self._settings.lowering_timeout
@@ -371,10 +384,12 @@ class Driver:
             self._boards.vent(now)
 
     def _hear_latched_faults(self, now: float) -> None:
-        """A fault that a board keeps, from an earlier run of this host, is a fault of this run."""
-        held = self._boards.host_faults()
+        """A pressed emergency stop, and a fault that a board keeps from an earlier run."""
+        held = self.people.pressed(now)
         # a board that was just told to clear its faults needs a moment to report it
-        if held and now - self._cleared_at > self._settings.board_timeout:
+        if not held and now - self._cleared_at > self._settings.board_timeout:
+            held = self._boards.host_faults()
+        if held:
             before = self.state
             self._event(SafetyEvent.LATCHED_FAULT, now)
             if self.state is not before:
@@ -383,6 +398,18 @@ class Driver:
     def _lower(self, now: float) -> None:
         """The next set points that lower the joints."""
         self._fractions = self._lowering.setpoints(*self._readings, now)
+
+    def _obey_enabling_switch(self, now: float) -> None:
+        """Vent at once while nobody holds the enabling switch; that is no fault.
+
+        Its board does so by itself, so the joint could not be lowered in any case.
+        """
+        output = OUTPUTS[self.state]
+        if self.state is SafetyState.READY or output.enable or output.lower:
+            reason = self.people.not_enabled(now)
+            if reason:
+                self.vent_reason = reason
+                self._vent_at_once(now)
 
     def _setpoints(self) -> tuple[float, ...] | None:
         """The set points of the valves; None while they vent."""
@@ -398,6 +425,7 @@ class Driver:
         )
         yield from self._judge.conditions(motion, now)
         yield from self._exhausts.conditions(now)
+        yield from self.people.conditions(now)
 
     def _send_valve_commands(self, now: float) -> tuple[float, ...]:
         """Command every board; returns what was sent, empty if one board could not be reached."""

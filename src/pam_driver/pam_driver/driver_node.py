@@ -24,6 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from pam_driver.boards.weaker_promises import weaker_promises
@@ -33,7 +34,7 @@ from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_end import end_driver
-from pam_driver.driver_parameters import HELP, TABLE, bus_options, settings_of
+from pam_driver.driver_parameters import HELP, PEOPLE_TOPICS, TABLE, bus_options, settings_of
 from pam_driver.driver_topics import DriverTopics
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
@@ -92,6 +93,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self.create_subscription(
             JointState, "valve_commands", self._on_valve_commands, QoSProfile(depth=1)
         )
+        for name, topic in PEOPLE_TOPICS.items():
+            if getattr(self._rig.people, f"{name}_topic"):
+                # not latched: the last word of a publisher that has ended must not count as new
+                hear = partial(self._on_people, name)
+                self.create_subscription(Bool, topic, hear, QoSProfile(depth=1))
         self.create_service(Trigger, "~/vent", self._on_vent)
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
         # a plain publisher: that of a lifecycle node is silent until the node is active
@@ -177,7 +183,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._active = False
         if self._driver is not None:
             self._driver.deactivate(time.monotonic())
-        self._vent_reason = self._vent_reason or "deactivated"
+        told = "" if self._driver is None else self._driver.vent_reason
+        self._vent_reason = self._vent_reason or told or "deactivated"
         self._publish_state()
         state_name = "unconfigured" if self._driver is None else self._driver.state.value
         self.get_logger().info(f"inactive: {state_name}")
@@ -285,6 +292,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             driver.set_commands(command, time.monotonic())
         except CommandError as error:
             self.get_logger().warning(f"valve_commands refused: {error}", throttle_duration_sec=1.0)
+
+    def _on_people(self, name: str, message: Any) -> None:
+        if self._driver is not None:
+            self._driver.people.hear_topic(name, bool(message.data), time.monotonic())
 
     def _on_vent(self, request: Any, response: Any) -> Any:
         if self._driver is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
 from pam_driver.bus import DEFAULT_BITRATE
 from pam_driver.driver_settings import DriverSettings
 from pam_model.errors import PamError
@@ -97,6 +98,12 @@ TABLE: Final = (
 )  # fmt: skip
 
 
+PEOPLE_TOPICS: Final = {
+    EMERGENCY_STOP: "~/emergency_stop_released",
+    ENABLING_SWITCH: "~/enabling_switch_held",
+}
+"""By input for people, the topic that can take its place: true permits motion."""
+
 HELP: Final = NodeHelp(
     program="ros2 run pam_driver driver_node",
     purpose="Drives the valve boards of a rig over a CAN bus: valve commands in, measurements out. "
@@ -110,6 +117,16 @@ HELP: Final = NodeHelp(
             "valve_commands",
             "sensor_msgs/JointState",
             "position: spool opening from -1 to 1 of a flow valve; effort [Pa] of a regulator",
+        ),
+        Endpoint(
+            PEOPLE_TOPICS[EMERGENCY_STOP],
+            "std_msgs/Bool",
+            "true permits motion; only with people.emergency_stop_topic in the rig file",
+        ),
+        Endpoint(
+            PEOPLE_TOPICS[ENABLING_SWITCH],
+            "std_msgs/Bool",
+            "true permits motion; only with people.enabling_switch_topic in the rig file",
         ),
     ),
     publishes=(

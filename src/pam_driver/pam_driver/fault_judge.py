@@ -112,6 +112,7 @@ class FaultJudge:
         self._checks = None if plausibility is None else SensorChecks(rig)
         self._implausible: tuple[Condition, ...] = ()
         self._judged_at = NEVER
+        self._air_since = math.inf
         self._vents = vents
         self._limits = tuple(
             muscle.max_pressure + settings.over_pressure_margin for muscle in rig.muscles
@@ -151,6 +152,7 @@ class FaultJudge:
             Monotonic time [s].
         """
         plausibility = self._plausibility
+        self._air_since = math.inf if setpoints is None else min(self._air_since, now)
         if plausibility is None:
             return
         boards = self._boards
@@ -178,13 +180,19 @@ class FaultJudge:
         found = list(plausibility.deviations())
         if self._checks is not None:
             angles = [samples[channel] for samples, channel in boards.angles]
-            found += self._checks.update(pressures, angles, supplies, now)
+            known = [math.nan] * len(supplies) if self._supply_may_be_empty(now) else supplies
+            found += self._checks.update(pressures, angles, known, now)
         self.suspicions = tuple(
             Condition(kind, subject, text) for kind, subject, size, text in found if size < 1.0
         )
         self._implausible = tuple(
             Condition(kind, subject, text) for kind, subject, size, text in found if size >= 1.0
         )
+
+    def _supply_may_be_empty(self, now: float) -> bool:
+        """Whether the rig has a dump valve that is open, or was closed a moment ago."""
+        fill_time = self._rig.people.dump_valve_fill_time
+        return fill_time > 0.0 and now - self._air_since < fill_time
 
     def conditions(self, motion: Motion, now: float) -> Iterator[Condition]:
         """Everything that is wrong now; while air may move, each condition is a fault."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pam_check.boards.air_rules import RESTART
 from pam_check.boards.line import HeardFrame
+from pam_check.boards.people_rules import HOLD_SWITCH, PRESS_STOP, RELEASE_STOP
 from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
@@ -14,6 +16,7 @@ from pam_driver.boards.pam_board.codec import (
     FrameError,
     Heartbeat,
     Measurement,
+    SafetyInput,
     ValveCommand,
 )
 from pam_driver.boards.protocol import Frame
@@ -33,6 +36,7 @@ class GoodBoard(SimulatedPamBoard):
     def __init__(self, now: float = 0.0) -> None:
         valves = (BoardValve(max_pressure=2e5), BoardValve(max_pressure=2e5))
         super().__init__(0, CODEC, valves=valves, now=now)
+        self.emergency_stop = self.enabling_switch = SafetyInput.PERMIT
 
     def restarted(self, now: float) -> SimulatedPamBoard:
         return type(self)(now)
@@ -180,6 +184,28 @@ class CountsNothing(GoodBoard):
         super().on_frame(frame_id, data, now)
 
 
+class EmergencyStopOnlyTold(GoodBoard):
+    """Leaves the emergency stop to the host."""
+
+    def _fail(self, fault: BoardFault) -> None:
+        if fault is not BoardFault.EMERGENCY_STOP:
+            super()._fail(fault)
+
+
+class EnablingSwitchOnlyTold(GoodBoard):
+    @property
+    def _is_enabled(self) -> bool:
+        return True
+
+
+class BrakeReleasedByItsBit(GoodBoard):
+    """Whatever the state is."""
+
+    @property
+    def brake_released(self) -> bool:
+        return self._outputs[0]
+
+
 class NoOverPressure(GoodBoard):
     def _check(self, now: float, pressures: Sequence[float], position: float) -> None:
         super()._check(now, [0.0 for _ in pressures], position)
@@ -209,7 +235,13 @@ class VirtualLine:
             heard += [HeardFrame(self._now, *frame) for frame in self.sim.advance(self._now)]
         return heard
 
-    def restart(self, text: str) -> bool:
-        """What a person does who switches the board off and on."""
-        self.sim.restart_board(0, self._now)
+    def person(self, text: str) -> bool:
+        """What a person does who is asked by the test."""
+        board = self.sim.boards[0]
+        if text == RESTART:
+            self.sim.restart_board(0, self._now)
+        else:
+            stop = text in {PRESS_STOP, RELEASE_STOP}
+            permits = text in {RELEASE_STOP, HOLD_SWITCH}
+            board.misbehave("emergency_stop" if stop else "enabling_switch", float(permits))
         return True

@@ -66,6 +66,7 @@ class VendorBoard:
     follows = True
     host_fault = False
     round_trip = math.nan
+    inputs: Mapping[str, Sample] = {}
 
     def __init__(self, wired: WiredBoard) -> None:
         self.name = wired.name

@@ -22,6 +22,7 @@ from pam_driver.boards.pam_board.codec import (
     Status,
 )
 
+RESTART: Final = "Switch the board's electric supply off and on again"
 _FILLED: Final = 40_000.0  # Pa gauge
 _FILL_TIME: Final = 5.0  # s
 _VENT_TIME: Final = 5.0  # s
@@ -135,12 +136,12 @@ def _over_pressure(tester: BoardTester) -> str:
 def _restart(tester: BoardTester) -> str:
     ask = tester.limits.ask
     if ask is None:
-        raise NotTriedError("needs a person who switches the board off and on: use --restart")
+        raise NotTriedError("needs a person who switches the board off and on: use --person")
     tester.activate()
     tester.wait(0.1, ENABLED)
     before = [beat.uptime for _, beat in tester.messages(Heartbeat)]
     uptime = max(before, default=0.0)
-    if not ask("Switch the board's electric supply off and on again now"):
+    if not ask(RESTART):
         raise NotTriedError("the board was not switched off and on")
 
     def restarted() -> bool:

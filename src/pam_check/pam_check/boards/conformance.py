@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from pam_check.boards import air_rules, frame_rules, state_rules
+from pam_check.boards import air_rules, frame_rules, people_rules, state_rules
 from pam_check.boards.line import BusLine
 from pam_check.boards.page import as_text, summary, write_page
 from pam_check.boards.rule import Rule, RuleResult, Verdict
@@ -19,7 +19,12 @@ from pam_driver.bus import open_bus
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
-RULES: Final[Sequence[Rule]] = (*frame_rules.RULES, *state_rules.RULES, *air_rules.RULES)
+RULES: Final[Sequence[Rule]] = (
+    *frame_rules.RULES,
+    *state_rules.RULES,
+    *air_rules.RULES,
+    *people_rules.RULES,
+)
 """All rules, those that move no air first."""
 _LISTEN: Final = 0.5  # s
 _LAST_VENTS: Final = 5
@@ -133,7 +138,7 @@ def run(given: Arguments) -> Outcome:
             given.max_pressure,
             given.over_pressure,
             given.tolerance,
-            _ask_to_act if given.restart else None,
+            _ask_to_act if given.person else None,
         )
         tester = BoardTester(BusLine(port), codec, given.board, limits)
         find_board(tester)

@@ -157,8 +157,13 @@ class BoardTester:
 
     def command(self, feed: ValveFeed, counter: int | None = None) -> None:
         """Send a valve command, by default with the next counter."""
-        self._counter = (self._counter + 1) & 0xFF if counter is None else counter
-        self.raw(*self.codec.encode(self.number, ValveCommand(*feed, self._counter)))
+        counter = (self._counter + 1) & 0xFF if counter is None else counter
+        self.send_command(ValveCommand(*feed, counter))
+
+    def send_command(self, message: ValveCommand) -> None:
+        """Send a valve command as it is."""
+        self._counter = message.counter
+        self.raw(*self.codec.encode(self.number, message))
         self.sent_at = self.line.now()
 
     def tell(self, code: BoardCode) -> None:

@@ -204,7 +204,7 @@ class _DriverRun:
             self.hear(Measurement(pressures, 1.2 * read.share(), self.counter))
         elif kind == 1:
             state = BoardState(read.byte() % 4)
-            faults = BoardFault(read.byte() + BoardFault.HOST * (read.byte() % 2))
+            faults = BoardFault((read.byte() + 256 * read.byte()) % (2 * max(BoardFault)))
             self.hear(Status(state, faults, read.byte(), 4e5 + 4e5 * read.share(), 0))
         elif kind == 2:
             self.hear(Heartbeat(100.0 * read.byte(), read.byte() % 3, 1))

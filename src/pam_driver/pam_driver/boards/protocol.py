@@ -28,6 +28,8 @@ from pam_driver.boards.frame_errors import FrameError
 from pam_model.rig import Joint, Muscle
 
 NEVER: Final = -math.inf
+EMERGENCY_STOP: Final = "emergency_stop"
+ENABLING_SWITCH: Final = "enabling_switch"
 Frame = tuple[int, bytes]
 """Identifier and payload."""
 Channel = int | str
@@ -203,6 +205,14 @@ class Board(Protocol):
     @property
     def angles(self) -> Mapping[Channel, Sample]:
         """By channel the last available angle [rad]; always the same object."""
+
+    @property
+    def inputs(self) -> Mapping[str, Sample]:
+        """The inputs for people that the board has: `EMERGENCY_STOP`, `ENABLING_SWITCH`.
+
+        The value is 1 if the input permits motion (released stop, held switch), otherwise 0. An
+        input that the board does not have is no key.
+        """
 
     @property
     def supply_pressure(self) -> float:

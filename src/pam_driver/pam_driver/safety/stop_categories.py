@@ -59,6 +59,7 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "pressure_implausible": StopCategory(0, _DOUBT),
     "torque_implausible": StopCategory(0, _DOUBT),
     "start_up_check": StopCategory(0, _DOUBT),
+    "emergency_stop": StopCategory(0, "a person stops the robot, and its board has vented already"),
     "exhaust_blocked": StopCategory(0, "every exhaust is open already"),
 }
 

@@ -1,6 +1,7 @@
 """The rig file, one description of a robot: reading, checking and writing; rigs as data."""
 
 from pam_model.rig.file import load_rig, rig_from_parameters, rig_of_node, save_rig
+from pam_model.rig.people import People
 from pam_model.rig.types import (
     Bus,
     Encoder,
@@ -19,6 +20,7 @@ __all__ = [
     "Gas",
     "Joint",
     "Muscle",
+    "People",
     "Plausibility",
     "PressureSensor",
     "Rig",

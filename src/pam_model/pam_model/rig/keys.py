@@ -69,6 +69,10 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "time_constant": Key("s", 1e-5, 2.0, 0.005),
         "full_scale": Key("Pa gauge", 1e4, 2.5e6),
     },
+    "people": {
+        "deadline": Key("s", 0.05, 5.0, 0.2),
+        "dump_valve_fill_time": Key("s", 0.0, 30.0, 0.0),
+    },
     "plausibility": {
         "pressure_residual": Key("Pa", 1e3, 2.5e6, 100e3),
         "torque_share": Key("-", 0.01, 100.0, 0.25),
@@ -193,6 +197,13 @@ class Section:
             else:
                 found[name] = dict(tree)
         return found
+
+    def flag(self, name: str) -> bool:
+        """True or false, by default false; a problem is added for every other value."""
+        value = self.get(name)
+        if value is not None and not isinstance(value, bool):
+            self.add(name, f" = {value!r}: must be true or false")
+        return value is True
 
     def names(self, name: str) -> list[str] | None:
         """A list of names; else None, and a problem is added."""

@@ -13,6 +13,7 @@ from pam_model.muscles.force_model import ForceModel, registered_models, unknown
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.bus_keys import beside_rig_file, check_buses, read_buses
 from pam_model.rig.keys import NUMBERS, TURN, Key, Problems, Section
+from pam_model.rig.people import read_people
 from pam_model.rig.types import (
     Encoder,
     Gas,
@@ -32,6 +33,7 @@ _TOP = (
     "boards",
     "buses",
     "effects",
+    "people",
     "plausibility",
     *NUMBERS[""],
 )
@@ -365,6 +367,7 @@ def parse_rig(
     muscles = _muscles(top, wanted, [joint.name for joint in joints], gauge)
     effects = _effects(top, "rig")
     plausibility = _plausibility(top.section("plausibility"))
+    people = read_people(top.section("people"))
     sections = top.section("boards").named_sections()
     boards = {name: beside_rig_file(section, folders) for name, section in sections.items()}
     buses = read_buses(top.section("buses"))
@@ -378,6 +381,7 @@ def parse_rig(
             muscles=tuple(sorted(muscles, key=lambda muscle: muscle.name in bench)),
             effects=effects,
             plausibility=plausibility,
+            people=people,
             boards=boards,
             buses=buses,
             **numbers,

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from pam_model.effects import EffectValues
 from pam_model.muscles.force_model import ForceModel, MuscleGeometry, create_force_model
+from pam_model.rig.people import People
 
 ValveKind = Literal["flow", "pressure_regulator"]
 
@@ -299,6 +300,8 @@ class Rig:
         Effects of the whole rig.
     plausibility : Plausibility
         Limits of the driver's checks.
+    people : People
+        Inputs for people on which the driver insists.
     boards : mapping of str to mapping
         The sections of named boards: `kind`, `bus`, and further keys of this kind of board. Only
         the driver uses them.
@@ -313,6 +316,7 @@ class Rig:
     parameter_tolerance: float = 0.02
     effects: EffectValues = field(default_factory=dict)
     plausibility: Plausibility = Plausibility()
+    people: People = field(default_factory=People)
     boards: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     buses: Mapping[str, Bus] = field(default_factory=dict)
     _models: dict[str, ForceModel] = field(
@@ -396,6 +400,8 @@ class Rig:
             tree["plausibility"] = _fields(self.plausibility)
         if self.buses:
             tree["buses"] = {name: _fields(bus) for name, bus in self.buses.items()}
+        if self.people != People():
+            tree["people"] = _fields(self.people)
         if self.boards:
             tree["boards"] = {name: dict(section) for name, section in self.boards.items()}
         for joint in self.joints:

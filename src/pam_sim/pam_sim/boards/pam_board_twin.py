@@ -24,6 +24,7 @@ from pam_driver.boards.pam_board.codec import (
     FrameError,
     Heartbeat,
     Measurement,
+    SafetyInput,
     Status,
     ValveCommand,
 )
@@ -59,6 +60,11 @@ class SimulatedPamBoard:
         Time of power-up [s].
     sensors : sequence of int, optional
         The channel of each pressure sensor; by default those of the valves.
+
+    Attributes
+    ----------
+    emergency_stop, enabling_switch : SafetyInput
+        Inputs for people; a person or a test sets them.
     """
 
     def __init__(
@@ -96,9 +102,12 @@ class SimulatedPamBoard:
         self._crc_errors: list[float] = []
         self._over_pressure = False
         self._sensor_lost = False
+        self._outputs = (False, False)
+        self.emergency_stop = SafetyInput.NOT_AVAILABLE
+        self.enabling_switch = SafetyInput.NOT_AVAILABLE
         self._samples = 0
         self._counter_step = 1
-        self._told: tuple[BoardState, BoardFault] | None = None
+        self._told: object = None
         self._grid = now
         self._turns: dict[type[BoardMessage], int] = {Measurement: 0, Status: 0, Heartbeat: 0}
         self._periods = {
@@ -111,6 +120,16 @@ class SimulatedPamBoard:
     def active(self) -> bool:
         """Whether its valves follow set points."""
         return self.state is BoardState.ACTIVE
+
+    @property
+    def brake_released(self) -> bool:
+        """Whether the output of the brake has current."""
+        return self.active and self._outputs[0]
+
+    @property
+    def dump_closed(self) -> bool:
+        """Whether the output of the dump valve has current."""
+        return self.active and self._outputs[1]
 
     @property
     def fault_names(self) -> tuple[str, ...]:
@@ -130,7 +149,7 @@ class SimulatedPamBoard:
 
     def restarted(self, now: float) -> SimulatedBoard:
         """The board after a power-up at `now` [s]."""
-        return SimulatedPamBoard(
+        board = SimulatedPamBoard(
             self.number,
             self._codec,
             self.settings,
@@ -139,13 +158,23 @@ class SimulatedPamBoard:
             now,
             self._sensors,
         )
+        board.emergency_stop, board.enabling_switch = self.emergency_stop, self.enabling_switch
+        return board
 
     def misbehave(self, fault: str, value: float) -> None:
-        """Let the counter of the measurements jump or freeze, as faulty firmware would."""
+        """Let the counter jump or freeze, as faulty firmware would, or act as a person does.
+
+        A person presses the emergency stop or releases the enabling switch with the value 0, and
+        permits motion with 1.
+        """
         if fault == "counter_jump":
             self._samples = (self._samples + round(value)) & 0xFF
         elif fault == "counter_frozen":
             self._counter_step = 0
+        elif fault == "emergency_stop":
+            self.emergency_stop = SafetyInput(round(value))
+        elif fault == "enabling_switch":
+            self.enabling_switch = SafetyInput(round(value))
         elif fault == "mended":
             self._counter_step = 1
 
@@ -195,12 +224,24 @@ class SimulatedPamBoard:
                 shown[channel] = _within(pressure, PRESSURE_RANGE)
             angle = _within(position, POSITION_RANGE)
             messages.append(Measurement((shown[0], shown[1]), angle, self._samples))
-        news = (self.state, self.faults)
+        news = (self.state, self.faults, self.emergency_stop, self.enabling_switch)
         if self._is_due(Status, now) or news != self._told:
             self._told = news
             supply = _within(supply_pressure, SUPPLY_RANGE)
             counter = self._counter or 0
-            messages.append(Status(self.state, self.faults, counter, supply, self.rejected_frames))
+            messages.append(
+                Status(
+                    self.state,
+                    self.faults,
+                    counter,
+                    supply,
+                    self.rejected_frames,
+                    self.emergency_stop,
+                    self.enabling_switch,
+                    self.brake_released,
+                    self.dump_closed,
+                )
+            )
         if self._is_due(Heartbeat, now):
             messages.append(Heartbeat(now - self._started, PROTOCOL_VERSION, FIRMWARE_VERSION))
         return [self._codec.encode(self.number, message) for message in messages]
@@ -223,11 +264,12 @@ class SimulatedPamBoard:
         self._counter = command.counter
         self._last_counted = now
         self._fractions, self._enabled = command.valves, command.enable
+        self._outputs = (command.release_brake, command.close_dump)
         if not any(command.enable):
             self._armed = True
             if self.state is BoardState.ACTIVE:
                 self.state = BoardState.VENTED
-        elif self.state is BoardState.VENTED and self._armed:
+        elif self.state is BoardState.VENTED and self._armed and self._is_enabled:
             self.state = BoardState.ACTIVE
             self._crc_errors.clear()
 
@@ -241,6 +283,7 @@ class SimulatedPamBoard:
             and self.state is BoardState.FAULT
             and not self._over_pressure
             and not self._sensor_lost
+            and self.emergency_stop is not SafetyInput.STOP
         ):
             self.faults = BoardFault(0)
             self._disarm(BoardState.VENTED)
@@ -274,6 +317,15 @@ class SimulatedPamBoard:
             self._fail(BoardFault.OVER_PRESSURE)
         if self._sensor_lost:
             self._fail(BoardFault.SENSOR)
+        if self.emergency_stop is SafetyInput.STOP:
+            self._fail(BoardFault.EMERGENCY_STOP)
+        if not self._is_enabled and self.state is BoardState.ACTIVE:
+            self._disarm(BoardState.VENTED)
+
+    @property
+    def _is_enabled(self) -> bool:
+        """Whether the enabling switch permits motion, or there is none."""
+        return self.enabling_switch is not SafetyInput.STOP
 
     def _fail(self, fault: BoardFault) -> None:
         self.faults |= fault

@@ -66,6 +66,7 @@ class MappedBoard:
         self.supply_pressure = math.nan
         self.host_fault = False
         self.round_trip = math.nan  # what a device echoes need not be a counter
+        self.inputs: Mapping[str, Sample] = {}
         self.restarts = 0
         self.listeners: Mapping[int, Hear] = {
             **{frame.frame_id: self._listener(frame) for frame in device.answers},

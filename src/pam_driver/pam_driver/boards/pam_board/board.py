@@ -108,7 +108,8 @@ class PamBoard(BoardMonitor):
                 setpoints[first] if first >= 0 else 0.0,
                 setpoints[second] if second >= 0 else 0.0,
             )
-            message = ValveCommand(valves, self._enable, self._counter_sent)
+            # air may move: only now the brake is released and the dump valve closed
+            message = ValveCommand(valves, self._enable, self._counter_sent, True, True)
         return (self._codec.encode(self.number, message),)
 
     def vent(self) -> Iterable[Frame]:
@@ -166,6 +167,10 @@ class PamBoard(BoardMonitor):
                 "faults": faults or "none",
                 "supply pressure [Pa absolute]": self.status.supply_pressure,
                 "rejected frames": self.status.rejected_frames,
+                "emergency stop permits": self.status.emergency_stop.name.lower(),
+                "enabling switch permits": self.status.enabling_switch.name.lower(),
+                "brake released": self.status.brake_released,
+                "dump valve closed": self.status.dump_closed,
             }
         if self.heartbeat is not None:
             values |= {

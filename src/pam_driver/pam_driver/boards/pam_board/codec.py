@@ -37,6 +37,7 @@ from pam_driver.boards.pam_board.messages import (
     BoardState,
     Heartbeat,
     Measurement,
+    SafetyInput,
     Status,
     ValveCommand,
 )
@@ -58,6 +59,7 @@ __all__ = [
     "FrameRangeError",
     "Heartbeat",
     "Measurement",
+    "SafetyInput",
     "Status",
     "UnknownFrameError",
     "ValveCommand",
@@ -166,7 +168,7 @@ class BoardCodec:
             for field, fraction in zip(fields, message.valves, strict=False):
                 if not -1.0 <= fraction <= 1.0:
                     raise EncodeError(f"{field.name} is {fraction}, expected -1 to 1 of full scale")
-            values: tuple[float, ...] = (*message.valves, *message.enable, message.counter)
+            values: tuple[float, ...] = (*message.valves, *message.enable, *message[2:])
         elif isinstance(message, Measurement):
             values = (*message.pressures, message.position, message.counter)
         elif isinstance(message, Status):
@@ -175,6 +177,10 @@ class BoardCodec:
                 message.command_counter,
                 message.supply_pressure,
                 message.rejected_frames,
+                message.emergency_stop,
+                message.enabling_switch,
+                message.brake_released,
+                message.dump_closed,
                 *(bool(message.faults & fault) for fault in BoardFault),
             )
         else:
@@ -238,7 +244,7 @@ def _decode_board_command(layout: Layout, word: int, frame_id: int) -> BoardComm
 
 
 def _decode_valve_command(layout: Layout, word: int, frame_id: int) -> ValveCommand:
-    valve0, valve1, enable0, enable1, counter, _ = layout.fields
+    valve0, valve1, enable0, enable1, counter, brake, dump, _ = layout.fields
     valves = (valve0.value(word, frame_id), valve1.value(word, frame_id))
     if math.isnan(valves[0] + valves[1]):
         raise FrameRangeError(frame_id, "a valve command is not available")
@@ -246,6 +252,8 @@ def _decode_valve_command(layout: Layout, word: int, frame_id: int) -> ValveComm
         valves,
         (enable0.raw(word, frame_id) != 0, enable1.raw(word, frame_id) != 0),
         counter.raw(word, frame_id),
+        brake.raw(word, frame_id) != 0,
+        dump.raw(word, frame_id) != 0,
     )
 
 
@@ -259,7 +267,7 @@ def _decode_measurement(layout: Layout, word: int, frame_id: int) -> Measurement
 
 
 def _decode_status(layout: Layout, word: int, frame_id: int) -> Status:
-    state, counter, supply, rejected, *faults = layout.fields
+    state, counter, supply, rejected, stop, enabling, brake, dump, *faults = layout.fields
     raised = BoardFault(0)
     for field, fault in zip(faults, BoardFault, strict=True):
         if field.raw(word, frame_id):
@@ -270,7 +278,17 @@ def _decode_status(layout: Layout, word: int, frame_id: int) -> Status:
         counter.raw(word, frame_id),
         supply.value(word, frame_id),
         rejected.raw(word, frame_id),
+        _safety_input(stop.raw(word, frame_id)),
+        _safety_input(enabling.raw(word, frame_id)),
+        brake.raw(word, frame_id) != 0,
+        dump.raw(word, frame_id) != 0,
     )
+
+
+def _safety_input(raw: int) -> SafetyInput:
+    """An input for people; a value that the protocol does not define forbids motion."""
+    known = (SafetyInput.PERMIT, SafetyInput.NOT_AVAILABLE)
+    return SafetyInput(raw) if raw in known else SafetyInput.STOP
 
 
 def _decode_heartbeat(layout: Layout, word: int, frame_id: int) -> Heartbeat:

@@ -40,6 +40,15 @@ class BoardFault(IntFlag):
     TEMPERATURE = 64
     INTERNAL = 128
     HOST = 256
+    EMERGENCY_STOP = 512
+
+
+class SafetyInput(IntEnum):
+    """An input for people; 0, the value of an open wire, always forbids motion."""
+
+    STOP = 0
+    PERMIT = 1
+    NOT_AVAILABLE = 3
 
 
 class BoardCommand(NamedTuple):
@@ -60,11 +69,15 @@ class ValveCommand(NamedTuple):
         False vents the channel regardless of `valves`.
     counter : int
         0 to 255, one more than in the previous frame.
+    release_brake, close_dump : bool
+        Outputs for a brake and for the dump valve of the supply; False is the safe value.
     """
 
     valves: tuple[float, float]
     enable: tuple[bool, bool]
     counter: int
+    release_brake: bool = False
+    close_dump: bool = False
 
 
 class Measurement(NamedTuple):
@@ -83,6 +96,10 @@ class Status(NamedTuple):
     command_counter: int
     supply_pressure: float
     rejected_frames: int
+    emergency_stop: SafetyInput = SafetyInput.NOT_AVAILABLE
+    enabling_switch: SafetyInput = SafetyInput.NOT_AVAILABLE
+    brake_released: bool = False
+    dump_closed: bool = False
 
 
 class Heartbeat(NamedTuple):

@@ -12,9 +12,17 @@ from pam_driver.boards.pam_board.codec import (
     BoardState,
     Heartbeat,
     Measurement,
+    SafetyInput,
     Status,
 )
-from pam_driver.boards.protocol import NEVER, Channel, Condition, Sample
+from pam_driver.boards.protocol import (
+    EMERGENCY_STOP,
+    ENABLING_SWITCH,
+    NEVER,
+    Channel,
+    Condition,
+    Sample,
+)
 
 # A counter that is behind by less means frames out of order; otherwise the counter was reset.
 _REORDER_WINDOW: Final = 16
@@ -27,6 +35,8 @@ class BoardMonitor:
     ----------
     pressures, angles : dict of int to Sample
         By channel the last available value [Pa gauge], [rad].
+    inputs : dict of str to Sample
+        The inputs for people that the board has, see `boards.protocol.Board.inputs`.
     status, heartbeat : message or None
         The last received message.
     frames_lost, frames_repeated, frames_reordered, restarts : int
@@ -38,6 +48,7 @@ class BoardMonitor:
         self.name = f"board {number}"
         self.pressures: dict[Channel, Sample] = {channel: Sample() for channel in range(CHANNELS)}
         self.angles: dict[Channel, Sample] = {0: Sample()}
+        self.inputs: dict[str, Sample] = {}
         self.status: Status | None = None
         self.heartbeat: Heartbeat | None = None
         self.frames_lost = 0
@@ -86,6 +97,12 @@ class BoardMonitor:
             self._echo_at = time
         self.status = message
         self._status_at = time
+        for name, state in (
+            (EMERGENCY_STOP, message.emergency_stop),
+            (ENABLING_SWITCH, message.enabling_switch),
+        ):
+            if state is not SafetyInput.NOT_AVAILABLE:
+                self.inputs[name] = Sample(float(state is SafetyInput.PERMIT), time)
 
     def hear_heartbeat(self, message: Heartbeat, time: float) -> None:
         """Store a heartbeat; a smaller uptime than before means a restart."""

@@ -1,0 +1,115 @@
+"""Emergency stop and enabling switch: inputs of the boards and topics, which can forbid motion.
+
+Every input is fail-safe: motion needs a value that permits it, and a value that is younger than the
+deadline. An emergency stop that is pressed is a latched fault in every state. A silent one is a
+fault while air may move, and prevents activation otherwise. A released enabling switch vents and
+is no fault: holding it again does not move anything before someone activates the driver.
+
+Sources: ISO 10218-1 (emergency stop, three-position enabling device), IEC 60204-1 section 9.2
+(a reset must not itself start motion).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from pam_driver.boards.protocol import (
+    EMERGENCY_STOP,
+    ENABLING_SWITCH,
+    NEVER,
+    Address,
+    Board,
+    Condition,
+    Sample,
+)
+from pam_model.errors import RigError
+from pam_model.rig import People
+
+_WORDS: Final = {
+    EMERGENCY_STOP: ("the emergency stop is pressed", "emergency stop"),
+    ENABLING_SWITCH: ("the enabling switch is released", "enabling switch"),
+}
+
+
+class PeopleInputs:
+    """All inputs for people of one rig.
+
+    Parameters
+    ----------
+    people : People
+        The inputs on which the rig file insists.
+    boards : mapping of address to Board
+        The boards; every input that one of them reports is obeyed.
+
+    Raises
+    ------
+    RigError
+        If the rig file names a board that it does not have.
+    """
+
+    def __init__(self, people: People, boards: Mapping[Address, Board]) -> None:
+        self._boards = boards
+        self._deadline = people.deadline
+        self._wanted = {
+            EMERGENCY_STOP: people.emergency_stop_board,
+            ENABLING_SWITCH: people.enabling_switch_board,
+        }
+        topics = {
+            EMERGENCY_STOP: people.emergency_stop_topic,
+            ENABLING_SWITCH: people.enabling_switch_topic,
+        }
+        self._topics = {name: Sample() for name, wanted in topics.items() if wanted}
+        for name, address in self._wanted.items():
+            if address is not None and address not in boards:
+                names = ", ".join(map(str, boards))
+                raise RigError(
+                    f"people.{name}_board = {address}: the rig has no such board (it has {names})"
+                )
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The inputs that need a topic."""
+        return tuple(self._topics)
+
+    def hear_topic(self, name: str, permits: bool, now: float) -> None:
+        """Take a message of the topic of an input, received at a monotonic time [s]."""
+        if name in self._topics:
+            self._topics[name] = Sample(float(permits), now)
+
+    def pressed(self, now: float) -> tuple[Condition, ...]:
+        """The emergency stops that are pressed: latched faults in every state."""
+        return tuple(self._forbidding(EMERGENCY_STOP))
+
+    def conditions(self, now: float) -> Iterator[Condition]:
+        """What prevents activation and is a fault while air may move: a stop that is silent."""
+        yield from self._forbidding(EMERGENCY_STOP)
+        yield from self._silent(EMERGENCY_STOP, now)
+
+    def not_enabled(self, now: float) -> str:
+        """Why the enabling switch forbids motion; "" if it permits it or there is none."""
+        found = (*self._forbidding(ENABLING_SWITCH), *self._silent(ENABLING_SWITCH, now))
+        return "; ".join(str(condition) for condition in found)
+
+    def _forbidding(self, name: str) -> Iterator[Condition]:
+        """The sources whose last value forbids motion."""
+        text, _ = _WORDS[name]
+        for board in self._boards.values():
+            sample = board.inputs.get(name)
+            if sample is not None and sample.value != 1.0:
+                yield Condition(name, board.name, text)
+        told = self._topics.get(name)
+        if told is not None and told.time > NEVER and told.value != 1.0:
+            yield Condition(name, "topic", text)
+
+    def _silent(self, name: str, now: float) -> Iterator[Condition]:
+        """The sources on which the rig file insists, and that are missing or too old."""
+        _, word = _WORDS[name]
+        text = f"no {word} for {self._deadline:g} s"
+        address = self._wanted[name]
+        if address is not None:
+            board = self._boards[address]
+            if now - board.inputs.get(name, Sample()).time > self._deadline:
+                yield Condition(name, board.name, text)
+        if name in self._topics and now - self._topics[name].time > self._deadline:
+            yield Condition(name, "topic", text)

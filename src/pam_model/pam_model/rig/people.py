@@ -1,0 +1,46 @@
+"""The optional section `people` of a rig file: how people stop the robot, and by which inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pam_model.rig.keys import NUMBERS, Section
+
+_INPUTS = ("emergency_stop", "enabling_switch")
+
+
+@dataclass(frozen=True, slots=True)
+class People:
+    """The inputs for people on which the driver insists; by default on none.
+
+    An input that a board reports is obeyed in any case. A key here says that it must exist: while
+    it is missing or silent, nothing moves.
+
+    Attributes
+    ----------
+    emergency_stop_board, enabling_switch_board : int, str or None
+        The board that has this input.
+    emergency_stop_topic, enabling_switch_topic : bool
+        Whether the driver's topic of this input must permit motion.
+    deadline : float
+        An input that is silent for longer forbids motion [s].
+    dump_valve_fill_time : float
+        Time that the supply needs after the dump valve was closed [s]; 0 without dump valve.
+    """
+
+    emergency_stop_board: int | str | None = None
+    enabling_switch_board: int | str | None = None
+    emergency_stop_topic: bool = False
+    enabling_switch_topic: bool = False
+    deadline: float = 0.2
+    dump_valve_fill_time: float = 0.0
+
+
+def read_people(section: Section) -> People:
+    """Read the section; problems are added to it."""
+    numbers = {key: section.number(key, entry) for key, entry in NUMBERS["people"].items()}
+    stop, enabling = (section.place(f"{name}_board") for name in _INPUTS)
+    stop_topic, enabling_topic = (section.flag(f"{name}_topic") for name in _INPUTS)
+    section.finish()
+    known = {key: value for key, value in numbers.items() if value is not None}
+    return People(stop, enabling, stop_topic, enabling_topic, **known)
