@@ -1,5 +1,6 @@
 """Rig files: reading, writing, queries, parameters of nodes, and the shipped files."""
 
+from array import array
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -200,6 +201,16 @@ def test_a_dbc_file_is_found_beside_the_rig_file_by_tools_and_by_nodes(
     save_rig(load_rig(path), tmp_path / "improved.yaml")
     assert "dbc: pneumatic_manifold.dbc" in (tmp_path / "improved.yaml").read_text()
     assert load_rig(tmp_path / "improved.yaml") == load_rig(path)
+
+
+def test_lists_of_a_board_survive_the_parameters_of_a_node() -> None:
+    """ROS hands a node an array in place of each list of numbers."""
+    tree = yaml.safe_load((CONFIG / "elbow_vendor_dbc.yaml").read_text())["/**"]["ros__parameters"]
+    tree["boards"]["manifold"]["state"]["active"] = array("q", [2])
+    tree["boards"]["manifold"]["supply"]["scale"] = {"V": array("d", [0.0, 10.0])}
+    section = rig_of_node(tree, ()).boards["manifold"]
+    assert section["state"]["active"] == [2]
+    assert section["supply"]["scale"] == {"V": [0.0, 10.0]}
 
 
 @given(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from array import array
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -95,6 +96,13 @@ def _looks_like(value: float, key: Key) -> str:
         return "; looks like deg C"
     units = [name for name, _ in units_that_fit(value, key.unit, key.low, key.high)]
     return f"; looks like {' or '.join(units)}, {key.unit.split()[0]} expected" if units else ""
+
+
+def _plain(tree: Any) -> Any:
+    """A section with lists in place of the arrays that ROS makes of lists of numbers."""
+    if isinstance(tree, Mapping):
+        return {key: _plain(value) for key, value in tree.items()}
+    return list(tree) if isinstance(tree, array) else tree
 
 
 class Problems:
@@ -195,7 +203,7 @@ class Section:
             elif not isinstance(tree, Mapping) or not isinstance(tree.get("kind"), str):
                 self.add(name, f" = {tree!r}: must be a section with the key kind, a text")
             else:
-                found[name] = dict(tree)
+                found[name] = _plain(tree)
         return found
 
     def flag(self, name: str) -> bool:
