@@ -144,6 +144,17 @@ def test_legends_name_what_is_drawn_and_nothing_else(drawn: list[Figure]) -> Non
     assert upper.get_ylabel() == "[rad]"
 
 
+def test_two_sides_of_one_effect_have_rows_of_their_own(drawn: list[Figure]) -> None:
+    """Both rows were called pressure_gain."""
+    names = ["pressure_gain (agonist)", "pressure_gain (antagonist)", "creep + leakage"]
+    ranking = [RankedCandidate(name, 0.5, 0.4, 0.3, 0.5) for name in names]
+    report_figures.draw_ranking(ranking, ["pressure_gain"])
+    axis = drawn[-1].axes[0]
+    assert [label.get_text() for label in axis.get_yticklabels()] == names
+    colours = [line.get_color() for line in axis.get_lines()[::2]][:3]
+    assert colours == [report_figures.IMPROVED, report_figures.IMPROVED, "0.45"]
+
+
 def test_delays_that_round_to_nothing_are_not_negative() -> None:
     """The page said "-0.0 ms"."""
     assert _delay(-2e-5) == "by less than 0.05 ms"

@@ -126,7 +126,7 @@ def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name:
         traces=traces_of(problem, diagnosis),
         ranking=[
             RankedCandidate(
-                " + ".join(entry.effects),
+                entry.label or " + ".join(entry.effects),
                 entry.weight,
                 entry.remaining.value,
                 entry.remaining.low,

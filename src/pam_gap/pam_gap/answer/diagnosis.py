@@ -55,6 +55,8 @@ class ScoredCandidate:
         Sum over channels of the log of mean squared error over floor.
     over_floor : tuple of float
         RMS error over floor of each recorded channel.
+    label : str
+        The effects with the side of one-sided ones, by which two hypotheses of one effect differ.
     """
 
     effects: tuple[str, ...]
@@ -63,6 +65,7 @@ class ScoredCandidate:
     note: str = ""
     level: float = 0.0
     over_floor: tuple[float, ...] = ()
+    label: str = ""
 
 
 @dataclass(slots=True)
@@ -167,6 +170,7 @@ class Diagnosis:
             "ranking": [
                 {
                     "effects": list(entry.effects),
+                    "label": entry.label or " + ".join(entry.effects),
                     "weight": entry.weight,
                     "remaining": _interval(entry.remaining),
                     "note": entry.note,

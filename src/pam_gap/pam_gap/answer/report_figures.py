@@ -208,7 +208,8 @@ def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> st
     shown = list(ranking)[:14]
     figure, axis = plt.subplots(figsize=(9.5, 0.8 + 0.3 * len(shown)), layout="constrained")
     for row, entry in enumerate(shown):
-        is_named = set(entry.effect.split(" + ")) <= set(named)
+        effects = {part.split(" (")[0] for part in entry.effect.split(" + ")}
+        is_named = effects <= set(named)
         colour = IMPROVED if is_named else "0.45"
         low = max(entry.low, LEAST_REMAINING)
         axis.plot([low, max(entry.high, low)], [row, row], color=colour, lw=2)

@@ -215,6 +215,7 @@ class AnswerForm:
                     self.objections(score),
                     self.judge.level(score),
                     tuple(score.over_floor(self.floor, self.present).tolist()),
+                    score.label,
                 )
             )
         return tuple(entries)
