@@ -25,6 +25,7 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Float64MultiArray  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
 from pam_check.chain import private_domain  # noqa: E402
@@ -159,6 +160,11 @@ class Bench:
         content = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
         request = SetParameters.Request(parameters=[Parameter(name=name, value=content)])
         return self.call(SetParameters, "pam_controller/set_parameters", request).results[0]
+
+    def controls(self) -> bool:
+        """Whether the controller has said that it controls."""
+        status = self.health.get("pam_controller: loop")
+        return status is not None and status.level == b"\x00"
 
     def close(self) -> None:
         self._ending.set()
@@ -382,7 +388,7 @@ def test_refuses_to_start_without_a_rig(domain):
 
 
 def test_says_that_gains_are_designed_and_how_long_it_took(domain, tmp_path):
-    """The first start designs, the next one reads; both say so, and how long it took."""
+    """The first start designs normal and soft gains, the next one reads both; both say so."""
     said = []
     for _ in range(2):
         process = subprocess.Popen(
@@ -403,15 +409,15 @@ def test_says_that_gains_are_designed_and_how_long_it_took(domain, tmp_path):
             end(process)
     assert all(f"designing the gains of elbow; designs of earlier starts are in {tmp_path}" in text
                for text in said)  # fmt: skip
-    assert re.search(r"designing the gains .*gains took \d+\.\d s: 1 designed", said[0], re.DOTALL)
-    assert re.search(r"gains took \d+\.\d s: 0 designed, 1 read from an earlier start", said[1])
+    assert re.search(r"designing the gains .*gains took \d+\.\d s: 2 designed", said[0], re.DOTALL)
+    assert re.search(r"gains took \d+\.\d s: 0 designed, 2 read from an earlier start", said[1])
 
 
 def test_after_a_vent_it_takes_over_where_the_joint_is(bench, controller):
     """A reference from before a vent, or sent during it, must not move the joint afterwards."""
     state = bench.node.create_publisher(DiagnosticStatus, "pam_driver/state", LATCHED)
     bench.measuring, bench.position_of_nan = True, False
-    bench.wait(lambda: bench.health["pam_controller: loop"].level == b"\x00", "control")
+    bench.wait(bench.controls, "control")
     state.publish(driver_state_message("pam_driver", "vented", "a call of ~/vent"))
     bench.wait(
         lambda: "a call of ~/vent" in bench.health["pam_controller: loop"].message, "the vent"
@@ -428,3 +434,41 @@ def test_after_a_vent_it_takes_over_where_the_joint_is(bench, controller):
     assert all(
         abs(r.position[0] - bench.references[0].position[0]) < 1e-3 for r in bench.references
     )
+
+
+@pytest.mark.rerun_because(HOST_STALLS)
+def test_stop_brakes_and_holds(bench, controller):
+    bench.wait(bench.controls, "control")
+    bench.send([0.6], 4.0)
+    bench.wait(lambda: bench.references[-1].velocity[0] > 0.1, "a motion")
+    answer = bench.call(Trigger, "pam_controller/stop", Trigger.Request())
+    assert answer.success
+    bench.wait(lambda: bench.references[-1].velocity[0] == 0.0, "the stop")
+    held = bench.references[-1].position[0]
+    time.sleep(0.5)
+    assert bench.references[-1].position[0] == pytest.approx(held, abs=1e-6)
+    assert held < 0.55
+
+
+def test_lowering_ends_in_a_vent_by_the_driver_and_silence(bench, controller):
+    vents = []
+
+    def vent(_, response):
+        vents.append(time.monotonic())
+        return response
+
+    bench.node.create_service(Trigger, "pam_driver/vent", vent)
+    bench.wait(bench.controls, "control")
+    answer = bench.call(Trigger, "pam_controller/lower", Trigger.Request())
+    assert answer.success
+    assert "lowering" in answer.message
+    bench.send([0.5], 1.0)
+    said = "the joints are being lowered"
+    bench.wait(lambda: said in bench.health["pam_controller: commands"].message, "a refusal")
+    bench.wait(lambda: vents, "the vent")
+    loop = "pam_controller: loop"
+    bench.wait(lambda: "lowered as asked for" in bench.health[loop].message, "the reason")
+    count = len(bench.commands)
+    time.sleep(0.5)
+    assert len(bench.commands) == count
+    assert not bench.call(Trigger, "pam_controller/stop", Trigger.Request()).success

@@ -24,6 +24,11 @@ from pam_control.settings import ControlSettings
 from pam_model.rig import rig_from_parameters
 
 
+def plain_settings(**given):
+    """Settings without soft gains, so that one joint needs one design."""
+    return ControlSettings(safe_delay=0.0, **given)
+
+
 def arm_of(rig, count):
     """`count` joints that are all the elbow, under other names and on other boards."""
     tree = rig.to_parameters()
@@ -42,13 +47,13 @@ def arm_of(rig, count):
 def started(rig, folder, **settings):
     """Gains by joint and what the designs report, of a controller that starts now."""
     designs = KeptDesigns(folder)
-    controller = PositionStiffnessController(rig, ControlSettings(**settings), designs)
+    controller = PositionStiffnessController(rig, plain_settings(**settings), designs)
     return controller.settings.gains, designs.take_report()
 
 
 @pytest.fixture(scope="module")
 def task(rig):
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = PositionStiffnessController(rig, plain_settings())
     channel, settings = controller.channels[0], controller.settings
     return DesignTask(
         tuple(controller.cases(channel, settings)),
@@ -61,7 +66,7 @@ def task(rig):
 
 @pytest.fixture(scope="module")
 def fresh(rig):
-    return PositionStiffnessController(rig, ControlSettings()).settings.gains["elbow"]
+    return PositionStiffnessController(rig, plain_settings()).settings.gains["elbow"]
 
 
 @pytest.fixture(scope="module")

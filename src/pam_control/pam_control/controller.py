@@ -13,40 +13,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from abc import abstractmethod
+from collections.abc import Sequence
 
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
-from pam_control.feedback.gain_design import DesignTask, design_pressure_gain
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.feedback.linear_joint import LoopTiming
-from pam_control.feedback.margins import LoopCase, Margins, checked_margins
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
 from pam_control.joint_channel import JointChannel, Pair
+from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
+from pam_control.loop_guard import LoopGuard, Verdict
+from pam_control.lowering import Lowering, LoweringPhase
 from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
-from pam_model.errors import RigError
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
-from pam_ros.valve_command import PRESSURE_REGULATOR
 
 SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
 LONGEST_STEP = 0.02  # s; a longer time between two steps is counted as this
 
 
-@dataclass(frozen=True, slots=True)
-class PreparedSettings:
-    """Settings as they were asked for, with designed gains, and the margins of every joint."""
-
-    asked: ControlSettings
-    designed: ControlSettings
-    margins: list[list[Margins]]
-
-
-class Controller(ABC):
+class Controller(LoopDesign):
     """A control law for all joints of a rig.
 
     Parameters
@@ -67,8 +55,7 @@ class Controller(ABC):
     def __init__(
         self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
     ) -> None:
-        self.rig = rig
-        self.designs = designs or KeptDesigns()
+        super().__init__(rig, settings, designs)
         self.references = ReferenceGenerator(
             {joint.name: joint.position_limits for joint in rig.joints},
             {
@@ -80,93 +67,14 @@ class Controller(ABC):
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
         )
         self.correction = SensorCorrection(rig)
-        self.channels = [JointChannel(rig, joint, settings.min_pressure) for joint in rig.joints]
         self.stiffness_commands: list[float] = [settings.default_stiffness for _ in rig.joints]
         self.active = False
         self._time = math.nan
-        self._asked = settings
-        self.settings = self.designed(settings)
-        self._apply(self.settings, self.check(self.settings))
+        self.guard = LoopGuard(self.channels)
+        self.lowering = Lowering(self.channels)
+        self.use(self.prepared)
 
-    # --- design ---------------------------------------------------------------------------------
-
-    @abstractmethod
-    def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
-        """The linearised loops at which a joint's gains are designed and checked."""
-
-    def timing(self, channel: JointChannel, settings: ControlSettings) -> LoopTiming:
-        """The delays of a joint's loop, including the unknown delay that the design assumes.
-
-        Raises
-        ------
-        RigError
-            For a joint with a flow valve and a pressure regulator, for which no gains are designed.
-        """
-        valves = [muscle.valve for muscle in channel.muscles]
-        if valves[0].kind != valves[1].kind:
-            raise RigError(
-                f"{channel.joint.name}: its muscles have a {valves[0].kind} and a "
-                f"{valves[1].kind} valve; the controller needs the same kind for both"
-            )
-        return LoopTiming(
-            period=settings.period,
-            transport_delay=settings.measurement_delay
-            + settings.command_delay
-            + settings.extra_delay
-            + max(channel.command_delays)
-            + max(channel.pressure_lags),
-            valve_time_constant=max(channel.valve_time_constants),
-            lead_ratio=settings.lead_ratio,
-            velocity_filter=settings.derivative_filter,
-            regulated=valves[0].kind == PRESSURE_REGULATOR,
-            position_delay=channel.position_delay,
-        )
-
-    def designed(self, settings: ControlSettings) -> ControlSettings:
-        """The settings with every missing gain designed.
-
-        Raises
-        ------
-        ControlDesignError
-            When no gains reach the required margins.
-        """
-        if settings.pressure_gain is None:
-            timings = [self.timing(channel, settings) for channel in self.channels]
-            # a pressure regulator closes its own loop and does not limit the gain of the others
-            ours = [timing for timing in timings if not timing.regulated] or timings
-            settings = settings.replace(pressure_gain=min(map(design_pressure_gain, ours)))
-        gains = dict(settings.gains)
-        for channel in self.channels:
-            name = channel.joint.name
-            if name not in gains:
-                task = DesignTask(
-                    tuple(self.cases(channel, settings)),
-                    self.timing(channel, settings),
-                    settings.phase_margin,
-                    settings.sensitivity,
-                    settings.derivative_filter,
-                )
-                given = settings.partial_gains.get(name, {})
-                gains[name] = dataclasses.replace(self.designs.pid(name, task), **given)
-        return settings.replace(gains=gains)
-
-    def check(self, settings: ControlSettings) -> list[list[Margins]]:
-        """Margins of every joint with these settings, the worst operating point first.
-
-        Raises
-        ------
-        ControlDesignError
-            When a loop is not safe.
-        """
-        return [
-            checked_margins(
-                channel.joint.name,
-                self.cases(channel, settings),
-                self.timing(channel, settings),
-                settings.gains[channel.joint.name],
-            )
-            for channel in self.channels
-        ]
+    # --- settings ---------------------------------------------------------------------------------
 
     def change(self, settings: ControlSettings) -> None:
         """Use other settings from the next step on; missing gains are designed again.
@@ -178,33 +86,21 @@ class Controller(ABC):
         """
         self.use(self.prepare(settings))
 
-    def prepare(self, settings: ControlSettings) -> PreparedSettings:
-        """Design and check other settings, which may take seconds; nothing changes yet.
-
-        Raises
-        ------
-        ControlDesignError
-            When a loop would not be safe.
-        """
-        if settings.changes_loop(self._asked):
-            designed = self.designed(settings)
-            return PreparedSettings(settings, designed, self.check(designed))
-        present = self.settings
-        designed = settings.replace(gains=present.gains, pressure_gain=present.pressure_gain)
-        return PreparedSettings(settings, designed, [channel.margins for channel in self.channels])
-
     def use(self, prepared: PreparedSettings) -> None:
         """Use prepared settings from the next step on, without a jump of the desired pressures."""
-        self._asked = prepared.asked
-        self._apply(prepared.designed, prepared.margins)
-        if self.active:
-            for index, channel in enumerate(self.channels):
-                self._continue(index, channel)
+        self.prepared = prepared
+        self._apply((self.guard.softened and prepared.soft) or prepared.normal)
 
-    def _apply(self, settings: ControlSettings, margins: list[list[Margins]]) -> None:
-        for channel, found in zip(self.channels, margins, strict=True):
+    @property
+    def can_soften(self) -> bool:
+        """Whether there are soft gains for these settings."""
+        return self.prepared.soft is not None
+
+    def _apply(self, loops: Loops) -> None:
+        """Use these loops from the next step on, without a jump of the desired pressures."""
+        for channel, found in zip(self.channels, loops.margins, strict=True):
             channel.margins = found
-        self.settings = settings
+        self.settings = settings = loops.settings
         self.references.stream_timeout = settings.stream_timeout
         self.references.stream_bandwidth = settings.stream_bandwidth
         self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
@@ -217,6 +113,9 @@ class Controller(ABC):
             + settings.measurement_delay
             + max((channel.position_delay for channel in self.channels), default=0.0)
         )
+        if self.active:
+            for index, channel in enumerate(self.channels):
+                self._continue(index, channel)
 
     @staticmethod
     def _acting_delays(channel: JointChannel, settings: ControlSettings) -> Pair:
@@ -265,11 +164,45 @@ class Controller(ABC):
     def drop_commands(self) -> None:
         """Stop, and forget the stiffness that was commanded; references are dropped in any case."""
         self.deactivate()
+        if self.guard.softened:
+            self._apply(self.prepared.normal)
+        self.guard.clear()
         self.stiffness_commands = [self.settings.default_stiffness for _ in self.channels]
+
+    def stop(self, now: float) -> None:
+        """Brake all joints within their limits and hold them (stop category 2).
+
+        Parameters
+        ----------
+        now : float
+            Present time [s].
+        """
+        if self.lowering.phase in (LoweringPhase.SINKING, LoweringPhase.DONE):
+            self.deactivate()  # holds where the joints have sunk to
+        self.lowering.cancel()
+        self.references.stop([], now)
+
+    def lower(self, now: float) -> None:
+        """Brake all joints, let their air out slowly, then stop (stop category 1).
+
+        Parameters
+        ----------
+        now : float
+            Present time [s].
+        """
+        self.references.stop([], now)
+        self.lowering.start()
+
+    def reason_against_references(self) -> str:
+        """Why no references are taken now; empty if they are."""
+        if self.lowering.phase is not LoweringPhase.OFF:
+            return "the joints are being lowered"
+        return self.guard.stopped
 
     def deactivate(self) -> None:
         """Stop; the next step starts without a jump from the state that is measured then."""
         self.active = False
+        self.lowering.cancel()
 
     def step(self, time: float, measurement: Measurement) -> ControlOutput:
         """One control cycle.
@@ -287,7 +220,7 @@ class Controller(ABC):
             Commands; or none and the reason, if a measurement is missing or older than
             `stale_after`.
         """
-        reason = self._refusal(time, measurement)
+        reason = self.guard.stopped or self._refusal(time, measurement)
         if reason:
             self.active = False
             return ControlOutput(None, reason)
@@ -304,6 +237,19 @@ class Controller(ABC):
         commands = [math.nan] * len(self.rig.muscles)
         for index in range(len(self.channels)):
             self._joint_step(index, time, step, measurement, commands)
+        self.lowering.advance(time, self.settings.lowering_time, measurement.pressures)
+        if self.lowering.phase is LoweringPhase.DONE:
+            self.guard.stopped = "lowered as asked for"
+            self.deactivate()
+            return ControlOutput(None, self.guard.stopped)
+        if self.lowering.phase is LoweringPhase.SINKING:
+            return ControlOutput(tuple(commands))
+        match self.guard.judge(time, self.settings.tracking_time, self.can_soften):
+            case Verdict.SOFTEN if self.prepared.soft is not None:
+                self._apply(self.prepared.soft)
+            case Verdict.STOP:
+                self.deactivate()
+                return ControlOutput(None, self.guard.stopped)
         return ControlOutput(tuple(commands))
 
     def _refusal(self, time: float, measurement: Measurement) -> str:
@@ -339,6 +285,7 @@ class Controller(ABC):
             a, b = (max(float(measurement.pressures[i]), 0.0) for i in channel.indices)
             channel.desired = (a, b)
             self._begin(index, channel, float(measurement.positions[index]), (a, b))
+        self.guard.restart()
         self.active = True
 
     @abstractmethod
@@ -354,6 +301,16 @@ class Controller(ABC):
     @abstractmethod
     def _plan(self, request: PlanRequest) -> PressurePlan:
         """Plan the pressures of one joint and fill the law's part of its telemetry."""
+
+    @staticmethod
+    def _sinking(channel: JointChannel) -> PressurePlan | None:
+        """The plan of a joint whose air is let out slowly; None for every other joint."""
+        if channel.sinking_from is None:
+            return None
+        share, still = channel.sinking_share, (0.0, 0.0)
+        first, second = channel.sinking_from
+        channel.telemetry.clipped = ()
+        return PressurePlan((share * first, share * second), still, still, still, 0.0)
 
     def _joint_step(
         self,
@@ -378,7 +335,7 @@ class Controller(ABC):
         fresh = channel.measure(position, measurement.position_time, settings.derivative_filter)
         error = seen.position - position
         output = channel.pid.output(error, fresh, gains)
-        plan = self._plan(
+        plan = self._sinking(channel) or self._plan(
             PlanRequest(
                 index,
                 channel,
@@ -434,13 +391,10 @@ class Controller(ABC):
             missed=plan.missed,
             limit=settings.integral_limit,
             # a stiffness out of reach costs no torque, so that the integrator may go on
-            frozen=bool(SATURATED.intersection(clipped)) and plan.missed == 0.0,
+            frozen=channel.sinking_from is not None
+            or (bool(SATURATED.intersection(clipped)) and plan.missed == 0.0),
         )
         telemetry = channel.telemetry
         telemetry.reference, telemetry.error = seen, error
         telemetry.pressures = channel.desired
         telemetry.clipped = tuple(clipped)
-
-    def worst_margins(self) -> Mapping[str, Margins]:
-        """The least margins of every joint."""
-        return {channel.joint.name: channel.margins[0] for channel in self.channels}

@@ -92,8 +92,15 @@ class ControllerHealth:
         values["law"] = law
         values["feedforward"] = controller.settings.feedforward
         values["pressure loop gain [1/s]"] = controller.settings.pressure_gain
-        level = health.STALE if reason else health.OK
-        text = f"sends no commands: {reason}" if reason else "controlling"
+        guard = controller.guard
+        values["soft gains because"] = guard.softened or "not used"
+        values["stopped because"] = guard.stopped or "not stopped"
+        values["lowering"] = controller.lowering.phase.value
+        level, text = health.OK, "controlling"
+        if reason:
+            level, text = health.STALE, f"sends no commands: {reason}"
+        elif guard.softened:
+            level, text = health.WARN, f"controlling with soft gains: {guard.softened}"
         return health.diagnostic_status(f"{self._name}: loop", level, text, values)
 
     def _commands(self, now: float) -> Any:

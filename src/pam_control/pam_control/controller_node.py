@@ -14,7 +14,7 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import rclpy
@@ -26,6 +26,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from pam_control.command_intake import CommandIntake
@@ -116,6 +117,9 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.create_subscription(
             Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
         )
+        self.create_service(Trigger, "~/stop", self._on_stop)
+        self.create_service(Trigger, "~/lower", self._on_lower)
+        self._vent = self.create_client(Trigger, "pam_driver/vent")
         self.create_timer(1.0, self._report)
         # The process arguments would give this node the same name as the first one. Therefore it
         # ignores them, and topic names are remapped through the first node.
@@ -225,6 +229,34 @@ class ControllerNode(Node):  # type: ignore[misc]
     def _on_stiffness(self, message: Any) -> None:
         self.intake.stiffness(list(message.data))
 
+    def _on_stop(self, _: Any, response: Any) -> Any:
+        """Stop category 2: brake and hold."""
+        return self._act(response, self._controller.stop, "braking; the joints are held")
+
+    def _on_lower(self, _: Any, response: Any) -> Any:
+        """Stop category 1: brake, let the air out slowly, vent by the driver."""
+        took = f"lowering, takes about {self._controller.settings.lowering_time:g} s"
+        return self._act(response, self._controller.lower, took)
+
+    def _act(self, response: Any, act: Callable[[float], None], done: str) -> Any:
+        with self._lock:
+            response.success = bool(self._controller.active)
+            response.message = done if response.success else f"nothing moves: {self._reason}"
+            if response.success:
+                act(self._now())
+        self.get_logger().warning(response.message)
+        return response
+
+    def _vent_driver(self, reason: str) -> None:
+        """Ask the driver to vent, after commands have stopped for good.
+
+        The boards then vent within one cycle, without waiting for the time-out of the commands,
+        and the driver is vented instead of faulty. If nobody answers, the time-out does it.
+        """
+        self.get_logger().error(f"stopped: {reason}; asking the driver to vent")
+        if self._vent.service_is_ready():
+            self._vent.call_async(Trigger.Request())
+
     def _on_driver_state(self, message: Any) -> None:
         """Follow the driver: while it takes no commands, references are dropped and refused.
 
@@ -238,7 +270,9 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _reason_against_references(self) -> str:
         """Why no references are taken; empty if they are."""
-        return "" if self._controller.active else f"the controller is not active: {self._reason}"
+        if not self._controller.active:
+            return f"the controller is not active: {self._reason}"
+        return str(self._controller.reason_against_references())
 
     def _on_change(self, changes: Mapping[str, Value]) -> None:
         values = {**self._values, **changes}
@@ -266,13 +300,17 @@ class ControllerNode(Node):  # type: ignore[misc]
         with self._lock:
             if self._driver_reason:
                 return
+            before = (self._controller.guard.stopped, self._controller.guard.softened)
             try:
                 output = self._controller.step(now, measurement)
                 commands, reason = output.commands, output.reason
             except PamError as error:
                 self._controller.deactivate()
                 commands, reason = None, str(error)
+            after = (self._controller.guard.stopped, self._controller.guard.softened)
         self._reason = reason
+        if after != before:
+            self._tell_guard(*after)
         if commands is None:
             return
         stamp = self.get_clock().now().to_msg()
@@ -284,6 +322,12 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._cycle_count += 1
         if self._cycle_count % self._telemetry_every == 0:
             self._publish_telemetry(stamp)
+
+    def _tell_guard(self, stopped: str, softened: str) -> None:
+        if stopped:
+            self._vent_driver(stopped)
+        elif softened:
+            self.get_logger().error(f"soft gains from now on, until the next vent: {softened}")
 
     def _publish_telemetry(self, stamp: Any) -> None:
         telemetry = [channel.telemetry for channel in self._controller.channels]

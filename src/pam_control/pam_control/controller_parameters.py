@@ -72,6 +72,18 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "unknown delay of the loop that the gain design assumes beside the stated ones",
         ),
         _number(
+            "design.safe_delay", d.safe_delay, "s", 0.02, 0.3,
+            "unknown delay for which the soft gains are designed, used after an oscillation",
+        ),
+        _number(
+            "guard.tracking_time", d.tracking_time, "s", 0.02, 2.0,
+            "how long a tracking error may be above the joint's max_tracking_error",
+        ),
+        _number(
+            "lowering.time", d.lowering_time, "s", 0.2, 60.0,
+            "time in which ~/lower lets the air out of the muscles",
+        ),
+        _number(
             "design.phase_margin", d.phase_margin, "rad", 0.53, 1.4,
             "minimum phase margin of designed gains",
         ),
@@ -200,6 +212,9 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         measurement_delay=number("loop.measurement_delay"),
         command_delay=number("loop.command_delay"),
         extra_delay=number("design.extra_delay"),
+        safe_delay=number("design.safe_delay"),
+        lowering_time=number("lowering.time"),
+        tracking_time=number("guard.tracking_time"),
         lead_ratio=number("pressure_loop.lead_ratio"),
         pressure_gain=gain if gain > 0.0 else None,
         derivative_filter=derivative_filter,
@@ -277,6 +292,10 @@ HELP = NodeHelp(
             "diagnostic_msgs/DiagnosticStatus",
             "state of the driver; no commands and no references while it takes none",
         ),
+    ),
+    serves=(
+        Endpoint("~/stop", "std_srvs/Trigger", "brake within the limits and hold (category 2)"),
+        Endpoint("~/lower", "std_srvs/Trigger", "brake, let the air out slowly, vent (category 1)"),
     ),
     publishes=(
         Endpoint(

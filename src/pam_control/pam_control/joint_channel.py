@@ -109,6 +109,8 @@ class JointChannel:
         self.velocity = 0.0
         self.position_time = math.nan
         self.valve_clipped = False
+        self.sinking_from: Pair | None = None  # desired pressures when the lowering began [Pa]
+        self.sinking_share = 1.0
 
     def reset(self) -> None:
         """Reset the state."""

@@ -15,6 +15,7 @@ LOOP_FIELDS = (
     "measurement_delay",
     "command_delay",
     "extra_delay",
+    "safe_delay",
     "lead_ratio",
     "pressure_gain",
     "derivative_filter",
@@ -72,6 +73,12 @@ class ControlSettings:
         Largest command to a flow valve [-].
     mean_pressure : float
         Mean pressure of the pressure-ratio law [Pa].
+    safe_delay : float
+        Unknown delay for which the safe gains are designed [s].
+    tracking_time : float
+        How long a tracking error may be above the joint's limit [s].
+    lowering_time : float
+        Time in which ~/lower lets the air out [s].
     stale_after : float
         Age at which a measurement is stale [s].
     stream_timeout, stream_bandwidth : float
@@ -100,6 +107,9 @@ class ControlSettings:
     pressure_rate: float = 4e6
     spool_limit: float = 1.0
     mean_pressure: float = 2.3e5
+    safe_delay: float = 0.08
+    tracking_time: float = 0.3
+    lowering_time: float = 3.0
     stale_after: float = 0.05
     stream_timeout: float = 0.2
     stream_bandwidth: float = 40.0

@@ -39,7 +39,7 @@ class Rights:
 
     Attributes
     ----------
-    publishes, subscribes, serves : tuple of str
+    publishes, subscribes, serves, calls : tuple of str
         Names in addition to those of every node.
     parameters : bool
         Whether the node has parameter services and rosout.
@@ -50,6 +50,7 @@ class Rights:
     publishes: tuple[str, ...] = ()
     subscribes: tuple[str, ...] = ()
     serves: tuple[str, ...] = ()
+    calls: tuple[str, ...] = ()
     parameters: bool = True
     enclave: str = ""
 
@@ -66,11 +67,13 @@ POLICY: Mapping[str, Rights] = {
     "pam_controller": Rights(
         publishes=("valve_commands", "~/reference", "~/error", "diagnostics"),
         subscribes=(
-            "~/joint_trajectory", "~/commands", "~/stiffness_commands", "pam_driver/state",
+            "~/joint_trajectory", "~/commands", "~/stiffness_commands",
         ),
+        serves=("~/stop", "~/lower"),
+        calls=("pam_driver/vent",),
     ),
     "pam_controller_inputs": Rights(
-        subscribes=("joint_states", "pressure_states"),
+        subscribes=("joint_states", "pressure_states", "pam_driver/state"),
         parameters=False,
         enclave="pam_controller",
     ),
@@ -90,7 +93,7 @@ POLICY: Mapping[str, Rights] = {
 
 
 def rights_of(node: str, muscles: tuple[str, ...]) -> dict[str, set[str]]:
-    """Full names by kind: "publish", "subscribe", "reply"."""
+    """Full names by kind: "publish", "subscribe", "reply", "request"."""
     rights = POLICY[node]
     publishes = set(rights.publishes) | {"parameter_events"}
     serves = set(rights.serves) | {"~/get_type_description"}
@@ -109,6 +112,7 @@ def rights_of(node: str, muscles: tuple[str, ...]) -> dict[str, set[str]]:
         "publish": full(publishes),
         "subscribe": full(set(rights.subscribes)),
         "reply": full(serves),
+        "request": full(set(rights.calls)),
     }
 
 
@@ -124,7 +128,10 @@ def policy_xml(muscles: tuple[str, ...]) -> str:
             profiles[path] = ElementTree.SubElement(enclave, "profiles")
         profile = ElementTree.SubElement(profiles[path], "profile", ns="/", node=node)
         rights = rights_of(node, muscles)
-        for kind, tag in (("reply", "service"), ("subscribe", "topic"), ("publish", "topic")):
+        for kind, tag in (
+            ("reply", "service"), ("request", "service"), ("subscribe", "topic"),
+            ("publish", "topic"),
+        ):  # fmt: skip
             if not rights[kind]:
                 continue
             group = ElementTree.SubElement(profile, f"{tag}s", {kind: "ALLOW"})

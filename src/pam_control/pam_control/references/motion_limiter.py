@@ -143,12 +143,12 @@ class MotionLimiter:
         )
 
     def sample(self, time: float) -> JointReference:
-        """The limited reference at `time` [s]; at rest before the history, straight on after it."""
+        """The limited reference at `time` [s]: at rest before the history, a step on after it."""
         if not self._history:
             return self._rest
         end, later = self._history[-1]
         if time >= end:
-            ahead = time - end
+            ahead = min(time - end, LONGEST_STEP)
             return JointReference(
                 later.position + ahead * (later.velocity + 0.5 * ahead * later.acceleration),
                 later.velocity + ahead * later.acceleration,

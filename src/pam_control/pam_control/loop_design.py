@@ -1,0 +1,175 @@
+"""Design and check of the gains of all joints of a rig, with normal and with soft gains."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from pam_control.feedback.gain_design import DesignTask, design_pressure_gain
+from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.feedback.linear_joint import LoopTiming
+from pam_control.feedback.margins import (
+    ControlDesignError,
+    LoopCase,
+    Margins,
+    checked_margins,
+)
+from pam_control.joint_channel import JointChannel
+from pam_control.settings import ControlSettings
+from pam_model.errors import RigError
+from pam_model.rig import Rig
+from pam_ros.valve_command import PRESSURE_REGULATOR
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """Settings with all gains, and the margins of every joint with them."""
+
+    settings: ControlSettings
+    margins: list[list[Margins]]
+
+    def changed_to(self, settings: ControlSettings) -> Loops:
+        """Other settings with the same loops."""
+        mine = self.settings
+        kept = {"gains": mine.gains, "pressure_gain": mine.pressure_gain}
+        return Loops(settings.replace(**kept, extra_delay=mine.extra_delay), self.margins)
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedSettings:
+    """Settings as they were asked for, and the loops with normal and with soft gains."""
+
+    asked: ControlSettings
+    normal: Loops
+    soft: Loops | None
+
+
+class LoopDesign(ABC):
+    """Designs and checks the loops of a control law, which says how it is connected to them.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is controlled.
+    settings : ControlSettings
+        The settings at the start.
+    designs : KeptDesigns, optional
+        Store of designed gains for equal joints and later starts; by default in memory only.
+    """
+
+    def __init__(
+        self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
+    ) -> None:
+        self.rig = rig
+        self.designs = designs or KeptDesigns()
+        self.channels = [JointChannel(rig, joint, settings.min_pressure) for joint in rig.joints]
+        self.prepared = self._designed_and_checked(settings)
+
+    @abstractmethod
+    def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
+        """The linearised loops at which a joint's gains are designed and checked."""
+
+    def timing(self, channel: JointChannel, settings: ControlSettings) -> LoopTiming:
+        """The delays of a joint's loop, including the unknown delay that the design assumes.
+
+        Raises
+        ------
+        RigError
+            For a joint with a flow valve and a pressure regulator, for which no gains are designed.
+        """
+        valves = [muscle.valve for muscle in channel.muscles]
+        if valves[0].kind != valves[1].kind:
+            raise RigError(
+                f"{channel.joint.name}: its muscles have a {valves[0].kind} and a "
+                f"{valves[1].kind} valve; the controller needs the same kind for both"
+            )
+        return LoopTiming(
+            period=settings.period,
+            transport_delay=settings.measurement_delay
+            + settings.command_delay
+            + settings.extra_delay
+            + max(channel.command_delays)
+            + max(channel.pressure_lags),
+            valve_time_constant=max(channel.valve_time_constants),
+            lead_ratio=settings.lead_ratio,
+            velocity_filter=settings.derivative_filter,
+            regulated=valves[0].kind == PRESSURE_REGULATOR,
+            position_delay=channel.position_delay,
+        )
+
+    def designed(self, settings: ControlSettings) -> ControlSettings:
+        """The settings with every missing gain designed.
+
+        Raises
+        ------
+        ControlDesignError
+            When no gains reach the required margins.
+        """
+        if settings.pressure_gain is None:
+            timings = [self.timing(channel, settings) for channel in self.channels]
+            # a pressure regulator closes its own loop and does not limit the gain of the others
+            ours = [timing for timing in timings if not timing.regulated] or timings
+            settings = settings.replace(pressure_gain=min(map(design_pressure_gain, ours)))
+        gains = dict(settings.gains)
+        for channel in self.channels:
+            name = channel.joint.name
+            if name not in gains:
+                task = DesignTask(
+                    tuple(self.cases(channel, settings)),
+                    self.timing(channel, settings),
+                    settings.phase_margin,
+                    settings.sensitivity,
+                    settings.derivative_filter,
+                )
+                given = settings.partial_gains.get(name, {})
+                gains[name] = dataclasses.replace(self.designs.pid(name, task), **given)
+        return settings.replace(gains=gains)
+
+    def check(self, settings: ControlSettings) -> list[list[Margins]]:
+        """Margins of every joint with these settings, the worst operating point first.
+
+        Raises
+        ------
+        ControlDesignError
+            When a loop is not safe.
+        """
+        return [
+            checked_margins(
+                channel.joint.name,
+                self.cases(channel, settings),
+                self.timing(channel, settings),
+                settings.gains[channel.joint.name],
+            )
+            for channel in self.channels
+        ]
+
+    def prepare(self, settings: ControlSettings) -> PreparedSettings:
+        """Design and check other settings, which may take seconds; nothing changes yet.
+
+        Raises
+        ------
+        ControlDesignError
+            When a loop would not be safe.
+        """
+        if settings.changes_loop(self.prepared.asked):
+            return self._designed_and_checked(settings)
+        normal, soft = self.prepared.normal, self.prepared.soft
+        return PreparedSettings(
+            settings, normal.changed_to(settings), soft and soft.changed_to(settings)
+        )
+
+    def _designed_and_checked(self, settings: ControlSettings) -> PreparedSettings:
+        designed = self.designed(settings)
+        normal = Loops(designed, self.check(designed))
+        if settings.safe_delay <= settings.extra_delay:
+            return PreparedSettings(settings, normal, None)
+        soft: Loops | None = None
+        with contextlib.suppress(ControlDesignError):
+            asked = settings.replace(
+                extra_delay=settings.safe_delay, pressure_gain=None, gains={}, partial_gains={}
+            )
+            designed = self.designed(asked)
+            soft = Loops(designed, self.check(designed))
+        return PreparedSettings(settings, normal, soft)

@@ -1,0 +1,91 @@
+"""What the controller does when its loops oscillate or do not follow: soften, then stop.
+
+First the gains are replaced by a safe set, which is designed for a much larger delay. The safe set
+stays until the driver has been vented, since the delay is still there. If the joint still
+oscillates after a pause, or follows its reference with too large an error, the controller stops.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from enum import Enum
+
+from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
+from pam_control.joint_channel import JointChannel
+
+PAUSE = 0.6  # s after softening; what is under way with the old gains fades in this time
+
+
+class Verdict(Enum):
+    """What the controller has to do."""
+
+    NOTHING = "nothing"
+    SOFTEN = "soften"
+    STOP = "stop"
+
+
+class LoopGuard:
+    """The watches of all joints.
+
+    Parameters
+    ----------
+    channels : sequence of JointChannel
+        The joints.
+
+    Attributes
+    ----------
+    softened, stopped : str
+        Why the safe gains are used, and why the controller has stopped; empty if it has not.
+    """
+
+    def __init__(self, channels: Sequence[JointChannel]) -> None:
+        self._oscillation = [OscillationWatch(c.joint.max_velocity) for c in channels]
+        self._tracking = [TrackingWatch(c.joint.max_tracking_error) for c in channels]
+        self._channels = channels
+        self._pause_until = -math.inf
+        self.softened = self.stopped = ""
+
+    def clear(self) -> None:
+        """Forget everything, after someone has vented the driver."""
+        self.softened = self.stopped = ""
+        self._pause_until = -math.inf
+        self.restart()
+
+    def restart(self) -> None:
+        """The joints were taken over: what was seen before belongs to another motion."""
+        for oscillation, tracking in zip(self._oscillation, self._tracking, strict=True):
+            oscillation.reset()
+            tracking.reset()
+
+    def judge(self, time: float, tracking_time: float, can_soften: bool) -> Verdict:
+        """Judge the telemetry of a control cycle.
+
+        Parameters
+        ----------
+        time : float
+            Present time [s].
+        tracking_time : float
+            How long a tracking error may be above its limit [s].
+        can_soften : bool
+            Whether there are safe gains.
+        """
+        for channel, oscillation, tracking in zip(
+            self._channels, self._oscillation, self._tracking, strict=True
+        ):
+            telemetry, name = channel.telemetry, channel.joint.name
+            lost = tracking.update(time, telemetry.error, tracking_time)
+            if lost:
+                self.stopped = f"{name}: {lost}"
+                return Verdict.STOP
+            wild = oscillation.update(time, telemetry.reference.velocity, channel.velocity)
+            if not wild or time < self._pause_until:
+                continue
+            if self.softened or not can_soften:
+                self.stopped = f"{name}: {wild}" + (", even with soft gains" if can_soften else "")
+                return Verdict.STOP
+            self.softened = f"{name}: {wild}"
+            self._pause_until = time + PAUSE
+            self.restart()
+            return Verdict.SOFTEN
+        return Verdict.NOTHING
