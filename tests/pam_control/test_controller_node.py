@@ -138,7 +138,8 @@ class Bench:
         while not condition():
             if self._error is not None:
                 raise self._error
-            assert time.monotonic() < end, f"waited {patience} s for {what}"
+            said = [one.message for name, one in self.health.items() if "pam_contr" in name]
+            assert time.monotonic() < end, f"waited {patience} s for {what}; controller: {said}"
             time.sleep(0.02)
 
     def send(self, positions: list[float], duration: float, name: str = "elbow") -> None:
@@ -162,9 +163,9 @@ class Bench:
         return self.call(SetParameters, "pam_controller/set_parameters", request).results[0]
 
     def controls(self) -> bool:
-        """Whether the controller has said that it controls."""
+        """Whether the controller has said that it controls; on a busy host with soft gains."""
         status = self.health.get("pam_controller: loop")
-        return status is not None and status.level == b"\x00"
+        return status is not None and status.message.startswith("controlling")
 
     def close(self) -> None:
         self._ending.set()
@@ -439,7 +440,9 @@ def test_after_a_vent_it_takes_over_where_the_joint_is(bench, controller):
 @pytest.mark.rerun_because(HOST_STALLS)
 def test_stop_brakes_and_holds(bench, controller):
     bench.wait(bench.controls, "control")
-    bench.send([0.6], 4.0)
+    bench.send([-0.3], 1.0)
+    bench.wait(lambda: abs(bench.references[-1].position[0] + 0.3) < 1e-3, "the start")
+    bench.send([0.6], 6.0)
     bench.wait(lambda: bench.references[-1].velocity[0] > 0.1, "a motion")
     answer = bench.call(Trigger, "pam_controller/stop", Trigger.Request())
     assert answer.success
