@@ -69,6 +69,10 @@ class Judge:
     def __init__(self) -> None:
         self.seen: list[SimpleNamespace] = []
         self.finds: list[Deviation] = []
+        self.restarts = 0
+
+    def restart(self) -> None:
+        self.restarts += 1
 
     def update(
         self,

@@ -228,10 +228,12 @@ def test_the_balance_begins_anew_after_what_it_cannot_judge(
     between: tuple[tuple[float, float], float, float], rig: Rig
 ) -> None:
     good = [((4e5, 1e5), 0.3, 0.5)]
-    assert torque_off(rig, good * 50 + [between] * 5) is None
+    # a gap in the measurements is ridden through, a long one is not
+    count = 5 if math.isfinite(sum(between[0])) else 30
+    assert torque_off(rig, good * 50 + [between] * count) is None
     # neither the torque nor the speed of before count
     after = [((4e5, 1e5), 0.3, -0.5)] * 5
-    assert torque_off(rig, good * 50 + [between] * 5 + after) == torque_off(rig, after)
+    assert torque_off(rig, good * 50 + [between] * count + after) == torque_off(rig, after)
 
 
 def test_a_vacuum_pulls_no_muscle(rig: Rig) -> None:

@@ -12,14 +12,15 @@ from pam_driver.bus import BusState
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.joint_speed import JointSpeedWatch
 from pam_driver.safety.loop_watch import LoopWatch
-from pam_driver.safety.pressure_plausibility import Deviation
+from pam_driver.safety.pressure_plausibility import LONGEST_GAP, Deviation
 from pam_driver.safety.sensor_checks import SensorChecks
 from pam_model.rig import Rig
 
 # A command of another driver is a fault for this long after it was received [s].
 _FOREIGN_MEMORY: Final = 1.0
-# The physics cannot be checked across a longer pause [s].
-_STALL: Final = 0.02
+# The physics is blind if it started anew more than so often within so long [s].
+_RESTARTS: Final = 3
+_RESTART_MEMORY: Final = 1.0
 
 
 class Plausibility(Protocol):
@@ -36,6 +37,13 @@ class Plausibility(Protocol):
         supply_pressures: Sequence[float],
     ) -> None:
         """Advance by one cycle."""
+
+    @property
+    def restarts(self) -> int:
+        """How often the check has started anew after a gap in the measurements."""
+
+    def restart(self) -> None:
+        """Start anew after a pause."""
 
     def deviations(self) -> Iterator[Deviation]:
         """The deviations between measurements and physics."""
@@ -113,6 +121,8 @@ class FaultJudge:
         self._implausible: tuple[Condition, ...] = ()
         self._judged_at = NEVER
         self._air_since = math.inf
+        self._sampled_at = [NEVER] * len(rig.muscles)
+        self._restarted_at: list[float] = []
         self._vents = vents
         self._limits = tuple(
             muscle.max_pressure + settings.over_pressure_margin for muscle in rig.muscles
@@ -163,20 +173,29 @@ class FaultJudge:
             else:
                 commands.append(self._vents[index])
             supplies.append(board.supply_pressure)
-        # After a stall of this host or of the bus, the physics would lag behind the measurements
-        # and report a false fault: it restarts from the measurements.
         pressures = [samples[channel] for samples, channel in boards.pressures]
-        oldest = min(sample.time for sample in pressures)
-        stalled = now - min(oldest, self._judged_at) > max(_STALL, 10.0 * plausibility.period)
+        unknown = (math.nan,) * len(pressures)
+        new = [
+            sample.value if sample.time > before else math.nan
+            for sample, before in zip(pressures, self._sampled_at, strict=True)
+        ]
+        self._sampled_at = [sample.time for sample in pressures]
+        before = plausibility.restarts
+        # After a stall of this host, the physics would lag behind the measurements and report a
+        # false fault: it makes up for the cycles that are missing, or starts anew.
+        missing = (now - self._judged_at) / plausibility.period - 1.0
         self._judged_at = now
-        unknown = (math.nan,) * len(readings.pressures)
-        plausibility.update(
-            commands,
-            unknown if stalled else readings.pressures,
-            readings.positions,
-            readings.velocities,
-            supplies,
-        )
+        if missing * plausibility.period > LONGEST_GAP:
+            if math.isfinite(missing):  # not in the first cycle
+                plausibility.restart()
+            missing = 0.0
+        for pressures_then in [unknown] * round(missing) + [new]:
+            plausibility.update(
+                commands, pressures_then, readings.positions, readings.velocities, supplies
+            )
+        self._restarted_at = [at for at in self._restarted_at if now - at <= _RESTART_MEMORY]
+        if plausibility.restarts > before:
+            self._restarted_at.append(now)
         found = list(plausibility.deviations())
         if self._checks is not None:
             angles = [samples[channel] for samples, channel in boards.angles]
@@ -208,6 +227,12 @@ class FaultJudge:
         yield from self._speeds.conditions(now)
         yield from self.loop.conditions()
         yield from self._implausible
+        if len(self._restarted_at) > _RESTARTS:
+            text = (
+                f"{len(self._restarted_at)} pauses above {1e3 * LONGEST_GAP:.0f} ms in a second: "
+                "measurements cannot be compared with the physics"
+            )
+            yield Condition("observers_blind", "", text)
         if motion.commanded and now - motion.command_time > settings.command_timeout:
             text = f"no valid command for {settings.command_timeout:g} s"
             if motion.last_rejection:

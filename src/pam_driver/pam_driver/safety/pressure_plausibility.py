@@ -9,6 +9,10 @@ produce and the torque that inertia, friction and gravity require. It detects a 
 drifts, which the gas balance cannot detect because its observer follows the drift. Nothing is
 judged close to the end stops.
 
+Measurements may be missing for a moment. Across a gap of up to `LONGEST_GAP` the observer predicts
+the pressure from the valve command, and the next measurement corrects it for the whole time since
+the last one, so that gaps hide no fault. After a longer gap the observer starts anew.
+
 Both balances contain the effects that the rig file names: the file of each effect
 (`pam_model.effects`) describes how this check treats it, and defines the law that is used here.
 
@@ -36,6 +40,9 @@ from pam_model.rig import Joint, Muscle, Rig
 
 OBSERVER_GAIN: Final = 5.0  # 1/s
 TORQUE_MEMORY: Final = 0.15  # s
+LONGEST_GAP: Final = 0.05  # s; at the largest flow the model's error of a few per cent adds 5 kPa
+# The torques are balanced with measurements that are not older than this [s].
+_FRESH: Final = 0.02
 _END_STOP: Final = 0.03  # rad; closer to a limit, the end stop may carry torque
 _VOLUME_POINTS: Final = 16
 _TORQUE_EVERY: Final = 5  # updates of the gas per update of the torques
@@ -110,6 +117,14 @@ class _MuscleObserver:
         # the oldest entry is the command that acts now
         self._commands = deque([self._command] * (delay + 1), maxlen=delay + 1)
         self._pressure = math.nan
+        self._gap = 0.0
+        self.restarts = 0
+
+    def restart(self) -> None:
+        """Forget the pressure; the next measurement is the first."""
+        self.restarts += not math.isnan(self._pressure)
+        self._pressure = math.nan
+        self.residual = 0.0
 
     def update(
         self, command: float, pressure: float, position: float, velocity: float, supply: float
@@ -117,12 +132,14 @@ class _MuscleObserver:
         self._commands.append(command)
         command = self._commands[0]
         measured = pressure + self._ambient
-        if not math.isfinite(measured):
-            self._pressure = math.nan
-            self.residual = 0.0
-            return
+        known = math.isfinite(measured)
+        if not known and self._gap + self._period > LONGEST_GAP + 1e-9:
+            self.restart()
         if not self._pressure > 0.0:
+            if not known:
+                return
             self._pressure = max(measured, 1.0)
+            self._gap = 0.0
         low, high = self._limits
         length_rate = self._lever * velocity if low < position < high else 0.0
         length = self.muscle.neutral_length + self._lever * min(max(position, low), high)
@@ -163,15 +180,20 @@ class _MuscleObserver:
                 exponent=self._exponent,
             )
         )
-        self.residual = measured - inside
-        inside += self._period * (rate + OBSERVER_GAIN * self.residual)
+        self._gap += self._period
+        inside_next = inside + self._period * rate
+        if known:
+            self.residual = measured - inside
+            inside_next += self._gap * OBSERVER_GAIN * self.residual
+            self._gap = 0.0
+        inside = inside_next
         self._pressure = max(inside, 1e3)
 
 
 class _JointBalance:
     """Torque balance of one joint."""
 
-    def __init__(self, rig: Rig, joint: Joint, period: float) -> None:
+    def __init__(self, rig: Rig, joint: Joint) -> None:
         self.joint = joint
         self.imbalance = 0.0
         self.muscles = tuple(rig.muscle_names.index(name) for name in joint.muscles)
@@ -195,17 +217,23 @@ class _JointBalance:
         self._neutral = tuple(rig.muscle(name).neutral_length for name in joint.muscles)
         highest = rig.muscle(joint.agonist).max_pressure
         self.scale = self._radius * float(self._models[0].force(highest, self._neutral[0]))
-        self._weight = 1.0 - math.exp(-period / TORQUE_MEMORY)
         self._velocity = math.nan
         self._settled = 0.0
 
-    def update(self, pressures: Sequence[float], position: float, velocity: float) -> None:
+    def restart(self) -> None:
+        """Forget what was balanced."""
+        self.imbalance = self._settled = 0.0
+        self._velocity = math.nan
+
+    def update(
+        self, pressures: Sequence[float], position: float, velocity: float, elapsed: float
+    ) -> None:
         joint = self.joint
+        weight = 1.0 - math.exp(-elapsed / TORQUE_MEMORY)
         low, high = joint.position_limits
         first, second = (max(pressures[index], 0.0) for index in self.muscles)
         if not low + _END_STOP < position < high - _END_STOP or math.isnan(first + second):
-            self.imbalance = self._settled = 0.0
-            self._velocity = math.nan
+            self.restart()
             return
         if self._velocity != self._velocity:
             self._velocity = velocity
@@ -219,7 +247,7 @@ class _JointBalance:
             return
         # the low pass of the acceleration, without differentiating
         acceleration = (velocity - self._velocity) / TORQUE_MEMORY
-        self._velocity += self._weight * (velocity - self._velocity)
+        self._velocity += weight * (velocity - self._velocity)
         rest = (
             torque
             - self._damping * velocity
@@ -227,7 +255,7 @@ class _JointBalance:
         )
         for law, values in self._torques:
             rest += law(position, velocity, *values)
-        self._settled += self._weight * (rest - self._settled)
+        self._settled += weight * (rest - self._settled)
         imbalance = self._settled - self._inertia * acceleration
         beyond = max(abs(imbalance) - self._dry_friction, 0.0)
         self.imbalance = math.copysign(beyond, imbalance)
@@ -254,10 +282,21 @@ class PressurePlausibility:
         self._limits = rig.plausibility
         self._correction = SensorCorrection(rig)
         self._muscles = tuple(_MuscleObserver(rig, muscle, period) for muscle in rig.muscles)
-        self._joints = tuple(
-            _JointBalance(rig, joint, period * _TORQUE_EVERY) for joint in rig.joints
-        )
-        self._count = 0
+        self._joints = tuple(_JointBalance(rig, joint) for joint in rig.joints)
+        self._pressures = [math.nan] * len(rig.muscles)
+        self._ages = [math.inf] * len(rig.muscles)
+        self._poses = [(0.0, 0.0)] * len(rig.joints)
+        self._counts = [0] * len(rig.joints)
+
+    @property
+    def restarts(self) -> int:
+        """How often the observer of any muscle has started anew after a gap."""
+        return sum(muscle.restarts for muscle in self._muscles)
+
+    def restart(self) -> None:
+        """Start all observers anew, after a pause in which nothing was measured or commanded."""
+        for muscle in self._muscles:
+            muscle.restart()
 
     def update(
         self,
@@ -275,7 +314,7 @@ class PressurePlausibility:
             By muscle, the last command sent to its valve as fraction of full scale; a vent is -1
             for a flow valve and 0 for a regulator.
         pressures : sequence of float
-            Measurements by muscle [Pa gauge]; NaN if unknown, which restarts the observer.
+            New measurements by muscle [Pa gauge]; NaN if there is none since the last update.
         positions, velocities : sequence of float
             Measurements by joint [rad], [rad/s].
         supply_pressures : sequence of float
@@ -283,19 +322,28 @@ class PressurePlausibility:
         """
         pressures = self._correction.pressures(pressures)
         positions = self._correction.positions(positions)
+        for place, pose in enumerate(zip(positions, velocities, strict=True)):
+            if not math.isnan(sum(pose)):
+                self._poses[place] = pose
         for index, muscle in enumerate(self._muscles):
-            place = muscle.joint
-            position = 0.0 if place is None else positions[place]
-            velocity = 0.0 if place is None else velocities[place]
-            if math.isnan(position + velocity):
-                position, velocity = 0.0, 0.0
+            if math.isfinite(pressures[index]):
+                self._pressures[index], self._ages[index] = pressures[index], 0.0
+            else:
+                self._ages[index] += self.period
+            position, velocity = (0.0, 0.0) if muscle.joint is None else self._poses[muscle.joint]
             muscle.update(
                 commands[index], pressures[index], position, velocity, supply_pressures[index]
             )
-        self._count += 1
-        if self._count % _TORQUE_EVERY == 0:
-            for joint, position, velocity in zip(self._joints, positions, velocities, strict=True):
-                joint.update(pressures, position, velocity)
+        for place, joint in enumerate(self._joints):
+            self._counts[place] += 1
+            age = max(self._ages[index] for index in joint.muscles)
+            elapsed = self._counts[place] * self.period
+            if age > LONGEST_GAP:
+                joint.restart()
+                self._counts[place] = 0
+            elif self._counts[place] >= _TORQUE_EVERY and age <= _FRESH:
+                joint.update(self._pressures, positions[place], velocities[place], elapsed)
+                self._counts[place] = 0
 
     def deviations(self) -> Iterator[Deviation]:
         """The deviations above the warning share of their limit."""

@@ -60,6 +60,7 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "torque_implausible": StopCategory(0, _DOUBT),
     "start_up_check": StopCategory(0, _DOUBT),
     "emergency_stop": StopCategory(0, "a person stops the robot, and its board has vented already"),
+    "observers_blind": StopCategory(0, "a sensor, valve or muscle that fails is not seen"),
     "exhaust_blocked": StopCategory(0, "every exhaust is open already"),
 }
 
