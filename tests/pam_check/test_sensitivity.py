@@ -28,6 +28,7 @@ def kept(nominal: float, best: float) -> KeptEvidence:
     creep = score(("creep",), best)
     return KeptEvidence(
         np.ones(3),
+        np.zeros(3),
         np.ones(3, dtype=bool),
         score((), nominal + 1.0),
         score((), nominal),

@@ -37,6 +37,7 @@ def evidence(**changes: object) -> KeptEvidence:
     )
     kept = KeptEvidence(
         floor=np.ones(CHANNELS),
+        background=np.zeros(CHANNELS),
         present=np.array([True, True, True]),
         written=score((), 9.0),
         nominal=score((), 6.0),

@@ -288,6 +288,11 @@ def _declare_blind(parser: Parser) -> None:
         action="store_true",
         help="keep the evidence that `sensitivity` needs to decide every case again",
     )
+    parser.add_argument(
+        "--background",
+        action="store_true",
+        help="draw rigs as they are: each with an ordinary background of small imperfections",
+    )
 
 
 def _sensitivity(given: Arguments) -> Outcome:

@@ -11,6 +11,7 @@ import numpy as np
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.write_answer import AnswerForm, advice
 from pam_gap.experiments.next_experiment import propose
+from pam_gap.inference.background import discrepancy
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.decision import Judge
 from pam_gap.inference.evidence import KeptEvidence
@@ -24,7 +25,7 @@ from pam_gap.inference.held_out import (
     score_held_out,
 )
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
-from pam_gap.inference.search import Progress, Search, SearchResult, silent
+from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
@@ -111,6 +112,7 @@ class JointDiagnosis:
         """Search single effects, then further effects while they improve the fit enough."""
         search = Search(self.fitter, self.candidates(), self.progress)
         result = search.singles()
+        self.judge.background = discrepancy(self.fitter, result.nominal)
         low, high = 0.4, 0.75
         while self._goes_on(search, result):
             search.grow(result, (low, high))
@@ -120,12 +122,18 @@ class JointDiagnosis:
     def _goes_on(self, search: Search, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
-        worst = float(np.sqrt(best.mean_square / self.floor)[self.present].max())
+        share = self.rules.search.background_share
+        floor = self.floor + share * self.judge.background
+
+        def left(h: Hypothesis) -> float:
+            return level(h.mean_square, floor, self.present)
+
+        worst = float(np.sqrt(best.mean_square / floor)[self.present].max())
         size = len(result.by_size)
-        step = GrowthStep(size, worst, search.level(result.nominal), search.level(best))
+        step = GrowthStep(size, worst, left(result.nominal), left(best))
         if size > 1:
-            previous = search.level(result.by_size[-2][0])
-            others = (search.level(h) for h in result.by_size[-1] if h.effects != best.effects)
+            previous = left(result.by_size[-2][0])
+            others = (left(h) for h in result.by_size[-1] if h.effects != best.effects)
             step = replace(step, previous=previous, runner_up=min(others, default=previous))
         goes_on = grows(step, self.rules.search, self.rules.decision)
         self.growth.append((step, goes_on))
@@ -202,8 +210,8 @@ class JointDiagnosis:
         location = locate(self.problem, nominal_vector, result.nominal.result.errors)
         singles = tuple(h.effects[0] for h in result.by_size[0])
         self.evidence = KeptEvidence(
-            self.floor, self.present, written, nominal, tuple(tried), settled,
-            singles, location.stages, tuple(self.growth), self.motion,
+            self.floor, self.judge.background, self.present, written, nominal, tuple(tried),
+            settled, singles, location.stages, tuple(self.growth), self.motion,
         )  # fmt: skip
         self.progress("gap figures", 0.96)
         form = AnswerForm(self.fitter, self.folds, self.judge)

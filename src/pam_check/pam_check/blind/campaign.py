@@ -32,7 +32,7 @@ from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
 
-def draw_sealed(cases: int, seed: int, out: Path) -> str:
+def draw_sealed(cases: int, seed: int, out: Path, background: bool = False) -> str:
     """Draw the cases in another process; return the digest of the sealed labels.
 
     Raises
@@ -42,7 +42,8 @@ def draw_sealed(cases: int, seed: int, out: Path) -> str:
     """
     done = subprocess.run(
         [sys.executable, "-m", DRAW_CASES, "--cases", str(cases), "--seed", str(seed),
-         "--folder", str(out / "cases"), "--sealed", str(out / "sealed")],
+         "--folder", str(out / "cases"), "--sealed", str(out / "sealed"),
+         *(["--background"] if background else [])],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode != 0:
@@ -125,11 +126,13 @@ def run_campaign(
     workers: int,
     experiments: bool = False,
     keep_evidence: bool = False,
+    background: bool = False,
 ) -> dict[str, Any]:
     """Draw, diagnose and score `cases` cases; all files are written into `out`.
 
     With `experiments`, the experiment that each ambiguous diagnosis proposes is run and scored as
     well. With `keep_evidence`, every diagnosis keeps the evidence that `sensitivity` needs.
+    With `background`, every rig has an ordinary background besides its hidden effects.
 
     Raises
     ------
@@ -139,7 +142,7 @@ def run_campaign(
     if (out / "cases").exists():
         raise PamError(f"{out}: holds a campaign already; give another --out")
     out.mkdir(parents=True, exist_ok=True)
-    digest = draw_sealed(cases, seed, out)
+    digest = draw_sealed(cases, seed, out, background)
     (out / "seal.txt").write_text(f"SHA-256 of the labels, before any diagnosis: {digest}\n")
     names = sorted(p.name for p in (out / "cases").iterdir())
     answers: dict[str, dict[str, Any]] = {}
@@ -186,8 +189,9 @@ def run(given: Arguments) -> Outcome:
     mpl.use("Agg")
     seed = given.seed if given.seed is not None else time.time_ns() % 2**32
     result = run_campaign(
-        given.cases, seed, given.out, given.workers, given.experiments, given.keep_evidence
-    )
+        given.cases, seed, given.out, given.workers, given.experiments, given.keep_evidence,
+        given.background,
+    )  # fmt: skip
     print(f"seed {seed}; labels sealed as {result['labels_sha256'][:16]}…")
     shares = dict(result["shares"])
     if "experiments" in result:

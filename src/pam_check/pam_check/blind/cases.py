@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,15 @@ from pam_check.blind.draw import (
     draw_sensors,
     perturbed,
 )
-from pam_check.blind.truth_plant import Array, TruthJoint, TruthMuscle, TruthRecording, run_truth
+from pam_check.blind.rough import TOLERANCES, draw_rough_rig, uneven
+from pam_check.blind.truth_plant import (
+    Array,
+    Sensors,
+    TruthJoint,
+    TruthMuscle,
+    TruthRecording,
+    run_truth,
+)
 from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.rig import rig_from_parameters, save_rig
@@ -48,6 +56,9 @@ class Label:
     muscles: list[dict[str, float]]
     sensors: dict[str, float]
     load_cells: bool
+    strength: float = 0.0
+    """Strength of the effects above the background; 0 without effects or without a background."""
+    supply: dict[str, float] = field(default_factory=dict)
 
 
 def rig_parameters(joint: TruthJoint, muscle: TruthMuscle, tolerance: float) -> dict[str, object]:
@@ -123,6 +134,22 @@ def _rms(difference: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(np.square(difference), axis=0)))
 
 
+def _moves_well(recording: TruthRecording, joint: TruthJoint) -> bool:
+    """Whether the joint moves, and is hardly ever at its end stops."""
+    travel = float(np.ptp(recording.true_position))
+    stopped = np.mean(np.abs(recording.true_position) > 0.98 * joint.upper_limit)
+    return bool(travel >= 0.15 and stopped <= 0.02)
+
+
+def _over_floor(recording: TruthRecording, without: TruthRecording, sensors: Sensors) -> float:
+    """Largest RMS change of a channel by the hidden effects, in multiples of its noise."""
+    floor_p = float(np.hypot(sensors.pressure_noise, sensors.pressure_step / 12**0.5))
+    floor_q = float(np.hypot(sensors.position_noise, sensors.position_step / 12**0.5))
+    change_p = _rms(recording.pressures - without.true_pressures).max() / floor_p
+    change_q = float(_rms(recording.position - without.true_position)) / floor_q
+    return float(max(change_p, change_q))
+
+
 def make_case(
     name: str, kind: str, folder: Path, sealed: Path, random: np.random.Generator
 ) -> Label:
@@ -157,14 +184,8 @@ def make_case(
             )
         except FloatingPointError:
             continue
-        travel = float(np.ptp(recording.true_position))
-        stopped = np.mean(np.abs(recording.true_position) > 0.98 * joint.upper_limit)
-        if travel < 0.15 or stopped > 0.02:
+        if not _moves_well(recording, joint):
             continue
-        floor_p = float(np.hypot(sensors.pressure_noise, sensors.pressure_step / 12**0.5))
-        floor_q = float(np.hypot(sensors.position_noise, sensors.position_step / 12**0.5))
-        change_p = _rms(recording.pressures - without.true_pressures).max() / floor_p
-        change_q = float(_rms(recording.position - without.true_position)) / floor_q
         target = folder / name
         target.mkdir(parents=True)
         save_rig(rig_from_parameters(rig_parameters(joint, muscle, tolerance)), target / "rig.yaml")
@@ -179,7 +200,7 @@ def make_case(
             kind=kind,
             effects=effects,
             stages=[(KNOWN | OUTSIDE)[e][0] for e in effects],
-            gap_over_floor=float(max(change_p, change_q)),
+            gap_over_floor=_over_floor(recording, without, sensors),
             joint={k: float(v) for k, v in draw.joint._asdict().items()},
             muscles=[{k: float(v) for k, v in m._asdict().items()} for m in draw.muscles],
             sensors=asdict(sensors),
@@ -188,19 +209,65 @@ def make_case(
     raise RuntimeError(f"no rig with {effects} that can run in {MAX_TRIES} draws")
 
 
-def make_cases(count: int, seed: int, folder: Path, sealed: Path) -> str:
+def make_rough_case(
+    name: str, kind: str, folder: Path, sealed: Path, random: np.random.Generator
+) -> Label:
+    """Draw one case with an ordinary background, as `make_case` draws one without.
+
+    Raises
+    ------
+    RuntimeError
+        When MAX_TRIES draws give no rig that can run.
+    """
+    effects = _choose(random, kind)
+    for _ in range(MAX_TRIES):
+        believed = believed_rig(random)
+        tolerance = float(random.choice(TOLERANCES))
+        try:
+            drawn = draw_rough_rig(believed, tolerance, effects, random)
+        except FloatingPointError:
+            continue
+        if not _moves_well(drawn.recording, believed[0]):
+            continue
+        load_cells = bool(random.random() < 0.25)
+        target = folder / name
+        target.mkdir(parents=True)
+        save_rig(rig_from_parameters(rig_parameters(*believed, tolerance)), target / "rig.yaml")
+        (sealed / name).mkdir(parents=True, exist_ok=True)
+        for made, place in ((drawn.recording, target), (drawn.check, sealed / name)):
+            uneven(to_table(made, load_cells), random).to_csv(
+                place / "recording.csv.gz", index=False, float_format="%.7g"
+            )
+        return Label(
+            case=name,
+            kind=kind,
+            effects=effects,
+            stages=[(KNOWN | OUTSIDE)[e][0] for e in effects],
+            gap_over_floor=_over_floor(drawn.recording, drawn.without, drawn.sensors),
+            joint={k: float(v) for k, v in drawn.joint._asdict().items()},
+            muscles=[{k: float(v) for k, v in m._asdict().items()} for m in drawn.muscles],
+            sensors=asdict(drawn.sensors),
+            load_cells=load_cells,
+            strength=drawn.strength,
+            supply={k: float(v) for k, v in drawn.supply._asdict().items()},
+        )
+    raise RuntimeError(f"no rig with {effects} that can run in {MAX_TRIES} draws")
+
+
+def make_cases(
+    count: int, seed: int, folder: Path, sealed: Path, background: bool = False
+) -> str:
     """Write `count` cases into `folder`, their labels into `sealed`; return the labels' SHA-256.
 
     Half of the cases hide one effect. The others hide none, two, or one outside the table, in equal
-    shares.
+    shares. With `background`, every rig has an ordinary background besides.
     """
     random = np.random.default_rng(seed)
     kinds = random.permutation(
         [("one", "none", "one", "two", "one", "outside")[k % 6] for k in range(count)]
     )
-    labels = [
-        make_case(f"{k:03d}", str(kind), folder, sealed, random) for k, kind in enumerate(kinds)
-    ]
+    make = make_rough_case if background else make_case
+    labels = [make(f"{k:03d}", str(kind), folder, sealed, random) for k, kind in enumerate(kinds)]
     text = json.dumps([asdict(label) for label in labels], indent=1)
     (sealed / LABELS).write_text(text)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -216,10 +283,11 @@ def _declare(parser: Parser) -> None:
         required=True,
         help="folder for labels and second recordings",
     )
+    parser.add_argument("--background", action="store_true", help="rigs with a background")
 
 
 def _run(given: Arguments) -> Outcome:
-    digest = make_cases(given.cases, given.seed, given.folder, given.sealed)
+    digest = make_cases(given.cases, given.seed, given.folder, given.sealed, given.background)
     print(digest)
     return Outcome({"labels_sha256": digest})
 

@@ -219,10 +219,13 @@ def _steps(random: np.random.Generator, count: int, low: float, high: float, dt:
 
 
 def draw_excitation(
-    random: np.random.Generator, joint: TruthJoint, sample_time: float
+    random: np.random.Generator,
+    joint: TruthJoint,
+    sample_time: float,
+    duration: float = DURATION,
 ) -> Excitation:
     """Draw a motion: steps, sines or both, with varying co-contraction, in pressure or angle."""
-    n = round(DURATION / sample_time)
+    n = round(duration / sample_time)
     time = np.arange(n) * sample_time
     kind = random.choice(["steps", "sines", "both"], p=[0.3, 0.3, 0.4])
     wave = np.zeros(n)

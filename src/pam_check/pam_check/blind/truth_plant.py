@@ -108,6 +108,7 @@ class TruthMuscle(NamedTuple):
     pressure_bias: float = 0.0
     pressure_lag: float = 0.0
     spool_hysteresis: float = 0.0  # not in the table of effects
+    pressure_curvature: float = 0.0  # of the reading, at full scale; not in the table of effects
 
 
 @dataclass
@@ -120,6 +121,28 @@ class Sensors:
     position_step: float = 2.0 * math.pi / 16384.0
     force_noise: float = 1.5
     command_step: float = 1.0 / 2048.0
+    pressure_colour: float = 0.0  # Pa, standard deviation of the noise below the corner
+    pressure_corner: float = 10.0  # Hz
+    pressure_drift: float = 0.0  # Pa, of the zero over the recording
+    position_drift: float = 0.0  # rad
+    force_drift: float = 0.0  # N
+
+
+class SupplyWander(NamedTuple):
+    """How the supply pressure changes by itself, as shares of it."""
+
+    wander: float = 0.0
+    period: float = 10.0  # s
+    ripple: float = 0.0
+    frequency: float = 15.0  # Hz
+
+    def factor(self, time: Array) -> Array:
+        """Supply pressure over its mean, shape of `time`."""
+        turn = time / self.period
+        triangle = 4.0 * np.abs(turn - np.floor(turn + 0.5)) - 1.0
+        ripple = np.sin(2.0 * np.pi * self.frequency * time)
+        result: Array = 1.0 + self.wander * triangle + self.ripple * ripple
+        return result
 
 
 @dataclass
@@ -178,6 +201,7 @@ def _run(  # noqa: PLR0912, PLR0915
     fixed_commands: Array,
     use_fixed: bool,
     settings: Array,
+    supply_factor: Array,
     noise: Array,
     commands: Array,
     sensed: Array,
@@ -242,12 +266,16 @@ def _run(  # noqa: PLR0912, PLR0915
     command = np.zeros(2)
     for k in range(n):
         # Sensors and control loop, once per sample.
+        p_sup = joint.supply_pressure * supply_factor[k]
         q_seen = q_buffer[(head - 1 - round(joint.position_delay / h)) % 4096] if k > 0 else q
         q_seen += joint.position_offset + joint.encoder_eccentricity * math.sin(q_seen + 0.7)
         q_seen = round((q_seen + noise[k, 2]) / q_step) * q_step
         sensed[k, 2] = q_seen
         for i in range(2):
-            shown = filtered[i] * muscles[i].pressure_gain + muscles[i].pressure_bias + noise[k, i]
+            # A parabola that is right at zero and at full scale, and off between them.
+            bent = 4.0 * muscles[i].pressure_curvature * filtered[i] * (1.0 - filtered[i] / 1.0e6)
+            shown = filtered[i] * muscles[i].pressure_gain + muscles[i].pressure_bias
+            shown += bent + noise[k, i]
             shown = round(shown / p_step) * p_step
             sensed[k, i] = shown
             sensed[k, 3 + i] = force[i] + noise[k, 3 + i]
@@ -446,6 +474,26 @@ def _run(  # noqa: PLR0912, PLR0915
     return n
 
 
+def slow_noise(
+    sensors: Sensors, sample_time: float, count: int, generator: np.random.Generator
+) -> Array:
+    """Coloured noise of the pressures and drifting zeros, shape (count, 5)."""
+    result = np.zeros((count, 5))
+    decay = math.exp(-2.0 * math.pi * sensors.pressure_corner * sample_time)
+    part = np.linspace(0.0, 1.0, count)
+    drifts = [sensors.pressure_drift] * 2 + [sensors.position_drift] + [sensors.force_drift] * 2
+    for i, drift in enumerate(drifts):
+        bow = generator.uniform(-0.5, 0.5)
+        result[:, i] = drift * generator.uniform(-1.0, 1.0) * (part - 0.5 + bow * part * (1 - part))
+        if i < 2:
+            white = generator.standard_normal(count) * math.sqrt(1.0 - decay**2)
+            state = generator.standard_normal()
+            for k in range(count):
+                state = decay * state + white[k]
+                result[k, i] += sensors.pressure_colour * state
+    return result
+
+
 def run_truth(
     joint: TruthJoint,
     muscles: tuple[TruthMuscle, TruthMuscle],
@@ -454,6 +502,7 @@ def run_truth(
     generator: np.random.Generator,
     *,
     fixed_commands: Array | None = None,
+    supply: SupplyWander | None = None,
 ) -> TruthRecording:
     """Run the rig through the excitation and record it.
 
@@ -470,6 +519,8 @@ def run_truth(
     fixed_commands : ndarray (n, 2), optional
         Valve commands in place of the control loop, which show how another rig responds to the
         same commands.
+    supply : SupplyWander, optional
+        How the supply pressure changes; it is constant by default.
 
     Raises
     ------
@@ -480,6 +531,9 @@ def run_truth(
     noise = generator.standard_normal((n, 5)) * np.array(
         [sensors.pressure_noise] * 2 + [sensors.position_noise] + [sensors.force_noise] * 2
     )
+    time = np.arange(n, dtype=np.float64) * excitation.sample_time
+    if sensors.pressure_colour > 0.0 or sensors.pressure_drift > 0.0:
+        noise += slow_noise(sensors, excitation.sample_time, n, generator)
     commands, sensed, truth = np.zeros((n, 2)), np.zeros((n, 5)), np.zeros((n, 3))
     settings = np.array(
         [
@@ -501,6 +555,7 @@ def run_truth(
         np.zeros((1, 2)) if fixed_commands is None else fixed_commands,
         fixed_commands is not None,
         settings,
+        np.ones(n) if supply is None else supply.factor(time),
         noise,
         commands,
         sensed,
@@ -509,7 +564,7 @@ def run_truth(
     if done < n:
         raise FloatingPointError(f"the drawn rig diverges at {done * excitation.sample_time:.2f} s")
     return TruthRecording(
-        time=np.arange(n, dtype=np.float64) * excitation.sample_time,
+        time=time,
         commands=commands,
         pressures=sensed[:, :2],
         position=sensed[:, 2],

@@ -239,8 +239,9 @@ class AnswerForm:
     def improved(self, h: Hypothesis) -> Rig:
         """The rig with the fitted values, except the transport time, which belongs to the log."""
         _, targets, factor = self.fitter.problem_parts(h.members)
+        found = {path for member in h.members for group in member.targets for path in group}
         for place, nuisance in enumerate(self.fitter.nuisances):
-            if not nuisance.is_factor:
+            if nuisance.is_transport or nuisance.targets[0] in found:
                 targets[place] = ()
         return improve_rig(self.rig, self.joint, h, targets, factor)
 

@@ -190,11 +190,19 @@ class Nuisance:
         The plant parameters that it sets or scales.
     is_factor : bool
         Whether it multiplies the values of the rig file.
+    effect : str
+        The effect of which it is the ordinary background; empty for a number of the rig file.
     """
 
     free: FreeParameter
     targets: tuple[str, ...]
     is_factor: bool
+    effect: str = ""
+
+    @property
+    def is_transport(self) -> bool:
+        """Whether it belongs to the log and not to the rig."""
+        return not self.is_factor and not self.effect
 
 
 def nuisances_for(
@@ -230,6 +238,42 @@ def nuisances_for(
         )
         for name in names
     )
+
+
+def background_for(rig: Rig, joint: Joint) -> tuple[Nuisance, ...]:
+    """The ordinary background: small effects that every good rig has, as nuisance parameters.
+
+    An effect that the rig file states is known, and has no background besides.
+    """
+    scales = rig_scales(rig, joint)
+    found: list[Nuisance] = []
+    for effect in EFFECTS.values():
+        sizes = effect.search.ranges(scales)
+        for key, parameter in effect.parameters.items():
+            reach = sizes[key].ordinary
+            if reach <= 0.0:
+                continue
+            for owner, stated in _owners(rig, joint, effect):
+                if effect.name in stated:
+                    continue
+                low = max(parameter.neutral - reach, parameter.low)
+                high = parameter.neutral + reach
+                path = f"{owner}.{effect.name}.{key}".lstrip(".")
+                free = FreeParameter(
+                    path, low, high, 0.3 * reach, prior=0.5 * reach, centre=0.5 * (low + high)
+                )
+                found.append(Nuisance(free, (path,), is_factor=False, effect=effect.name))
+    return tuple(found)
+
+
+def _owners(
+    rig: Rig, joint: Joint, effect: Effect
+) -> tuple[tuple[str, Mapping[str, Mapping[str, float]]], ...]:
+    """Owners of an effect's parameters in the plant, with the effects that the rig file states."""
+    if effect.scope == "muscle":
+        muscles = (rig.muscle(name) for name in joint.muscles)
+        return tuple((s, m.effects) for s, m in zip(SIDES, muscles, strict=True))
+    return (("", joint.effects if effect.scope == "joint" else rig.effects),)
 
 
 def transport_time(

@@ -59,7 +59,7 @@ class Judge:
 
     Parameters
     ----------
-    floor : ndarray, shape (channels,)
+    noise : ndarray, shape (channels,)
         Mean squared error due to noise alone.
     present : ndarray of bool, shape (channels,)
         Channels that are judged.
@@ -68,19 +68,25 @@ class Judge:
     motion : ndarray, shape (channels,), optional
         Squared range of each channel in units of its whitened errors; without it, every gap above
         the noise matters.
+    background : ndarray, shape (channels,), optional
+        Mean squared error that an ordinary background can leave, from `background.discrepancy`;
+        none by default. It may be set later.
     """
 
     def __init__(
         self,
-        floor: Array,
+        noise: Array,
         present: np.ndarray,
         rules: DecisionRules,
         motion: Array | None = None,
+        background: Array | None = None,
     ) -> None:
-        self.floor = floor
+        self.noise = noise
+        self.background: Array = np.zeros_like(noise) if background is None else background
+        self.floor = noise
         self.present = present
         self.rules = rules
-        self.motion = np.zeros_like(floor) if motion is None else motion
+        self.motion = np.zeros_like(noise) if motion is None else motion
 
     def is_material(self, score: Score, *, unexplained: bool = False) -> bool:
         """Whether a score leaves an error that matters in any channel, by its share of the motion.
@@ -97,6 +103,17 @@ class Judge:
             share *= self.rules.unexplained_factor
         limit = share**2 * self.motion
         return bool((score.mean_square - self.floor > limit)[self.present].any())
+
+    def set_floor(self, scores: Sequence[Score]) -> None:
+        """Set the floor against which hypotheses are judged, from the scores of all of them.
+
+        What the best hypothesis leaves above the noise, with some margin, counts as background, as
+        long as an ordinary background can leave as much. A rig that some hypothesis explains down
+        to the noise has no background, and is judged against the noise alone.
+        """
+        best = min(scores, key=lambda score: score.level(self.noise, self.present))
+        left = self.rules.background_reach * (best.mean_square - self.noise)
+        self.floor = self.noise + np.clip(left, 0.0, self.background)
 
     def level(self, score: Score) -> float:
         """Level of a held-out score."""
@@ -173,11 +190,13 @@ class Judge:
         settle : callable
             Completes the fit of a hypothesis and returns its score.
         """
+        self.set_floor([nominal, *tried])
         chosen = self.choose(nominal, tried)
         if chosen is not None:
             close = [chosen, *self.rivals(chosen, tried, nominal)]
             others = [score for score in tried if not any(score is one for one in close)]
             tried = [*map(settle, close), *others]
+            self.set_floor([nominal, *tried])
             chosen = self.choose(nominal, tried)
         before = self.level(nominal)
         channels = int(self.present.sum())

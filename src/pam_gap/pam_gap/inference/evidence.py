@@ -26,7 +26,7 @@ from pam_gap.rules import Rules
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,8 @@ class KeptEvidence:
     ----------
     floor : ndarray, shape (channels,)
         Mean squared error due to noise alone.
+    background : ndarray, shape (channels,)
+        Mean squared error that an ordinary background can leave.
     present : ndarray of bool, shape (channels,)
         Channels that are judged.
     written, nominal : Score
@@ -57,6 +59,7 @@ class KeptEvidence:
     """
 
     floor: Array
+    background: Array
     present: np.ndarray
     written: Score
     nominal: Score
@@ -84,6 +87,7 @@ class KeptEvidence:
             path,
             about=np.array(json.dumps(about)),
             floor=self.floor,
+            background=self.background,
             present=self.present,
             motion=np.zeros_like(self.floor) if self.motion is None else self.motion,
             sums=np.array([s.sums for s in scores]),
@@ -104,6 +108,7 @@ class KeptEvidence:
                 about = json.loads(str(file["about"]))
                 floor, present = file["floor"], file["present"]
                 motion = file.get("motion")
+                background = file["background"] if "background" in file else floor * 0.0
                 sums, counts = file["sums"], file["counts"]
         except (OSError, KeyError, ValueError) as error:
             raise PamError(f"{path}: not the evidence of a diagnosis ({error})") from error
@@ -119,6 +124,7 @@ class KeptEvidence:
         end = 2 + about["tried"]
         return cls(
             floor,
+            background,
             present,
             scores[0],
             scores[1],
@@ -190,7 +196,9 @@ def decide_again(evidence: KeptEvidence, rules: Rules) -> DecidedAgain:
             return score
         return evidence.settled[place]
 
-    judge = Judge(evidence.floor, evidence.present, rules.decision, evidence.motion)
+    judge = Judge(
+        evidence.floor, evidence.present, rules.decision, evidence.motion, evidence.background
+    )
     decision = judge.decide(evidence.nominal, evidence.tried, settle)
     answer = contract_answer(evidence, decision, judge, rules)
     return DecidedAgain(answer, is_exact and not missing)

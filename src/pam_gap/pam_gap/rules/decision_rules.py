@@ -16,6 +16,57 @@ from pam_gap.rules.rule import AFTER_3727343088, BEFORE_3727343088, DECISION, PR
 class DecisionRules:
     """What a hypothesis must achieve to be named, and which others are reported with it."""
 
+    ordinary_spool_play: float = rule(
+        0.005,
+        unit="-",
+        decides="Play of the spools of a good rig, as an overlap; together with the next four "
+        "constants it sets what an ordinary background leaves unexplained.",
+        trades="Larger: effects must be stronger to be named. Smaller: the background of a good "
+        "rig counts as a gap.",
+        origin="Half of the 0.5 to 1 % of hysteresis in data sheets of proportional valves is 0.25 "
+        "to 0.5 % to either side; the larger value.",
+    )
+    ordinary_presliding: float = rule(
+        3.0,
+        unit="-",
+        decides="Factor by which the stroke over which thread friction builds up may differ from "
+        "the one assumed.",
+        trades="As for `ordinary_spool_play`.",
+        origin="Published presliding strokes of braided muscles reach from 0.2 to 2 mm; the "
+        "default is 0.5 mm.",
+    )
+    ordinary_pressure: float = rule(
+        0.0003,
+        unit="of the supply's gauge pressure",
+        decides="Coloured noise and nonlinearity of a good pressure sensor after re-tuning.",
+        trades="As for `ordinary_spool_play`.",
+        origin="Data sheets state 0.1 to 0.3 % of nonlinearity over the full scale; most of it "
+        "looks like a gain and a zero, which the observer and the re-tuning absorb.",
+    )
+    ordinary_position: float = rule(
+        0.0003,
+        unit="rad",
+        decides="Eccentricity and drift of a good encoder.",
+        trades="As for `ordinary_spool_play`.",
+        origin="An eccentricity of 10 um on a ring of 30 mm is 0.3 mrad.",
+    )
+    ordinary_force: float = rule(
+        0.002,
+        unit="of the pull at 40 % of the supply",
+        decides="Nonlinearity and drift of a good load cell.",
+        trades="As for `ordinary_spool_play`.",
+        origin="Data sheets of load cells with amplifiers state 0.1 to 0.3 %.",
+    )
+    background_reach: float = rule(
+        4.0,
+        unit="of the mean square",
+        decides="Multiple of what the best hypothesis leaves above the noise that counts as "
+        "background, as long as an ordinary background can leave as much.",
+        trades="Larger: weak effects on very clean rigs are not reported. Smaller: a hypothesis "
+        "that fits the background by chance makes it count as a gap.",
+        origin="Twice the RMS error.",
+        acts=DECISION,
+    )
     no_gap: float = rule(
         0.35,
         unit="level per channel",

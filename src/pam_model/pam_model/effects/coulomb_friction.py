@@ -46,7 +46,11 @@ EFFECT = Effect(
     search=Search(
         ranges=lambda rig: {
             "torque": Range(
-                0.0, 5.0 * rig.torque, 0.05 * rig.torque, (0.03 * rig.torque, 0.15 * rig.torque)
+                0.0,
+                5.0 * rig.torque,
+                0.05 * rig.torque,
+                (0.03 * rig.torque, 0.15 * rig.torque),
+                ordinary=0.005 * rig.torque,
             ),
             "presliding_angle": Range(1e-4, 3e-2, 0.7, (1e-3,), True),
         },

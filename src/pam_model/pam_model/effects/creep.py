@@ -104,7 +104,7 @@ EFFECT = Effect(
     ),
     search=Search(
         ranges=lambda rig: {
-            "ratio": Range(0.0, 0.45, 0.05, (0.08,)),
+            "ratio": Range(0.0, 0.45, 0.05, (0.08,), ordinary=0.02),
             "time_constant": Range(0.15, 300.0, 0.7, (1.5, 10.0), True),
         },
         shown_by=("position", "pulls"),

@@ -103,7 +103,7 @@ EFFECT = Effect(
     ),
     search=Search(
         ranges=lambda rig: {
-            "amplitude": Range(0.0, 0.45, 0.03, (0.03,)),
+            "amplitude": Range(0.0, 0.45, 0.03, (0.03,), ordinary=0.02),
             "presliding_length": Range(2e-5, 1.5e-2, 0.7, (5e-4, 3e-3), True),
         },
         shown_by=("position", "pulls"),

@@ -29,7 +29,9 @@ EFFECT = Effect(
     plausibility=Included("the pressure observer includes the flow of the leak"),
     search=Search(
         ranges=lambda rig: {
-            "conductance": Range(0.0, 0.5 * rig.flow, 0.01 * rig.flow, (0.01 * rig.flow,))
+            "conductance": Range(
+                0.0, 0.5 * rig.flow, 0.01 * rig.flow, (0.01 * rig.flow,), ordinary=0.004 * rig.flow
+            )
         },
         shown_by=("commands",),
         shows_when_shut=True,

@@ -189,6 +189,9 @@ class Range:
         Starting points.
     logarithmic : bool
         The search variable is the logarithm of the value.
+    ordinary : float
+        Largest distance from the neutral value on an ordinary good rig. Up to this size the effect
+        belongs to the background and is no cause; 0 if a good rig has none of it.
     """
 
     low: float
@@ -196,6 +199,7 @@ class Range:
     size: float
     starts: tuple[float, ...]
     logarithmic: bool = False
+    ordinary: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

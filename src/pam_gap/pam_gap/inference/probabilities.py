@@ -1,0 +1,57 @@
+"""Probabilities of the explanations, from their levels.
+
+The explanations exclude each other: `none`, `unknown`, and each set of effects that was scored.
+Three questions follow each other. Does anything stand out of noise and background? If so, does the
+best hypothesis explain it? If so, which hypothesis is it? The first two are answered by logistic
+functions of the distance of the levels from the limits of the decision, the third by a Gibbs
+distribution over the levels, where every further effect costs the fall that it must achieve to be
+accepted. One temperature serves all three. A likelihood would be far too sure, because errors are
+correlated and laws approximate (tempered posteriors: Holmes and Walker, Biometrika 104, 2017;
+Miller and Dunson, J. Am. Stat. Assoc. 114, 2019).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.special import expit
+
+from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.score import Score
+
+NONE, UNKNOWN = "none", "unknown"
+
+
+def probabilities[S: Score](
+    judge: Judge, nominal: Score, decision: Decision[S]
+) -> Mapping[str, float]:
+    """Probability of each explanation, largest first; the sum is 1.
+
+    Parameters
+    ----------
+    judge : Judge
+        The judge that took the decision.
+    nominal : Score
+        Score of the re-tuned plant without effects.
+    decision : Decision
+        The decision, with all scores.
+    """
+    rules = judge.rules
+    if decision.chosen is None:
+        return {NONE: 1.0}
+    before, after = judge.level(nominal), judge.level(decision.chosen)
+    gap = float(expit((before - rules.no_gap * int(judge.present.sum())) / rules.temperature))
+    limit = min((1.0 - rules.sharp_fall) * before, rules.sharp_left)
+    explained = float(expit((limit - after) / rules.temperature))
+    energies: dict[str, float] = {}
+    for score in decision.tried:
+        name = " + ".join(sorted(score.effects))
+        energy = judge.priced_level(score) + rules.further_gain * (score.size - 1)
+        energies[name] = min(energy, energies.get(name, np.inf))
+    values = np.array(list(energies.values()))
+    shares = np.exp(-(values - values.min()) / rules.temperature)
+    shares *= gap * explained / shares.sum()
+    found = dict(zip(energies, shares.tolist(), strict=True))
+    found |= {NONE: 1.0 - gap, UNKNOWN: gap * (1.0 - explained)}
+    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
