@@ -27,7 +27,7 @@ def score(effects: tuple[str, ...], level: float, free: int = 1) -> Score:
 @pytest.fixture
 def judge() -> Judge:
     """One channel whose floor is 1."""
-    return Judge(np.ones(1), np.ones(1, dtype=bool), RULES, np.zeros(1))
+    return Judge(np.ones(1), np.ones(1, dtype=bool), RULES)
 
 
 def test_a_channel_with_hardly_a_gap_does_not_veto() -> None:

@@ -254,9 +254,7 @@ def make_rough_case(
     raise RuntimeError(f"no rig with {effects} that can run in {MAX_TRIES} draws")
 
 
-def make_cases(
-    count: int, seed: int, folder: Path, sealed: Path, background: bool = False
-) -> str:
+def make_cases(count: int, seed: int, folder: Path, sealed: Path, background: bool = False) -> str:
     """Write `count` cases into `folder`, their labels into `sealed`; return the labels' SHA-256.
 
     Half of the cases hide one effect. The others hide none, two, or one outside the table, in equal
