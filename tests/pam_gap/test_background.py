@@ -27,7 +27,7 @@ def score(effects: tuple[str, ...], rms: tuple[float, float, float]) -> Score:
 
 
 def decided(nominal: Score, *tried: Score, background: np.ndarray = BACKGROUND) -> Decision[Score]:
-    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background)
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=background)
     return judge.decide(nominal, tried, lambda one: one)
 
 
@@ -64,7 +64,7 @@ def test_a_further_effect_that_fits_only_the_background_is_not_named() -> None:
 
 
 def test_a_rig_that_is_explained_down_to_the_noise_is_judged_against_the_noise() -> None:
-    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, BACKGROUND)
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
     judge.set_floor([score((), (9.0, 9.0, 30.0)), score(("thermal",), (1.0, 1.0, 1.0))])
     assert judge.floor == pytest.approx(np.ones(CHANNELS), abs=0.05)
     judge.set_floor([score((), (90.0, 90.0, 300.0)), score(("thermal",), (50.0, 50.0, 100.0))])

@@ -92,6 +92,9 @@ class Diagnosis:
         (before - after)/(before - floor) of the pooled RMS error; None without named effects.
     next_experiment : str
         Instruction for the next recording; empty if none is needed.
+    probabilities : mapping
+        Explanation (effects joined by " + ", `unknown` or `none`) -> probability; empty if the
+        data do not suffice.
     missing : tuple of str
         For `not_identifiable`: what the recordings lack, in full sentences.
     cautions : tuple of str
@@ -117,6 +120,7 @@ class Diagnosis:
     gap: Mapping[str, ChannelGap]
     closed: Interval | None
     next_experiment: str
+    probabilities: Mapping[str, float] = field(default_factory=dict)
     sentence: str = ""
     joint: str = ""
     ranking: tuple[ScoredCandidate, ...] = ()
@@ -164,6 +168,7 @@ class Diagnosis:
                 for name, gap in self.gap.items()
             },
             "closed": None if self.closed is None else _interval(self.closed),
+            "probabilities": dict(self.probabilities),
             "next_experiment": self.next_experiment,
             "sentence": self.sentence,
             "joint": self.joint,

@@ -67,6 +67,16 @@ class DecisionRules:
         origin="Twice the RMS error.",
         acts=DECISION,
     )
+    temperature: float = rule(
+        0.3,
+        unit="level",
+        decides="Distance of levels that multiplies the odds of two explanations by e.",
+        trades="Larger: probabilities are nearer to each other. Smaller: answers are given with "
+        "more certainty. No verdict changes.",
+        origin="Of the size of `rival_gap`, within which hypotheses are reported together; too few "
+        "drawn rigs with a background were diagnosed to calibrate it.",
+        acts=PROPOSAL,
+    )
     no_gap: float = rule(
         0.35,
         unit="level per channel",
