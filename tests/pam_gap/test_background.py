@@ -8,6 +8,7 @@ import pytest
 
 from pam_gap.inference.candidates import background_for, candidates_for
 from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.probabilities import probabilities
 from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT
 from pam_model.effects import EFFECTS
@@ -61,6 +62,24 @@ def test_a_further_effect_that_fits_only_the_background_is_not_named() -> None:
     chosen = decided(nominal, delay, pair).chosen
     assert chosen is not None
     assert chosen.effects == ("command_delay",)
+
+
+def test_probabilities_follow_the_verdict_and_sum_to_one() -> None:
+    nominal = score((), (33.0, 74.0, 90.0))
+    delay = score(("command_delay",), (4.0, 8.0, 30.0))
+    lag = score(("valve_lag",), (20.0, 40.0, 70.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+
+    def given(nominal: Score, *tried: Score) -> dict[str, float]:
+        decision = judge.decide(nominal, tried, lambda one: one)
+        found = dict(probabilities(judge, nominal, decision))
+        assert sum(found.values()) == pytest.approx(1.0)
+        assert next(iter(found)) in (decision.verdict, "command_delay")
+        return found
+
+    assert given(nominal, delay, lag)["command_delay"] > 0.8
+    assert given(score((), (7.0, 7.5, 35.0)), delay)["none"] > 0.8
+    assert given(nominal, lag)["unknown"] > 0.8
 
 
 def test_a_rig_that_is_explained_down_to_the_noise_is_judged_against_the_noise() -> None:

@@ -157,10 +157,12 @@ def test_no_interval_has_zero_width(rig: Rig, record: Maker) -> None:
     """Neither at a bound, nor where all blocks agree."""
     engine = JointDiagnosis(rig, 0, [record({"coulomb_friction.torque": 0.6})])
     friction = next(c for c in candidates_for(rig, rig.joints[0]) if c.effect == "coulomb_friction")
-    found = engine.fitter.fit((friction,), friction.starts[0], max_iterations=4)
+    centres = [nuisance.free.centre for nuisance in engine.fitter.nuisances]
+    start = np.concatenate([centres, friction.starts[0]])
+    found = engine.fitter.fit((friction,), start, max_iterations=4)
     for place in ("found", "bound"):
         if place == "bound":
-            found.result.values[:] = [p.high for p in friction.free]
+            found.result.values[len(centres) :] = [p.high for p in friction.free]
         for entry in parameter_intervals(engine.fitter, engine.folds, found):
             assert entry.high > entry.low, place
             assert entry.low <= entry.value <= entry.high

@@ -20,6 +20,7 @@ from pam_gap.inference.confidence import (
 from pam_gap.inference.decision import Decision, Judge, named_effects
 from pam_gap.inference.held_out import Folds, HeldOut
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.probabilities import probabilities
 from pam_gap.inference.selection import bootstrap_weights
 from pam_gap.prediction.channel_order import BOTH_FORCES, UNITS
 from pam_gap.prediction.fit import Array
@@ -105,6 +106,7 @@ class AnswerForm:
             if is_named
             else None,
             next_experiment="",
+            probabilities=probabilities(self.judge, nominal, decision),
             joint=self.rig.joints[self.joint].name,
             ranking=ranking,
             preferred=why_preferred(final.effects, ranking) if is_named else "",
