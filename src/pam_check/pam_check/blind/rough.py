@@ -163,7 +163,8 @@ def uneven(table: pd.DataFrame, random: np.random.Generator) -> pd.DataFrame:
     if random.random() < 0.3:
         for name in table.columns[1:]:
             at = int(random.integers(len(table) - 30))
-            table.iloc[at : at + int(random.integers(3, 25)), table.columns.get_loc(name)] = np.nan
+            lost = table.index[at : at + int(random.integers(3, 25))]
+            table.loc[lost, name] = np.nan
     columns = list(table.columns)
     random.shuffle(columns)
     return table[columns]

@@ -107,13 +107,19 @@ class Judge:
     def set_floor(self, scores: Sequence[Score]) -> None:
         """Set the floor against which hypotheses are judged, from the scores of all of them.
 
-        What the best hypothesis leaves above the noise, with some margin, counts as background, as
-        long as an ordinary background can leave as much. A rig that some hypothesis explains down
-        to the noise has no background, and is judged against the noise alone.
+        An ordinary background is assumed up to what the best hypothesis leaves above the noise,
+        with some margin. A background acts on all channels together, so that one share of it, the
+        geometric mean over the channels, holds for all. A rig that some hypothesis explains down to
+        the noise thus has no background, and is judged against the noise alone.
         """
+        usual = self.background[self.present]
+        self.floor = self.noise
+        if not (usual > 0.0).all():
+            return
         best = min(scores, key=lambda score: score.level(self.noise, self.present))
-        left = self.rules.background_reach * (best.mean_square - self.noise)
-        self.floor = self.noise + np.clip(left, 0.0, self.background)
+        left = np.maximum((best.mean_square - self.noise)[self.present], 1e-9 * usual)
+        share = self.rules.background_reach * float(np.exp(np.mean(np.log(left / usual))))
+        self.floor = self.noise + min(share, 1.0) * self.background
 
     def level(self, score: Score) -> float:
         """Level of a held-out score."""
@@ -203,17 +209,13 @@ class Judge:
         matters = has_gap(before, channels, self.rules) and self.is_material(nominal)
         if chosen is None or not matters:
             return Decision("none", chosen, (), tuple(tried))
-        evidence = Evidence(
-            chosen.effects,
-            before,
-            self.level(chosen),
-            channels,
-            closed_by_channel(
-                nominal.over_floor(self.floor, self.present),
-                chosen.over_floor(self.floor, self.present),
-                self.rules,
-            ),
+        over_floor = nominal.over_floor(self.floor, self.present)
+        closed = closed_by_channel(
+            over_floor, chosen.over_floor(self.floor, self.present), self.rules
         )
+        if not (over_floor > self.rules.gap_of_channel).any():
+            closed = 1.0 - self.level(chosen) / before  # no channel has a gap wide enough to count
+        evidence = Evidence(chosen.effects, before, self.level(chosen), channels, closed)
         rivals = self.rivals(chosen, tried, nominal)
         left = self.is_material(chosen, unexplained=True)
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)

@@ -1,0 +1,71 @@
+"""Drawn rigs with an ordinary background: each part of it is small, the hidden effect is not."""
+
+import numpy as np
+import pytest
+
+from pam_check.blind.background import FULL_SCALE, MAGNITUDES, add_background, area, weaker
+from pam_check.blind.cases import to_table
+from pam_check.blind.draw import KNOWN, Draw
+from pam_check.blind.rough import draw_rough_rig, uneven
+from pam_check.blind.truth_plant import Sensors, SupplyWander, TruthJoint, TruthMuscle, slow_noise
+
+JOINT = TruthJoint(0.03, 0.05, 0.25, 4.9, 0.0, -1.0, 1.0, 293.15, 101325.0, 701325.0)
+MUSCLE = TruthMuscle(0.2758, 1.856, 0.24996, 0.225, 2e-5, 4e-9, 0.3, 0.005)
+
+
+def drawn(seed: int = 3) -> Draw:
+    return Draw(np.random.default_rng(seed), JOINT, [MUSCLE, MUSCLE])
+
+
+def test_every_part_of_the_background_is_harmless() -> None:
+    for seed in range(20):
+        rig = drawn(seed)
+        add_background(rig)
+        holding = JOINT.pulley_radius * area(MUSCLE) * 3e5
+        assert 0.0 < rig.joint.coulomb_torque < 0.005 * holding
+        for muscle in rig.muscles:
+            assert 0.0 < muscle.leak < 0.005 * MUSCLE.sonic_conductance
+            assert 0.0 < muscle.spool_hysteresis < 0.0065
+            assert abs(muscle.pressure_curvature) <= 0.003
+
+
+def test_a_weaker_effect_lies_between_the_background_and_the_drawn_one() -> None:
+    plain = drawn()
+    add_background(plain)
+    full = Draw(plain.random, plain.joint, list(plain.muscles))
+    KNOWN["hysteresis"][1](full)
+    half = weaker(full, plain, 0.5)
+    for small, between, large in zip(plain.muscles, half.muscles, full.muscles, strict=True):
+        middle = 0.5 * (small.thread_friction + large.thread_friction)
+        assert between.thread_friction == pytest.approx(middle)
+        assert between.play_length == large.play_length
+    fields = {*JOINT._fields, *MUSCLE._fields}
+    assert fields.issuperset(MAGNITUDES)
+
+
+def test_slow_noise_drifts_and_is_coloured() -> None:
+    sensors = Sensors(pressure_colour=100.0, pressure_corner=5.0, pressure_drift=0.001 * FULL_SCALE)
+    noise = slow_noise(sensors, 0.002, 20000, np.random.default_rng(1))
+    pressure = noise[:, 0]
+    assert 50.0 < np.std(pressure) < 700.0
+    assert np.std(np.diff(pressure)) < 0.5 * np.std(pressure)
+    assert not noise[:, 2:].any()
+
+
+def test_the_supply_wanders_about_its_mean() -> None:
+    factor = SupplyWander(0.01, 10.0, 0.002, 15.0).factor(np.arange(0.0, 40.0, 0.002))
+    assert abs(factor.mean() - 1.0) < 1e-3
+    assert 0.008 < np.ptp(factor) / 2.0 < 0.013
+
+
+def test_a_drawn_rig_has_the_strength_of_its_label_and_an_uneven_log() -> None:
+    pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
+    random = np.random.default_rng(8)
+    rig = draw_rough_rig((JOINT, MUSCLE), 0.03, ["viscous_friction"], random)
+    assert 0.5 < rig.strength < 45.0
+    assert rig.joint.viscous_friction > JOINT.viscous_friction
+    log = uneven(to_table(rig.recording, load_cells=False), random)
+    assert len(log) <= rig.recording.time.size
+    assert (np.diff(log["time"].to_numpy()) > 0.0).all()
+    clean = draw_rough_rig((JOINT, MUSCLE), 0.03, [], np.random.default_rng(8))
+    assert clean.strength == 0.0
