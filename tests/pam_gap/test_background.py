@@ -82,6 +82,15 @@ def test_probabilities_follow_the_verdict_and_sum_to_one() -> None:
     assert given(nominal, lag)["unknown"] > 0.8
 
 
+def test_a_gap_that_does_not_matter_is_most_probably_none() -> None:
+    motion = np.full(CHANNELS, 1e4**2)
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, motion)
+    nominal, found = score((), (1.0, 1.0, 2.6)), score(("viscous_friction",), (1.0, 1.0, 1.0))
+    decision = judge.decide(nominal, [found], lambda one: one)
+    assert decision.verdict == "none"
+    assert probabilities(judge, nominal, decision)["none"] > 0.8
+
+
 def test_a_rig_that_is_explained_down_to_the_noise_is_judged_against_the_noise() -> None:
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
     judge.set_floor([score((), (9.0, 9.0, 30.0)), score(("thermal",), (1.0, 1.0, 1.0))])

@@ -42,6 +42,7 @@ def probabilities[S: Score](
         return {NONE: 1.0}
     before, after = judge.level(nominal), judge.level(decision.chosen)
     gap = float(expit((before - rules.no_gap * int(judge.present.sum())) / rules.temperature))
+    gap *= _matters(judge, nominal)
     limit = min((1.0 - rules.sharp_fall) * before, rules.sharp_left)
     explained = float(expit((limit - after) / rules.temperature))
     energies: dict[str, float] = {}
@@ -53,5 +54,18 @@ def probabilities[S: Score](
     shares = np.exp(-(values - values.min()) / rules.temperature)
     shares *= gap * explained / shares.sum()
     found = dict(zip(energies, shares.tolist(), strict=True))
-    found |= {NONE: 1.0 - gap, UNKNOWN: gap * (1.0 - explained)}
+    unknown = gap * (1.0 - explained)
+    if decision.verdict == NONE:  # an unexplained gap that does not matter is none either
+        found |= {NONE: 1.0 - gap + unknown, UNKNOWN: 0.0}
+    else:
+        found |= {NONE: 1.0 - gap, UNKNOWN: unknown}
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def _matters(judge: Judge, nominal: Score) -> float:
+    """Probability that the gap of the re-tuned plant is material in some channel."""
+    limit = (judge.rules.material_share**2 * judge.motion)[judge.present]
+    excess = np.maximum((nominal.mean_square - judge.floor)[judge.present], 1e-12)
+    if not (limit > 0.0).all():
+        return 1.0
+    return float(expit(np.log(excess / limit).max() / judge.rules.temperature))
