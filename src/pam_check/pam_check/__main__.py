@@ -336,6 +336,12 @@ def _declare_sensitivity(parser: Parser) -> None:
     )
 
 
+def _state_walk(given: Arguments) -> Outcome:
+    from pam_check.state_walk.walk import run  # noqa: PLC0415
+
+    return run(given)
+
+
 def _add_kinds(parser: Parser) -> None:
     parser.add_argument(
         "--kind", action="append", help="only this fault; may be given several times"
@@ -396,6 +402,13 @@ COMMANDS = (
         _declare_kill_trials,
         _kill_trials,
         bad_news="if a board vents too late",
+    ),
+    Command(
+        "state-walk",
+        "visit every state of driver, board and controller and look for a way round a stop",
+        add_rig,
+        _state_walk,
+        bad_news="if air can move after a stop or fault without the acts that it needs",
     ),
     Command(
         "soak",

@@ -1,0 +1,1 @@
+"""An exhaustive walk over the states of driver, board and controller."""
