@@ -16,7 +16,7 @@ from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.start_up_check import ABORT_ANGLE, StartUpCheck
 from pam_driver.safety.states import SafetyState
-from pam_model.rig import Rig, load_rig
+from pam_model.rig import PressureSensor, Rig, load_rig
 from pam_sim.faults.rig_faults import constant, stuck
 from pam_sim.simulated_rig import SimulatedRig
 
@@ -212,6 +212,20 @@ def test_a_muscle_that_keeps_the_air_of_its_pulse_ends_the_check(elbow: Rig) -> 
     (found,) = check.findings
     assert found.subject == "elbow_flexor"
     assert "its exhaust is blocked or its valve (board 0, channel 0) is stuck open" in found.text
+
+
+def test_a_sensor_on_another_board_is_named_there(elbow: Rig) -> None:
+    flexor, extensor = elbow.muscles
+    apart = replace(flexor, pressure_sensor=PressureSensor(7, 3))
+    check = StartUpCheck(replace(elbow, muscles=(apart, extensor)), (-1.0, -1.0))
+    check.start(0.0)
+    now = 0.0
+    while not check.findings:
+        now += 0.002
+        check.setpoints((0.0, 0.0), (0.0,), now)
+        assert now < PATIENCE
+    assert "its pressure sensor (board 7, channel 3) shows no pressure" in check.findings[0].text
+    assert "its valve (board 0, channel 0) is stuck shut" in check.findings[0].text
 
 
 def test_no_command_is_taken_while_the_valves_are_tested(elbow: Rig) -> None:

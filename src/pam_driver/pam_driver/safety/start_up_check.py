@@ -376,6 +376,7 @@ def _valve(check: StartUpCheck, muscle: int) -> str:
 
 
 def _sensor(check: StartUpCheck, muscle: int) -> str:
-    """The pressure sensor of a muscle in words; it has the channel of the valve."""
+    """The pressure sensor of a muscle in words; it is on the valve's channel unless told apart."""
     one = check._rig.muscles[muscle]
-    return f"pressure sensor (board {one.board}, channel {one.channel})"
+    place = one if one.pressure_sensor is None else one.pressure_sensor
+    return f"pressure sensor (board {place.board}, channel {place.channel})"
