@@ -59,7 +59,7 @@ def kill_driver(system: System, watcher: Watcher) -> bool:
     """The driver is killed (kill -9)."""
     if system.driver is None:
         return False
-    watcher.stops(system)
+    watcher.driver_ends(system)
     system.driver = None
     system.published = ""
     return True
@@ -69,9 +69,9 @@ def end_driver(system: System, watcher: Watcher) -> bool:
     """The driver ends after a signal (Ctrl-C)."""
     if system.driver is None:
         return False
-    watcher.stops(system)
     system.driver.close(system.now)
     system.publish()
+    watcher.driver_ends(system)
     system.driver = None
     return True
 

@@ -11,9 +11,9 @@ compares them with what the valves of the board do:
 Stops are: vent, deactivation, clean-up, the end of the driver's process, a fault, and a loss of the
 board's power. After a stop the valves get as long to close as the board's watchdog needs.
 
-A board that loses its power forgets its faults. If no running driver knows of them either, nobody
-does, and the loss of power counts as clearing them. Activation and a command are needed all the
-same.
+A board that loses its power forgets its faults. If no running driver knows of them either, or if
+the driver ends before it has told the board again, nobody does, and the loss of power counts as
+clearing them. Activation and a command are needed all the same.
 """
 
 from __future__ import annotations
@@ -43,6 +43,8 @@ class Watcher:
         There was a fault that nobody has cleared.
     old_reference : bool
         The last accepted reference is from before a stop.
+    board_forgot : bool
+        The board has lost its power and has not latched a fault since.
     closing_until : float
         Until when the valves may still be open after a stop [s].
     """
@@ -52,6 +54,7 @@ class Watcher:
     fresh: bool = False
     faulty: bool = False
     old_reference: bool = True
+    board_forgot: bool = False
     closing_until: float = 0.0
     complaint: str = ""
 
@@ -88,9 +91,18 @@ class Watcher:
         self.old_reference = False
 
     def board_loses_power(self, system: System) -> None:
-        """The board forgets its faults."""
+        """The board forgets its faults; a driver that waits for it at its start may go on."""
+        asked = self.asked
         self.stops(system)
+        self.asked = asked
+        self.board_forgot = True
         if not system.driver_faulty:
+            self.faulty = False
+
+    def driver_ends(self, system: System) -> None:
+        """The driver's process is gone, and with it all that only the process knew."""
+        self.stops(system)
+        if self.board_forgot and not system.board_faulty:
             self.faulty = False
 
     def judge(self, system: System) -> str:
@@ -111,9 +123,11 @@ class Watcher:
         if (system.driver_faulty or system.board_faulty) and not self.faulty:
             self.faulty = True
             self.stops(system)
-        if system.controller is None or not system.controller.follows:
-            self.old_reference = True
+        if system.board_faulty:
+            self.board_forgot = False
         closed = system.opening == 0.0
+        if closed and (system.controller is None or not system.controller.follows):
+            self.old_reference = True
         if system.now > self.closing_until or (closed and not system.driver_moves):
             self.closing_until = 0.0
         if self.complaint or closed or self.closing_until:
