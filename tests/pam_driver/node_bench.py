@@ -36,6 +36,7 @@ PARAMETERS = {
     "rate": 50.0 if SLOW else 200.0,
     "command_timeout": 1.0,
     "sensor_timeout": 1.0,
+    "loop_delay_limit": 1.0,
     "board_timeout": 5.0,
     "activate_on_start": True,
     "startup_timeout": PATIENCE,
