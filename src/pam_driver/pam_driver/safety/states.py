@@ -36,7 +36,7 @@ class SafetyEvent(Enum):
     EMPTY = "all muscles empty"
     NOT_EMPTY = "a muscle not empty"
     EXHAUST_BLOCKED = "exhaust blocked"
-    CHECK = "activate, with start-up check"
+    CHECK = "activate with start-up check"
     CHECKED = "start-up check passed"
     ACTIVATE = "activate"
     COMMAND = "command"
