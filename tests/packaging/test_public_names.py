@@ -110,7 +110,7 @@ def test_the_page_about_python_runs(monkeypatch: pytest.MonkeyPatch, capsys):
     assert 0.05 < float(position.split()[0]) < 1.5
 
 
-def test_a_diagnosis_needs_recordings_and_a_joint_of_the_rig(rig, tmp_path):
+def test_a_diagnosis_needs_recordings_channels_and_a_joint_of_the_rig(rig, tmp_path):
     with pytest.raises(pam_gap.RecordingError, match="no recording given"):
         pam_gap.diagnose([], rig)
     time = np.arange(0.0, 2.0, 0.01)
@@ -120,5 +120,6 @@ def test_a_diagnosis_needs_recordings_and_a_joint_of_the_rig(rig, tmp_path):
     recording = pam_gap.import_recording(table)
     with pytest.raises(pam_model.PamError, match="no joint 'knee'; it has elbow"):
         pam_gap.diagnose(recording, rig, joint="knee")
-    with pytest.raises(pam_gap.RecordingError, match="two_pressures"):
-        pam_gap.diagnose(recording, rig)
+    (answer,) = pam_gap.diagnose(recording, rig)
+    assert answer.verdict == "not_identifiable"
+    assert "joint position" in answer.missing[0]

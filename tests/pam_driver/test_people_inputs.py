@@ -188,6 +188,10 @@ class NoPhysics:
     """A plausibility check that finds nothing."""
 
     period = 0.002
+    restarts = 0
+
+    def restart(self) -> None:
+        pass
 
     def update(self, *arguments: object) -> None:
         pass
