@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,16 +11,16 @@ from pam_check.security.policy import POLICY, policy_xml, rights_of
 from pam_model.rig import load_rig
 from support.rigs import ELBOW
 
-MUSCLES = load_rig(ELBOW).muscle_names
+RIG = load_rig(ELBOW)
 FILE = Path(__file__).parents[2] / "config/security_policy.xml"
 
 
 def test_the_file_is_written_from_the_table():
-    assert FILE.read_text(encoding="utf-8") == policy_xml(MUSCLES)
+    assert FILE.read_text(encoding="utf-8") == policy_xml(RIG)
 
 
 def test_every_node_has_one_profile_and_nothing_is_allowed_by_wildcard():
-    root = ElementTree.fromstring(policy_xml(MUSCLES))
+    root = ElementTree.fromstring(policy_xml(RIG))
     assert [profile.get("node") for profile in root.iter("profile")] == list(POLICY)
     names = [entry.text or "" for tag in ("topic", "service") for entry in root.iter(tag)]
     assert names
@@ -27,8 +28,15 @@ def test_every_node_has_one_profile_and_nothing_is_allowed_by_wildcard():
 
 
 def test_only_the_controller_commands_valves():
-    commanders = [n for n in POLICY if "/valve_commands" in rights_of(n, MUSCLES)["publish"]]
+    commanders = [n for n in POLICY if "/valve_commands" in rights_of(n, RIG)["publish"]]
     assert commanders == ["pam_controller"]
+
+
+def test_the_topics_of_people_are_allowed_where_the_rig_file_asks_for_them():
+    asking = replace(RIG, people=replace(RIG.people, emergency_stop_topic=True))
+    stop = "/pam_driver/emergency_stop_released"
+    assert stop in rights_of("pam_driver", asking)["subscribe"]
+    assert stop not in rights_of("pam_driver", RIG)["subscribe"]
 
 
 def test_the_policy_is_what_the_nodes_use():
@@ -47,6 +55,6 @@ def test_a_name_too_many_and_one_too_few_are_found(monkeypatch):
             lambda self, name, space: []
         )
 
-    lines = security_check_node._compare(Graph(), MUSCLES)
+    lines = security_check_node._compare(Graph(), RIG)
     assert "pam_model publish /secret: used" in lines
     assert "pam_driver reply /pam_driver/vent: unused" in lines

@@ -119,7 +119,9 @@ def test_a_mounted_recording_is_predicted_as_mounted(fitter: HypothesisFitter) -
         recorded = simulate_excitation(fitter.problem, base, MENU[name])
         problem = PredictionProblem(ELBOW, 0, [recorded])
         error = problem.errors(base[None])[0][problem.counted][:, :3]
-        assert np.sqrt(np.mean(error**2)) < 3.0, name
+        seen = error[np.isfinite(error)]  # a locked joint's angle has no vote
+        assert seen.size >= 2 * len(error)
+        assert np.sqrt(np.mean(seen**2)) < 3.0, name
     turned = as_mounted(base[None], TURNED_OVER)[0, INDEX["joint.gravity_angle"]]
     assert turned == pytest.approx(base[INDEX["joint.gravity_angle"]] + math.pi)
 

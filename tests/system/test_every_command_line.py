@@ -320,6 +320,7 @@ def test_the_help_of_a_node_names_the_topics_that_it_uses():
     from pam_check.security.policy import POLICY
     from pam_control.controller_parameters import HELP as CONTROLLER
     from pam_driver.driver_parameters import HELP as DRIVER
+    from pam_driver.driver_parameters import PEOPLE_TOPICS
 
     heard = {"pam_controller": set(POLICY["pam_controller_inputs"].subscribes)}
     for name, text in (
@@ -332,7 +333,8 @@ def test_the_help_of_a_node_names_the_topics_that_it_uses():
         published = {entry.name.lstrip("/") for entry in text.publishes}
         policy = {one.replace("{muscle}", "<muscle>") for one in rights.publishes}
         assert published == {one for one in policy if "transition_event" not in one}
-        subscribed = {entry.name for entry in text.subscribes}
+        asked_for = set(PEOPLE_TOPICS.values())  # by the rig file's section `people`
+        subscribed = {entry.name for entry in text.subscribes} - asked_for
         assert subscribed == set(rights.subscribes) | heard.get(name, set())
         served = {entry.name for entry in text.serves}
         assert served <= set(rights.serves)

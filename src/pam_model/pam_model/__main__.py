@@ -18,7 +18,15 @@ from pam_model.argument_types import (
     output_file,
     output_folder,
 )
-from pam_model.command_line import Arguments, Command, Outcome, Parser, run_program
+from pam_model.command_line import (
+    Arguments,
+    Command,
+    Outcome,
+    Parser,
+    add_rig,
+    chosen_rig,
+    run_program,
+)
 from pam_model.errors import PamError
 
 if TYPE_CHECKING:
@@ -179,7 +187,8 @@ def _urdf(chosen: Arguments) -> Outcome:
     from pam_model.joints.urdf import rig_as_urdf  # noqa: PLC0415
     from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
 
-    document = rig_as_urdf(load_rig(chosen.rig), chosen.rig.stem)
+    rig = chosen_rig(chosen)
+    document = rig_as_urdf(load_rig(rig), rig.stem)
     if chosen.output is None:
         print(document, end="")
     else:
@@ -300,7 +309,7 @@ def _declare_braid(parser: Parser) -> None:
 
 
 def _declare_urdf(parser: Parser) -> None:
-    parser.add_argument("rig", type=input_file, help="rig file")
+    add_rig(parser)
     parser.add_argument(
         "--output", type=output_file, metavar="FILE", help="(default: standard output)"
     )
@@ -403,7 +412,7 @@ COMMANDS = (
         "write the joints of a rig as URDF",
         _declare_urdf,
         _urdf,
-        examples=("python -m pam_model urdf config/elbow.yaml --output elbow.urdf",),
+        examples=("python -m pam_model urdf --rig config/elbow.yaml --output elbow.urdf",),
     ),
     Command(
         "gallery", "write pictures and table of models for the docs", _declare_gallery, _gallery

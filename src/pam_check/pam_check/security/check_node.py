@@ -12,7 +12,7 @@ from pam_check.chain import Chain, multicast_bus, private_domain, set_environmen
 from pam_check.programs import MODULES
 from pam_check.security.policy import POLICY, rights_of
 from pam_model.command_line import Arguments, Outcome, chosen_rig
-from pam_model.rig import load_rig
+from pam_model.rig import Rig, load_rig
 
 PATIENCE = 40.0  # s
 
@@ -29,7 +29,7 @@ def used_by(node: Node, name: str) -> dict[str, set[str]]:
 def differences(rig_path: Path) -> list[str]:
     """One line for each name that is used but not allowed, or allowed but not used."""
     environment = private_domain()
-    muscles = load_rig(rig_path).muscle_names
+    rig = load_rig(rig_path)
     with set_environment(environment):
         rclpy.init(args=[])
     node = rclpy.create_node("security_check")
@@ -40,7 +40,7 @@ def differences(rig_path: Path) -> list[str]:
             end = time.monotonic() + PATIENCE
             while True:
                 chain.check()
-                found = _compare(node, muscles)
+                found = _compare(node, rig)
                 if not found or time.monotonic() > end:
                     return found
                 rclpy.spin_once(node, timeout_sec=0.3)
@@ -49,13 +49,13 @@ def differences(rig_path: Path) -> list[str]:
         rclpy.try_shutdown()
 
 
-def _compare(node: Node, muscles: tuple[str, ...]) -> list[str]:
+def _compare(node: Node, rig: Rig) -> list[str]:
     present = set(node.get_node_names())
     lines = [f"{name}: does not run" for name in POLICY if name not in present]
     for name in POLICY:
         if name not in present:
             continue
-        used, allowed = used_by(node, name), rights_of(name, muscles)
+        used, allowed = used_by(node, name), rights_of(name, rig)
         for kind in used:
             lines += [f"{name} {kind} {one}: used" for one in sorted(used[kind] - allowed[kind])]
             lines += [f"{name} {kind} {one}: unused" for one in sorted(allowed[kind] - used[kind])]

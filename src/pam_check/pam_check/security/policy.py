@@ -11,9 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
+from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
+from pam_driver.driver_parameters import PEOPLE_TOPICS
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
-from pam_model.rig import load_rig
+from pam_model.rig import Rig, load_rig
 
 # Topics and services that ROS gives to every node; `~` is the node's own name.
 _COMMON_PUBLISHES = ("rosout", "parameter_events")
@@ -92,9 +94,16 @@ POLICY: Mapping[str, Rights] = {
 }  # fmt: skip
 
 
-def rights_of(node: str, muscles: tuple[str, ...]) -> dict[str, set[str]]:
+def rights_of(node: str, rig: Rig) -> dict[str, set[str]]:
     """Full names by kind: "publish", "subscribe", "reply", "request"."""
-    rights = POLICY[node]
+    rights, muscles = POLICY[node], rig.muscle_names
+    subscribes = set(rights.subscribes)
+    if node == "pam_driver":
+        wanted = {
+            EMERGENCY_STOP: rig.people.emergency_stop_topic,
+            ENABLING_SWITCH: rig.people.enabling_switch_topic,
+        }
+        subscribes |= {topic for name, topic in PEOPLE_TOPICS.items() if wanted[name]}
     publishes = set(rights.publishes) | {"parameter_events"}
     serves = set(rights.serves) | {"~/get_type_description"}
     if rights.parameters:
@@ -110,13 +119,13 @@ def rights_of(node: str, muscles: tuple[str, ...]) -> dict[str, set[str]]:
 
     return {
         "publish": full(publishes),
-        "subscribe": full(set(rights.subscribes)),
+        "subscribe": full(subscribes),
         "reply": full(serves),
         "request": full(set(rights.calls)),
     }
 
 
-def policy_xml(muscles: tuple[str, ...]) -> str:
+def policy_xml(rig: Rig) -> str:
     """The policy file: an enclave for each process, a profile for each node."""
     root = ElementTree.Element("policy", version="0.2.0")
     enclaves = ElementTree.SubElement(root, "enclaves")
@@ -127,7 +136,7 @@ def policy_xml(muscles: tuple[str, ...]) -> str:
             enclave = ElementTree.SubElement(enclaves, "enclave", path=f"/{path}")
             profiles[path] = ElementTree.SubElement(enclave, "profiles")
         profile = ElementTree.SubElement(profiles[path], "profile", ns="/", node=node)
-        rights = rights_of(node, muscles)
+        rights = rights_of(node, rig)
         for kind, tag in (
             ("reply", "service"), ("request", "service"), ("subscribe", "topic"),
             ("publish", "topic"),
@@ -142,14 +151,14 @@ def policy_xml(muscles: tuple[str, ...]) -> str:
 
 
 def run(given: Arguments) -> Outcome:
-    """Write the policy of a rig's muscles; the command of `pam_check.__main__`.
+    """Write the policy of a rig; the command of `pam_check.__main__`.
 
     Raises
     ------
     PamError
         For a rig that cannot be used.
     """
-    muscles = load_rig(chosen_rig(given)).muscle_names
-    make_parents(given.file).write_text(policy_xml(muscles), encoding="utf-8")
+    rig = load_rig(chosen_rig(given))
+    make_parents(given.file).write_text(policy_xml(rig), encoding="utf-8")
     print(f"written: {given.file}")
-    return Outcome({"file": given.file, "muscles": muscles})
+    return Outcome({"file": given.file, "muscles": rig.muscle_names})
