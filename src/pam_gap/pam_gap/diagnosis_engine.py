@@ -112,7 +112,8 @@ class JointDiagnosis:
         """Search single effects, then further effects while they improve the fit enough."""
         search = Search(self.fitter, self.candidates(), self.progress)
         result = search.singles()
-        self.judge.background = discrepancy(self.fitter, result.nominal)
+        if self.rules.search.background > 0.0:
+            self.judge.background = discrepancy(self.fitter, result.nominal)
         low, high = 0.4, 0.75
         while self._goes_on(search, result):
             search.grow(result, (low, high))

@@ -235,6 +235,15 @@ def diagnose_files(
     return answers
 
 
+def _rules(given: Arguments) -> Rules:
+    rules = DEFAULT
+    if given.material is not None:
+        rules = changed("decision.material_share", given.material, rules)
+    if given.background:
+        rules = changed("search.background", 1.0, rules)
+    return rules
+
+
 def run(given: Arguments) -> Outcome:
     """Diagnose and print each joint's verdict; the command of `pam_gap.__main__`."""
     answers = diagnose_files(
@@ -250,9 +259,7 @@ def run(given: Arguments) -> Outcome:
         map_path=given.map,
         command=shlex.join(sys.orig_argv),
         keep_evidence=given.keep_evidence,
-        rules=DEFAULT
-        if given.material is None
-        else changed("decision.material_share", given.material),
+        rules=_rules(given),
     )
     for answer in answers:
         print(f"{answer.joint}: {answer.sentence}")

@@ -51,13 +51,16 @@ def draw_sealed(cases: int, seed: int, out: Path, background: bool = False) -> s
     return done.stdout.strip()
 
 
-def diagnose_case(case: Path, out: Path, keep_evidence: bool = False) -> dict[str, Any]:
+def diagnose_case(
+    case: Path, out: Path, keep_evidence: bool = False, background: bool = False
+) -> dict[str, Any]:
     """Diagnose one case in a process that gets only its recording and rig file."""
-    evidence = ["--keep-evidence"] if keep_evidence else []
+    options = ["--keep-evidence"] if keep_evidence else []
+    options += ["--background"] if background else []
     started = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", DIAGNOSIS, "diagnose", str(case / "recording.csv.gz"),
-         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress", *evidence],
+         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress", *options],
         capture_output=True, text=True, check=False, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
     )  # fmt: skip
     result = out / "diagnosis.json"
@@ -148,7 +151,9 @@ def run_campaign(
     answers: dict[str, dict[str, Any]] = {}
     with ThreadPoolExecutor(workers) as pool:
         runs = {
-            pool.submit(diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence): n
+            pool.submit(
+                diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence, background
+            ): n
             for n in names
         }
         with progress(len(runs), "diagnosing") as bar:
