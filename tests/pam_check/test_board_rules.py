@@ -21,7 +21,10 @@ BROKEN = {
     broken.WatchdogNotLatched: ("watchdog_latches", set()),
     broken.WatchdogLate: ("watchdog_time", set()),
     broken.WatchdogEarly: ("watchdog_time", set()),
-    broken.ArmsOnStaleQueue: ("arming", {"vent_disarms", "clear_needs_arming", "restart"}),
+    broken.ArmsOnStaleQueue: (
+        "arming",
+        {"vent_disarms", "clear_needs_arming", "restart", "enabling_switch"},
+    ),
     broken.VentKeepsItArmed: ("vent_disarms", {"arming"}),
     broken.IgnoresOneEnableBit: ("enable_bits", set()),
     broken.AcceptsWrongChecksum: ("wrong_checksum", {"checksum_storm"}),

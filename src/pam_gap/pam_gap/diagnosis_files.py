@@ -240,7 +240,7 @@ def _rules(given: Arguments) -> Rules:
     if given.material is not None:
         rules = changed("decision.material_share", given.material, rules)
     if given.background:
-        rules = changed("search.background", 1.0, rules)
+        rules = replace(rules, search=replace(rules.search, background=True))
     return rules
 
 

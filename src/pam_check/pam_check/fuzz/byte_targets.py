@@ -33,7 +33,7 @@ from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandError, CommandIntake, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
-from pam_driver.safety.states import SafetyState
+from pam_driver.safety.states import OUTPUTS, SafetyState
 from pam_model.rig import Rig, load_rig
 
 ELBOW: Final = Path(__file__).parents[4] / "config/elbow.yaml"
@@ -141,6 +141,7 @@ class _Watched:
         self.outcome = SendOutcome.SENT
         self.waiting: list[ReceivedFrame] = []
         self.allowed: Callable[[], bool] = lambda: False
+        self.lowering: Callable[[], bool] = lambda: False
 
     def receive_all(self, now: float) -> list[ReceivedFrame]:
         waiting, self.waiting = self.waiting, []
@@ -148,7 +149,10 @@ class _Watched:
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
         _, message = _codec().decode(frame_id, data)
-        if isinstance(message, ValveCommand) and any(message.enable) and not self.allowed():
+        opens = isinstance(message, ValveCommand) and any(message.enable)
+        # a stop of category 1 opens exhausts alone
+        fills = opens and any(value > 0.0 for value in message.valves)
+        if opens and not self.allowed() and (fills or not self.lowering()):
             raise ViolationError("a valve command without a fresh command, or after a fault")
         return self.outcome
 
@@ -164,6 +168,7 @@ class _DriverRun:
         plausibility = PressurePlausibility(_rig(), PERIOD)
         self.driver = Driver(_rig(), self.port, self.settings, plausibility)
         self.now = 100.0
+        self.port.lowering = lambda: OUTPUTS[self.driver.state].lower
         self.armed = False  # activated since the last fault, vent or deactivation
         self.commanded = -math.inf
         self.counter = 0

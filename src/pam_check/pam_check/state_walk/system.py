@@ -60,6 +60,7 @@ DRIVER_SETTINGS: Final = DriverSettings(
     board_timeout=2.5 * TICK,
     exhaust_timeout=2.5 * TICK,
     lowering_timeout=1.5 * TICK,
+    loop_delay_limit=10.0 * TICK,
 )
 BOARD_SETTINGS: Final = BoardSettings(
     measurement_rate=1.0 / TICK,

@@ -74,7 +74,7 @@ class HypothesisFitter:
         # Different delays in the rig file must be measured ones, which include the transport time.
         if stamped and problem.has_commands and len(written) == 1:
             self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
-        if self.rules.search.background > 0.0:
+        if self.rules.search.background:
             self.nuisances += background_for(problem.rig, problem.rig.joints[problem.joint])
         self.nominal: Hypothesis | None = None
 

@@ -118,15 +118,9 @@ class SearchRules:
         trades="Larger: small second effects are never sought. Smaller: the diagnosis takes "
         "longer, and surplus effects become more likely.",
     )
-    background: float = rule(
-        0.0,
-        unit="-",
-        decides="1: an ordinary background of small imperfections is assumed (option "
-        "`--background`); 0: the rig file, within its tolerance, is taken as exact.",
-        trades="1: strong effects on imperfect rigs are more often named. But effects outside the "
-        "table can be called background or be named as effects of the table.",
-        origin="0, because the background has been checked on few rigs (how_often_right.md).",
-    )
+    background: bool = False
+    """A switch and no constant: whether an ordinary background of small imperfections is assumed.
+    It is off, because it has been checked on few rigs (docs/how_often_right.md)."""
     background_share: float = rule(
         0.16,
         unit="of the mean square",

@@ -69,12 +69,14 @@ class RuleEntry:
 
 
 def table(rules: Rules = DEFAULT) -> tuple[RuleEntry, ...]:
-    """Every rule with its value and its texts."""
+    """Every constant with its value and its texts; switches have no row."""
     entries = []
     for group in fields(rules):
         part: Any = getattr(rules, group.name)
         for one in fields(part):
             about = one.metadata
+            if not about:  # a switch
+                continue
             entries.append(
                 RuleEntry(
                     group.name,
