@@ -149,11 +149,10 @@ class _Watched:
 
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
         _, message = _codec().decode(frame_id, data)
-        opens = isinstance(message, ValveCommand) and any(message.enable)
-        # a stop of category 1 opens exhausts alone
-        fills = opens and any(value > 0.0 for value in message.valves)
-        if opens and not self.allowed() and (fills or not self.lowering()):
-            raise ViolationError("a valve command without a fresh command, or after a fault")
+        if isinstance(message, ValveCommand) and any(message.enable) and not self.allowed():
+            # a stop of category 1 opens exhausts alone
+            if not self.lowering() or any(value > 0.0 for value in message.valves):
+                raise ViolationError("a valve command without a fresh command, or after a fault")
         return self.outcome
 
 
