@@ -150,8 +150,8 @@ class _Watched:
     def send(self, frame_id: int, data: bytes, now: float) -> SendOutcome:
         _, message = _codec().decode(frame_id, data)
         if isinstance(message, ValveCommand) and any(message.enable) and not self.allowed():
-            # a stop of category 1 opens exhausts alone
-            if not self.lowering() or any(value > 0.0 for value in message.valves):
+            fills = any(value > 0.0 for value in message.valves)
+            if fills or not self.lowering():  # a stop of category 1 opens exhausts alone
                 raise ViolationError("a valve command without a fresh command, or after a fault")
         return self.outcome
 
