@@ -35,13 +35,7 @@ def _declare_faults(parser: Parser) -> None:
     )
     _add_kinds(parser)
     _add_seed(parser, 1)
-    parser.add_argument(
-        "--jobs",
-        type=count(),
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="number of injections at the same time (default: the number of processors)",
-    )
+    _add_jobs(parser)
     parser.add_argument(
         "--out", type=output_folder, default="out/faults", help="folder (default: %(default)s)"
     )
@@ -50,6 +44,28 @@ def _declare_faults(parser: Parser) -> None:
         type=output_file,
         metavar="FILE",
         help="also write the table to this file, for the docs",
+    )
+
+
+def _delays(given: Arguments) -> Outcome:
+    from pam_check.faults.delay_draws import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _declare_delays(parser: Parser) -> None:
+    add_rig(parser)
+    parser.add_argument(
+        "--draws", type=count(), default=500, metavar="N", help="(default: %(default)s)"
+    )
+    _add_seed(parser, 1)
+    _add_jobs(parser)
+    parser.add_argument(
+        "--out",
+        type=output_file,
+        default="out/faults/delays.csv",
+        metavar="FILE",
+        help="table of all draws (default: %(default)s)",
     )
 
 
@@ -348,6 +364,16 @@ def _add_kinds(parser: Parser) -> None:
     )
 
 
+def _add_jobs(parser: Parser) -> None:
+    parser.add_argument(
+        "--jobs",
+        type=count(),
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="number of trials at the same time (default: the number of processors)",
+    )
+
+
 def _add_seed(parser: Parser, default: int) -> None:
     parser.add_argument(
         "--seed",
@@ -377,6 +403,13 @@ COMMANDS = (
         _faults,
         bad_news="if a fault is out of bounds",
         examples=("python -m pam_check faults --kind encoder_stuck --trials 50",),
+    ),
+    Command(
+        "delays",
+        "draw delays and hidden effects: the joint must stay slow enough, and track or stop",
+        _declare_delays,
+        _delays,
+        bad_news="if a joint is too fast, or neither tracks nor stops",
     ),
     Command(
         "processes",

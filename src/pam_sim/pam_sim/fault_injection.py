@@ -19,6 +19,7 @@ from pam_sim.faults.kinds import KINDS
 from pam_sim.simulated_rig import SimulatedRig
 
 Values = Mapping[str, float]
+FOR_EVER = 1e6  # s
 
 
 class Stage(Protocol):
@@ -37,9 +38,16 @@ Injection = Callable[[Stage, Values, random.Random], None]
 
 def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
     def inject(stage: Stage, values: Values, draw: random.Random) -> None:
-        until = stage.now + values.get("duration", math.inf)
+        until = stage.now + values.get("duration", FOR_EVER)
         stage.frames.faults.append(
-            FrameFault(kind, direction, values.get("share", share), values.get("delay", 0.0), until)
+            FrameFault(
+                kind,
+                direction,
+                values.get("share", share),
+                values.get("delay", values.get("gap", 0.0)),
+                until,
+                values.get("period", 1.0),
+            )
         )
 
     return inject
@@ -97,6 +105,31 @@ def _leak(stage: Stage, values: Values, draw: random.Random) -> None:
     stage.sim.open_leak(draw.randrange(len(stage.sim.rig.muscles)), values["conductance"])
 
 
+def _exhausts(stage: Stage, values: Values, draw: random.Random) -> None:
+    for address, wired in stage.sim.wired.items():
+        for place in range(len(wired.valves)):
+            stage.sim.faults.exhausts[address, place] = values["share"]
+
+
+def _lag(*, encoder: bool) -> Injection:
+    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+        for address, wired in stage.sim.wired.items():
+            places = [rig_faults.POSITION] if encoder else range(len(wired.pressures))
+            for place in places:
+                lag = rig_faults.lagging(values["time_constant"])
+                stage.sim.faults.sensors[address, place] = lag
+
+    return inject
+
+
+def _both(*injections: Injection) -> Injection:
+    def inject(stage: Stage, values: Values, draw: random.Random) -> None:
+        for one in injections:
+            one(stage, values, draw)
+
+    return inject
+
+
 def _supply(stage: Stage, values: Values, draw: random.Random) -> None:
     rig = stage.sim.rig
     ambient = rig.gas.ambient_pressure
@@ -125,6 +158,17 @@ INJECTIONS: Mapping[str, Injection] = {
     "frames_wrong_length_down": _frames("wrong_length", "down"),
     "frames_wrong_length_up": _frames("wrong_length", "up"),
     "frames_foreign": _frames("foreign", "up"),
+    "frames_delayed_down": _frames("late", "down"),
+    "frames_delayed_up": _frames("late", "up"),
+    "frames_jitter_down": _frames("jitter", "down"),
+    "frames_jitter_up": _frames("jitter", "up"),
+    "measurement_gaps": _frames("gaps", "up"),
+    "measurement_gaps_with_valve_stuck_shut": _both(_frames("gaps", "up"), _valve(0.0)),
+    "measurement_gaps_with_burst": _both(_frames("gaps", "up"), _leak),
+    "pressure_sensors_lag": _lag(encoder=False),
+    "encoder_lags": _lag(encoder=True),
+    "supply_too_high": _supply,
+    "exhausts_restricted": _exhausts,
     "board_restart": _restart,
     "board_frozen": _freeze,
     "counter_jump": _misbehave("counter_jump"),

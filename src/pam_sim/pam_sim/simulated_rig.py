@@ -257,7 +257,7 @@ class SimulatedRig:
         commands = [0.0] * len(self.rig.muscles)
         for address, board in self._boards.items():
             valves = board.valve_commands
-            if self.faults.valves:
+            if self.faults.move_valves:
                 valves = self.faults.spools(address, valves, board.valves)
             for wire, command in zip(self.wired[address].valves, valves, strict=True):
                 commands[wire.place] = command

@@ -30,7 +30,7 @@ def drive(chain: FaultChain, seconds: float) -> list[Heard]:
     rig, heard = chain.rig, []
     for tick in range(round(seconds / STEP)):
         chain.step()
-        seen = chain.snapshot
+        seen = chain.published
         if tick % 2 or seen is None or not seen.sent:
             continue
         position, effort = chain.driver.intake.in_units(seen.sent)

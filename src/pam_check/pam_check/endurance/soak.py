@@ -180,7 +180,7 @@ class SoakChain(FaultChain):
         self.now = self._cycles * PERIOD
         self.wall = WALL_START + self.now * WALL_RATE
         self._deliver()
-        self.snapshot = self.driver.cycle(self.now, self.wall)
+        self.hear(self.driver.cycle(self.now, self.wall))
         if self._cycles % MODEL_CYCLES == 0:
             self._estimate()
         self._control()

@@ -13,7 +13,7 @@ import random
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 from pam_check.faults.chain import FaultChain
@@ -46,10 +46,10 @@ def make_chain(rig: Rig, seed: int = 0) -> FaultChain:
     return chain
 
 
-class _Fork:
+class _Fork[Result]:
     """A function that runs in a fork of this process, so that it leaves no changes here."""
 
-    def __init__(self, work: Callable[[], Trial]) -> None:
+    def __init__(self, work: Callable[[], Result]) -> None:
         self._reading, writing = os.pipe()
         self._child = os.fork()
         if self._child == 0:
@@ -66,7 +66,7 @@ class _Fork:
                 os._exit(code)
         os.close(writing)
 
-    def result(self) -> Trial:
+    def result(self) -> Result:
         """Wait for the result.
 
         Raises
@@ -79,11 +79,11 @@ class _Fork:
         os.waitpid(self._child, 0)
         if not data:
             raise PamError("a trial ended without a result")
-        trial: Trial = pickle.loads(data)  # the data are from our own fork
-        return trial
+        found: Result = pickle.loads(data)  # the data are from our own fork
+        return found
 
 
-def in_a_fork(work: Callable[[], Trial]) -> Trial:
+def in_a_fork[Result](work: Callable[[], Result]) -> Result:
     """Run a function in a fork of this process, so that it leaves no changes here.
 
     Raises
@@ -92,6 +92,17 @@ def in_a_fork(work: Callable[[], Trial]) -> Trial:
         If the fork ends without a result.
     """
     return _Fork(work).result()
+
+
+def in_forks[Result](works: Iterable[Callable[[], Result]], at_once: int) -> Iterator[Result]:
+    """Run functions in forks, several at once; a fork begins when its function is drawn."""
+    running: deque[_Fork[Result]] = deque()
+    for work in works:
+        running.append(_Fork(work))
+        if len(running) >= at_once:
+            yield running.popleft().result()
+    for fork in running:
+        yield fork.result()
 
 
 def run_campaign(
@@ -114,18 +125,15 @@ def run_campaign(
     """
     chain = make_chain(rig, seed)
     draw = random.Random(seed)
-    running: deque[_Fork] = deque()
-    for number in range(trials):
-        kind = kinds[number % len(kinds)]
-        until = chain.now + draw.uniform(0.0, LONGEST_PHASE)
-        while chain.now < until:
-            chain.step()
-        values, trial_seed = draw_values(kind, draw), draw.randrange(1 << 30)
-        running.append(_Fork(partial(run_trial, chain, kind, values, trial_seed)))
-        if len(running) >= at_once:
-            yield running.popleft().result()
-    for fork in running:
-        yield fork.result()
+
+    def works() -> Iterator[Callable[[], Trial]]:
+        for number in range(trials):
+            kind = kinds[number % len(kinds)]
+            chain.wait(draw.uniform(0.0, LONGEST_PHASE))
+            values, trial_seed = draw_values(kind, draw), draw.randrange(1 << 30)
+            yield partial(run_trial, chain, kind, values, trial_seed)
+
+    yield from in_forks(works(), at_once)
 
 
 def run(given: Arguments) -> Outcome:

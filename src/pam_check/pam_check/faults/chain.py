@@ -8,14 +8,15 @@ independently of the monotonic clock.
 
 from __future__ import annotations
 
-import errno
 import math
-from collections import Counter, deque
-from collections.abc import Callable
+import random
+from collections import Counter
+from collections.abc import Callable, Mapping
+from threading import Lock
 from typing import Final
 
-import can
-
+from pam_check.faults.virtual_can import VirtualCan
+from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_driver.bus import CanPort
@@ -25,6 +26,7 @@ from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_driver.snapshot import Snapshot
+from pam_driver.start_up import StartUp
 from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import Estimate, JointEstimator
 from pam_model.rig import Rig
@@ -36,54 +38,9 @@ STEP: Final = 1e-3
 MODEL_STEPS: Final = 10  # between two estimates
 AMPLITUDE, FREQUENCY = 0.35, 0.6  # amplitude and frequency of the motion [rad], [Hz]
 START_UP = 0.5
+# Time of a message from process to process: least, mean beyond it, and most [s].
+MESSAGE_TIME = (4e-4, 3e-4, 4e-3)
 COMMANDABLE: Final = frozenset({SafetyState.READY, SafetyState.ACTIVE})
-BUS_OFF, RESTARTED, CONTROLLER = 0x40, 0x100, 0x04  # linux/can/error.h
-
-
-class VirtualCan(can.BusABC):
-    """The driver's end of a CAN bus as python-can shows it, with a controller that can fail.
-
-    Attributes
-    ----------
-    to_boards : deque
-        Frames that the driver has sent.
-    down, bus_off, full : bool
-        The interface is down; the CAN controller is bus-off; the transmit queue is full.
-    """
-
-    def __init__(self) -> None:
-        self.to_boards: deque[tuple[int, bytes]] = deque()
-        self.down = self.bus_off = self.full = False
-        self._waiting: deque[can.Message] = deque()
-
-    def deliver(self, frame: tuple[int, bytes], wall: float) -> None:
-        """Queue a frame for the driver."""
-        if not (self.down or self.bus_off):
-            self._waiting.append(can.Message(wall, frame[0], False, data=frame[1]))
-
-    def error(self, kind: int, detail: int = 0, wall: float = 0.0) -> None:
-        """Queue an error frame of the CAN controller."""
-        data = bytes((0, detail, 0, 0, 0, 0, 0, 0))
-        self._waiting.append(can.Message(wall, kind, is_error_frame=True, data=data))
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Return the next queued frame."""
-        if self.down:
-            raise can.CanOperationError("network is down", errno.ENETDOWN)
-        return self._waiting.popleft() if self._waiting else None
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Put a frame on the bus."""
-        if self.down:
-            raise can.CanOperationError("network is down", errno.ENETDOWN)
-        if (
-            self.full or self.bus_off
-        ):  # a CAN controller that is bus-off sends no frame of its queue
-            raise can.CanOperationError("no buffer space available", errno.ENOBUFS)
-        self.to_boards.append((msg.arbitration_id, bytes(msg.data)))
-
-    def shutdown(self) -> None:
-        """There is nothing to close."""
 
 
 class FaultChain:
@@ -109,16 +66,34 @@ class FaultChain:
     edit : callable or None
         Changes each command of the controller when it is sent and returns the commands to send.
         Their age is how far back they are stamped.
-    on_way : list of (NamedCommand, float)
-        Commands that the driver has not received yet, and their stamps on the wall clock [s].
-    inject, before_control : list of callable
-        Called with the time, in each step before everything else and before the controller.
-    snapshot : Snapshot or None
-        The next measurements for model and controller.
+    intake : CommandIntake
+        Takes references as the controller's node does.
+    motion : callable or None
+        Angle and speed [rad], [rad/s] that a user streams at a time [s]; None: nothing is streamed.
+    command_time, measurement_time : callable
+        Return how long the next message of this kind is on its way [s].
+    on_way : list of (NamedCommand, float, float)
+        Commands that the driver has not received yet, their stamps on the wall clock and when they
+        arrive on the monotonic clock [s].
+    inject, before_control, after : list of callable
+        Called with the time, in each step before everything else, before the controller, and after
+        everything else.
+    published, snapshot : Snapshot or None
+        The last measurements that the driver has sent, and that model and controller have received.
+    heard : Measurement
+        The same for the controller, with times on the monotonic clock.
     command_format : ValveCommandFormat
         Format of the controller's commands in a message.
     estimate, estimate_age : Estimate, float
         Last estimate of the model, and the age of its newest measurement at that time [s].
+    claims : list of callable
+        What a fault must not do beside its bounds: each returns what is wrong now, or nothing.
+    start_up : StartUp
+        The rules of the driver's process, which decide whether it may activate.
+    unstamped : bool
+        Whether the controller's commands carry no stamp.
+    lowered_at : float
+        When the driver last lowered the joints [s].
     noticed : Counter
         Number of refused commands by kind, and of refused requests.
     """
@@ -141,16 +116,31 @@ class FaultChain:
         self.settings = settings or DriverSettings()
         self.driver = self.make_driver()
         self.controller = controller
+        self.intake = CommandIntake(
+            controller, Lock(), lambda: self.now, self._reason_against, self._note_refusal
+        )
         controller.deactivate()
         self.driver_runs = self.controller_runs = True
         self.edit: Callable[[NamedCommand], list[NamedCommand]] | None = None
-        self.on_way: list[tuple[NamedCommand, float]] = []
+        self.motion: Callable[[float], tuple[float, float]] | None = swing
+        self._random = random.Random(seed)
+        self.command_time: Callable[[], float] = self.message_time
+        self.measurement_time: Callable[[], float] = self.message_time
+        self.on_way: list[tuple[NamedCommand, float, float]] = []
+        self._measured: list[tuple[Snapshot, float]] = []
+        self.heard = Measurement((), (), -math.inf, -math.inf)
         self.inject: list[Callable[[float], None]] = []
         self.before_control: list[Callable[[float], None]] = []
+        self.after: list[Callable[[float], None]] = []
         self._later: list[tuple[float, Callable[[], None]]] = []
+        self.claims: list[Callable[[], str]] = []
         self.noticed: Counter[str] = Counter()
+        self.start_up = StartUp()
+        self.unstamped = False
+        self.lowered_at = -math.inf
         self.reason = ""
         self.reference = 0.0
+        self.published: Snapshot | None = None
         self.snapshot: Snapshot | None = None
         self.model = JointEstimator(rig)
         self.command_format = ValveCommandFormat(rig.valve_kinds)
@@ -162,6 +152,15 @@ class FaultChain:
         """Make another driver on the same bus."""
         plausibility = PressurePlausibility(self.rig, 1.0 / 500.0)
         return Driver(self.rig, port or self.port, self.settings, plausibility)
+
+    def _reason_against(self) -> str:
+        if not self.controller.active:
+            return f"the controller is not active: {self.reason}"
+        return self.controller.reason_against_references()
+
+    def _note_refusal(self, text: str) -> None:
+        self.noticed["refused references"] += "rejected" in text
+        self.noticed["slowed references"] += "rejected" not in text
 
     @property
     def truth(self) -> GroundTruth:
@@ -207,11 +206,48 @@ class FaultChain:
         self._bus()
         self._deliver()
         if self.driver_runs and self._tick % 2 == 0:
-            self.snapshot = self.driver.cycle(self.now, self.wall)
+            self.published = self.driver.cycle(self.now, self.wall)
+            self._measured.append((self.published, self.now + self.measurement_time()))
         if self.controller_runs and self._tick % 2 == 1:
             self._control()
         if self._tick % MODEL_STEPS == 0:
             self._estimate()
+        if self.driver.lowers:
+            self.lowered_at = self.now
+        for look in self.after:
+            look(self.now)
+
+    def message_time(self) -> float:
+        """How long a message between two processes is on its way: mostly below 1 ms [s]."""
+        least, mean, most = MESSAGE_TIME
+        return min(least + self._random.expovariate(1.0 / mean), most)
+
+    def power_cycle(self, effects: Mapping[str, float]) -> None:
+        """Switch the rig off and on, with these hidden effects, and bring it into motion again.
+
+        Raises
+        ------
+        PamError
+            If the driver does not activate.
+        """
+        motion, self.motion = self.motion, None
+        self.driver.vent(self.now)
+        while self.driver.lowers:
+            self.step()
+        self.sim = SimulatedRig(self.rig, effects=effects, now=self.now)
+        self.wait(START_UP)
+        self.start_up.clear_faults(self.driver, self.now)
+        self.wait(0.02)
+        self.start_up.activate(self.driver, self.now)
+        self.wait(0.3)
+        self.motion = motion
+        self.wait(1.0)
+
+    def wait(self, duration: float) -> None:
+        """Let a time pass [s]."""
+        until = self.now + duration
+        while self.now < until:
+            self.step()
 
     def at(self, time: float, action: Callable[[], None]) -> None:
         """Call a function at a time [s]."""
@@ -251,49 +287,59 @@ class FaultChain:
         if seen is None:
             return
         if self.driver.state not in COMMANDABLE:  # the node follows the driver's state
-            self.controller.deactivate()
+            self.controller.drop_commands()
             return
         references = self.controller.references
-        if self.controller.active:
-            angle = 2.0 * math.pi * FREQUENCY * (self.now - START_UP)
-            turn = 2.0 * math.pi * FREQUENCY
+        if self.controller.active and self.motion is not None:
+            angle, speed = self.motion(self.now)
             count = len(self.rig.joints)
-            references.stream(
-                self.rig.joint_names,
-                [AMPLITUDE * math.sin(angle)] * count,
-                [AMPLITUDE * turn * math.cos(angle)] * count,
-                now=self.wall,
-            )
-        output = self.controller.step(
-            self.wall,
-            Measurement(
-                seen.positions,
-                seen.pressures,
-                min(seen.joint_stamp, self.wall),
-                min(seen.pressure_stamp, self.wall),
-            ),
-        )
+            self.intake.stream(self.rig.joint_names, [angle] * count, [speed] * count)
+        output = self.controller.step(self.now, self.heard)
         self.reason = output.reason
         if output.commands is None:
             return
-        self.reference = references.sample(self.rig.joint_names[0], self.wall).position
+        self.reference = references.sample(self.rig.joint_names[0], self.now).position
         position, effort = self.command_format.pack(output.commands)
         command = NamedCommand(self.rig.muscle_names, position, (), effort, 0.0)
         for one in [command] if self.edit is None else self.edit(command):
-            self.on_way.append((one, self.wall - one.age))
+            arrives = self.now + self.command_time()
+            self.on_way.append((one, self.wall - one.age, arrives))
 
     def _deliver(self) -> None:
-        """Give the driver the commands that were sent on valve_commands in an earlier step.
+        """Deliver the messages that arrive in this step: valve commands, and measurements.
 
-        As in the driver's node, the age of a command is the wall clock minus its stamp. A driver
-        that was stopped gets the newest message when it continues, since the topic keeps only one.
+        As in the nodes, a stamp tells how old a message is when it arrives, by the wall clock; from
+        then on its age grows by the monotonic clock. A process that was stopped gets the newest
+        message of a topic when it continues, since the topics keep only one.
         """
-        if not self.driver_runs:
-            del self.on_way[:-1]
-            return
-        messages, self.on_way = self.on_way, []
-        for command, stamp in messages:
-            try:
-                self.driver.set_commands(command._replace(age=self.wall - stamp), self.now)
-            except CommandError as error:
-                self.noticed[error.kind] += 1
+        arrived = [entry for entry in self.on_way if entry[2] <= self.now]
+        if self.driver_runs:
+            self.on_way = [entry for entry in self.on_way if entry[2] > self.now]
+            for command, stamp, _ in arrived:
+                age = 0.0 if self.unstamped else self.wall - stamp
+                try:
+                    self.driver.set_commands(command._replace(age=age), self.now)
+                except CommandError as error:
+                    self.noticed[error.kind] += 1
+        else:
+            self.on_way = arrived[-1:] + [entry for entry in self.on_way if entry[2] > self.now]
+        came = [snapshot for snapshot, arrives in self._measured if arrives <= self.now]
+        self._measured = [entry for entry in self._measured if entry[1] > self.now]
+        if came:
+            self.hear(came[-1])
+
+    def hear(self, seen: Snapshot) -> None:
+        """Take measurements as the controller's node does."""
+        self.snapshot = seen
+        times = [
+            min(self.now - (self.wall - stamp), self.now) if stamp else self.now
+            for stamp in (seen.joint_stamp, seen.pressure_stamp)
+        ]
+        self.heard = Measurement(seen.positions, seen.pressures, times[0], times[1])
+
+
+def swing(now: float) -> tuple[float, float]:
+    """Angle and speed [rad], [rad/s] of the motion of the campaign at a time [s]."""
+    turn = 2.0 * math.pi * FREQUENCY
+    angle = turn * (now - START_UP)
+    return AMPLITUDE * math.sin(angle), AMPLITUDE * turn * math.cos(angle)

@@ -7,11 +7,13 @@ import math
 import random
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import can
 
-from pam_check.faults.chain import BUS_OFF, CONTROLLER, RESTARTED, STEP, FaultChain
+from pam_check.faults.chain import STEP, FaultChain
+from pam_check.faults.virtual_can import BUS_OFF, CONTROLLER, RESTARTED
 from pam_control.controller_parameters import parameter_table, settings_from
 from pam_driver.bus import CanPort
 from pam_driver.safety.command_intake import NamedCommand
@@ -131,12 +133,12 @@ def _measurements(chain: FaultChain, values: Values, draw: random.Random) -> Non
     size = draw.choice([n for n in range(6) if n != len(chain.rig.joints)])
 
     def spoil(now: float) -> None:
-        seen = chain.snapshot
-        if now < end and seen is not None:
+        if now < end:
             if draw.random() < 0.5:
-                chain.snapshot = seen._replace(pressures=(wrong,) * len(seen.pressures))
+                count = len(chain.rig.muscles)
+                chain.heard = replace(chain.heard, pressures=(wrong,) * count)
             else:
-                chain.snapshot = seen._replace(positions=(0.0,) * size)
+                chain.heard = replace(chain.heard, positions=(0.0,) * size)
 
     chain.before_control.append(spoil)
 
@@ -221,11 +223,6 @@ def _second_publisher(chain: FaultChain, values: Values, draw: random.Random) ->
     chain.edit = lambda command: [command, other(command)] if chain.now < end else [command]
 
 
-def _vent(chain: FaultChain, values: Values, draw: random.Random) -> None:
-    chain.driver.vent(chain.now)
-    chain.noticed["vented"] += 1
-
-
 INJECTIONS: Mapping[str, Injection] = {
     "bus_off": _bus_off,
     "bus_down": _bus_down,
@@ -259,5 +256,4 @@ INJECTIONS: Mapping[str, Injection] = {
     "command_old_between": _old_between,
     "command_flood": _flood,
     "command_two_publishers": _second_publisher,
-    "vent_called": _vent,
 }

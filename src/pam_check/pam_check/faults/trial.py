@@ -7,13 +7,11 @@ import random
 from collections import Counter
 from dataclasses import dataclass, field
 
-from pam_check.faults import host_faults
 from pam_check.faults.chain import AMPLITUDE, STEP, FaultChain
+from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
 from pam_driver.safety.states import SafetyState
-from pam_sim import fault_injection
 from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction, Stays
-from pam_sim.simulated_rig import GroundTruth
 
 AFTERWARDS = 0.3  # s, to check that the valves stay vented
 SETTLING = 1.0  # s after the muscles are empty, for a joint that still swings
@@ -50,6 +48,9 @@ class Trial:
     way : float
         Largest distance of the joint from where it was at the fault; from the vent on, if the
         valves vented [rad].
+    thrown : float
+        How much farther from the angle where it hangs a joint went than it was when the valves
+        vented: muscles that empty unequally throw the arm up [rad].
     farthest : float
         The true angle that was farthest from 0 [rad].
     peak_error : float
@@ -69,6 +70,7 @@ class Trial:
     peak_force: float = 0.0
     peak_speed: float = 0.0
     way: float = 0.0
+    thrown: float = 0.0
     farthest: float = 0.0
     peak_error: float = 0.0
     problem: str = ""
@@ -100,13 +102,11 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
     draw = random.Random(seed)
     before = _counts(chain)
     seen: set[str] = set()
-    start = chain.now
-    if kind.name in host_faults.INJECTIONS:
-        host_faults.INJECTIONS[kind.name](chain, values, draw)
-    else:
-        fault_injection.inject(chain, kind.name, values, draw)
-    last_air = start
+    chain.after.append(lambda now: _note(trial, chain, seen))
+    INJECTIONS[kind.name](chain, values, draw)
+    start = last_air = chain.now  # some faults take acts before they happen
     origin = chain.truth.positions[0]
+    hangs = chain.rig.joints[0].gravity_angle
     bounds = bounds_of(chain.rig)
     vents = kind.reaction in STOPS
     lowering = LOWERING if kind.reaction is Reaction.LOWER else 0.0
@@ -115,19 +115,17 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
         chain.step()
         truth = chain.truth
         angle = truth.positions[0]
-        _note_motion(trial, truth)
         if chain.moves_air:
             last_air = chain.now
-            if not chain.driver.lowers:
-                trial.peak_error = max(trial.peak_error, abs(angle - chain.reference))
             if vents:
-                origin, trial.way = angle, 0.0
+                origin, trial.way, trial.thrown = angle, 0.0, 0.0
         trial.way = max(trial.way, abs(angle - origin))
+        if vents and not chain.moves_air and (angle - hangs) * (origin - hangs) > 0.0:
+            trial.thrown = max(trial.thrown, abs(angle - hangs) - abs(origin - hangs))
         if max(truth.pressures) > EMPTY:
             trial.empty_after = None
         elif trial.empty_after is None:
             trial.empty_after = chain.now - start
-        _look(chain, seen)
         if chain.driver.suspicions and trial.suspected_after is None:
             trial.suspected_after = chain.now - start
         if trial.stopped_after is None and chain.driver.state is not SafetyState.ACTIVE:
@@ -144,11 +142,19 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
     return trial
 
 
-def _note_motion(trial: Trial, truth: GroundTruth) -> None:
+def _note(trial: Trial, chain: FaultChain, seen: set[str]) -> None:
+    """Note what one step shows, also while a fault is still being prepared."""
+    _look(chain, seen)
+    truth = chain.truth
     trial.peak_pressure = max(trial.peak_pressure, *truth.pressures)
     trial.peak_force = max(trial.peak_force, *truth.forces)
     trial.peak_speed = max(trial.peak_speed, *map(abs, truth.velocities))
     trial.farthest = max(trial.farthest, truth.positions[0], key=abs)
+    follows = chain.driver.state is SafetyState.ACTIVE and not chain.driver.lowers
+    if chain.moves_air and follows:
+        trial.peak_error = max(trial.peak_error, abs(truth.positions[0] - chain.reference))
+    for claim in chain.claims:
+        trial.problem = trial.problem or claim()
 
 
 def _counts(chain: FaultChain) -> Counter[str]:

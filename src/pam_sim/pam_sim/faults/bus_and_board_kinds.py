@@ -13,6 +13,7 @@ from pam_sim.faults.fault_kind import (
     WATCH,
     FaultKind,
     Reaction,
+    Stays,
 )
 
 _K = FaultKind
@@ -81,6 +82,29 @@ BUS_AND_BOARD_KINDS: Final = (
        "the board's watchdog"),
     _K("two_drivers", "bus", "a second driver starts on the same bus", {},
        ("foreign_command",), _R.VENT, VENT, "one frame of the second driver"),
+    *(
+        _K(f"frames_{how}_{way}", "bus", f"{what} {text}", {"delay": (0.001, most)},
+           ("loop_too_slow", "joint_too_fast", "pressure_implausible", "controller",
+            "stale_sensor"),
+           _R.EITHER, 3.0, reason, stays=Stays.TRACKING)
+        for way, what in (("down", "commands"), ("up", "measurements"))
+        for how, text, most, reason in (
+            ("delayed", "arrive late and stay so", 0.08, "the loop bears the delay, or stops"),
+            ("jitter", "arrive late, each by another time", 0.03, "the loop bears it, or stops"),
+        )
+    ),
+    _K("measurement_gaps", "bus", "no measurements for a moment, again and again",
+       {"gap": (0.015, 0.04), "period": (0.06, 0.2)},
+       ("frames_lost", "stale_sensor"), _R.EITHER, 3.0,
+       "a gap shorter than sensor_timeout is ridden; many gaps in a second are a fault"),
+    _K("measurement_gaps_with_valve_stuck_shut", "bus", "the same, and a valve stays shut",
+       {"gap": (0.022, 0.03), "period": (0.06, 0.1)},
+       ("pressure_implausible", "torque_implausible"), _R.VENT, 1.5,
+       "gaps must not blind the comparison with physics", keeps_air=True),
+    _K("measurement_gaps_with_burst", "bus", "the same, and a muscle bursts",
+       {"gap": (0.022, 0.03), "period": (0.06, 0.1), "conductance": (4e-9, 1e-8)},
+       ("pressure_implausible", "torque_implausible"), _R.VENT, 1.5,
+       "gaps must not blind the comparison with physics"),
     # --- boards ---
     _K("board_restart", "board", "a board loses power for a moment", {},
        ("board_not_active", "board_restarted", "board_fault"), _R.VENT, VENT,

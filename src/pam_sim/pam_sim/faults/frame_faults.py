@@ -18,7 +18,8 @@ from pam_driver.bus import CanPort, ReceivedFrame, SendOutcome
 Direction = Literal["up", "down"]
 Frame = tuple[int, bytes]
 KINDS: Final = (
-    "lost", "late", "repeated", "reordered", "corrupted", "wrong_length", "foreign"
+    "lost", "late", "jitter", "gaps", "repeated", "reordered", "corrupted", "wrong_length",
+    "foreign",
 )  # fmt: skip
 
 
@@ -35,9 +36,12 @@ class FrameFault:
     share : float
         Share of the frames that are affected, 0 to 1; for foreign frames, their number per frame.
     delay : float
-        Delay of late frames, and of frames that others overtake [s].
+        Delay of late frames, longest delay with jitter, length of a gap, and delay of frames that
+        others overtake [s].
     until : float
         When the fault ends [s].
+    period : float
+        Time from the beginning of one gap to that of the next [s].
     """
 
     kind: str
@@ -45,6 +49,7 @@ class FrameFault:
     share: float
     delay: float
     until: float
+    period: float = 1.0
 
 
 class FrameFaults:
@@ -69,6 +74,7 @@ class FrameFaults:
         self._random = random.Random(seed)
         self._held: dict[tuple[str, Direction], list[tuple[float, int, Frame]]] = {}
         self._order = 0
+        self._latest: dict[Direction, float] = {"up": 0.0, "down": 0.0}
 
     def pass_on(self, frame: Frame, direction: Direction, now: float, bus: str = "") -> list[Frame]:
         """The frames that arrive now on a bus instead of a frame."""
@@ -92,15 +98,20 @@ class FrameFaults:
     def _spoil(self, frame: Frame, fault: FrameFault, now: float, bus: str) -> list[Frame]:
         identifier, data = frame
         draw = self._random
-        if fault.kind == "lost":
+        gap = fault.kind == "gaps" and (fault.until - now) % fault.period < fault.delay
+        if fault.kind == "lost" or gap:
             return []
-        if fault.kind in {"late", "reordered"}:
+        if fault.kind in {"late", "reordered", "jitter"}:
+            arrives = now + fault.delay
+            if fault.kind == "jitter":  # frames of a bus do not overtake each other
+                arrives = max(now + draw.random() * fault.delay, self._latest[fault.direction])
+                self._latest[fault.direction] = arrives
             self._order += 1
-            entry = (now + fault.delay, self._order, frame)
+            entry = (arrives, self._order, frame)
             heapq.heappush(self._held.setdefault((bus, fault.direction), []), entry)
             return []
-        if fault.kind == "repeated":
-            return [frame, frame]
+        if fault.kind in {"repeated", "gaps"}:
+            return [frame] * (2 if fault.kind == "repeated" else 1)
         if fault.kind == "corrupted":
             word = int.from_bytes(data, "little")
             for _ in range(draw.randint(1, 4)):

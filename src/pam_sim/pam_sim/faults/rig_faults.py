@@ -53,6 +53,20 @@ def offset(by: float) -> Reading:
     return lambda value, time: value + by
 
 
+def lagging(time_constant: float) -> Reading:
+    """Follows the value with a first-order lag [s]."""
+    last: list[float] = []
+
+    def show(value: float, time: float) -> float:
+        if not last:
+            last[:] = [value, time]
+        share = 1.0 - math.exp(-(time - last[1]) / time_constant)
+        last[:] = [last[0] + share * (value - last[0]), time]
+        return last[0]
+
+    return show
+
+
 @dataclass(slots=True)
 class RigFaults:
     """The present faults.
@@ -65,6 +79,10 @@ class RigFaults:
         Boards whose pressure sensors are exchanged.
     valves : dict
         By (board, valve): the opening at which a valve is stuck, -1 to 1, NaN for its present one.
+    exhausts : dict
+        By (board, valve): the largest opening to ambient, 0 for a blocked exhaust.
+    crossed : set of int or str
+        Boards whose first two valves are connected to each other's muscle.
     frozen : dict of int or str to float
         Boards whose processor hangs, with the time at which a hardware watchdog resets them [s];
         it is not the watchdog that supervises commands.
@@ -72,6 +90,8 @@ class RigFaults:
 
     sensors: dict[tuple[Address, int], Reading] = field(default_factory=dict)
     valves: dict[tuple[Address, int], float] = field(default_factory=dict)
+    exhausts: dict[tuple[Address, int], float] = field(default_factory=dict)
+    crossed: set[Address] = field(default_factory=set)
     frozen: dict[Address, float] = field(default_factory=dict)
     swapped: set[Address] = field(default_factory=set)
 
@@ -79,8 +99,15 @@ class RigFaults:
         """End all faults."""
         self.sensors.clear()
         self.valves.clear()
+        self.exhausts.clear()
+        self.crossed.clear()
         self.frozen.clear()
         self.swapped.clear()
+
+    @property
+    def move_valves(self) -> bool:
+        """Whether a valve may do something else than its board commands."""
+        return bool(self.valves or self.exhausts or self.crossed)
 
     def readings(
         self, board: Address, pressures: Sequence[float], angles: Sequence[float], now: float
@@ -111,6 +138,11 @@ class RigFaults:
                 opening = commands[place] / kind.full_scale
                 self.valves[board, place] = opening
             done[place] = max(opening, 0.0) * kind.full_scale if kind.is_regulator else opening
+        for (where, place), share in self.exhausts.items():
+            if where == board and not kinds[place].is_regulator:
+                done[place] = max(done[place], -share)
+        if board in self.crossed:
+            done[0], done[1] = done[1], done[0]
         return tuple(done)
 
     def reset_by_watchdog(self, now: float) -> list[Address]:

@@ -9,6 +9,7 @@ from pam_sim.faults.fault_kind import (
     WATCH,
     FaultKind,
     Reaction,
+    Stays,
 )
 
 _K = FaultKind
@@ -43,7 +44,7 @@ SENSOR_AND_VALVE_KINDS: Final = (
        0.5, "detected when the two pressures differ"),
     _K("encoder_stuck", "sensor", "the angle freezes", {},
        ("torque_implausible", "pressure_implausible", "over_pressure"), _R.VENT, 1.0,
-       "detected when pressures and angle disagree"),
+       "detected when pressures and angle disagree", stays=Stays.IN_LIMITS),
     _K("encoder_noisy", "sensor", "the encoder becomes noisy", {"amplitude": (0.05, 0.3)},
        ("sensor_noise", "position_jump", "position_limit", "torque_implausible"), _R.VENT, 0.08,
        "25 samples, or sooner, since the noise implies torques that do not exist"),
@@ -51,11 +52,18 @@ SENSOR_AND_VALVE_KINDS: Final = (
        ("position_jump", "position_limit"), _R.VENT, VENT, "one sample"),
     _K("encoder_drift", "sensor", "the encoder slips", {"rate": (0.2, 1.0)},
        ("torque_implausible", "position_limit", "pressure_implausible"), _R.VENT, 4.0,
-       "detected when the error of the torque exceeds its limit"),
+       "detected when the error of the torque exceeds its limit",
+       stays=Stays.IN_LIMITS),
     _K("encoder_out_of_range", "sensor", "the encoder shows an impossible angle",
        {"shown": (1.5, 8.0)}, ("position_limit", "position_jump"), _R.VENT, VENT, "one sample"),
     _K("encoder_lost", "sensor", "the encoder is disconnected", {},
        ("board_fault", "SENSOR", "stale_sensor"), _R.VENT, VENT, "one sample, on the board"),
+    _K("pressure_sensors_lag", "sensor", "both pressure sensors become slow",
+       {"time_constant": (0.003, 0.06)}, ("joint_too_fast", "pressure_implausible"),
+       _R.EITHER, 3.0, "the loop bears the lag, or stops", stays=Stays.TRACKING),
+    _K("encoder_lags", "sensor", "the encoder becomes slow", {"time_constant": (0.002, 0.04)},
+       ("joint_too_fast", "torque_implausible"), _R.EITHER, 3.0,
+       "the loop bears the lag, or stops", stays=Stays.TRACKING),
     # --- valves and air ---
     _K("valve_stuck_open", "valve", "a valve stays open to the supply", {},
        ("pressure_implausible", "over_pressure", "torque_implausible", "OVER_PRESSURE"), _R.VENT,
@@ -80,4 +88,9 @@ SENSOR_AND_VALVE_KINDS: Final = (
        ("supply_low",), _R.LOWER, 0.02 + VENT, "the next status"),
     _K("supply_sags", "valve", "the supply pressure falls a little", {"share": (0.6, 0.72)},
        ("suspected supply_low",), _R.WARN, WATCH),
+    _K("supply_too_high", "valve", "the supply pressure is too high", {"share": (1.35, 1.7)},
+       ("supply_high", "suspected supply_high"), _R.NOTICED, 1.0, "the next status"),
+    _K("exhausts_restricted", "valve", "a silencer clogs: air leaves slowly",
+       {"share": (0.1, 0.5)}, ("pressure_implausible", "suspected pressure_implausible"),
+       _R.EITHER, 2.0, "the loop compensates it, or a deviation shows it"),
 )  # fmt: skip

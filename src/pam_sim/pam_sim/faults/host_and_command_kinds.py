@@ -1,4 +1,4 @@
-"""Faults of the host, of commands and of people, as data."""
+"""Faults of the host and of commands, as data."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pam_sim.faults.fault_kind import (
     COMMANDS_STOP,
     MOMENT,
     SHARE,
-    VENT,
     WATCH,
     FaultKind,
     Reaction,
@@ -19,7 +18,7 @@ from pam_sim.faults.fault_kind import (
 _K = FaultKind
 _R = Reaction
 
-HOST_AND_OPERATOR_KINDS: Final = (
+HOST_AND_COMMAND_KINDS: Final = (
     # --- host ---
     _K("clock_step", "host", "the wall clock is changed", {"by": (-3600.0, 3600.0)}, (), _R.RIDE,
        WATCH, "a command in transit may be refused because of its stamp; all other ages are "
@@ -75,6 +74,4 @@ HOST_AND_OPERATOR_KINDS: Final = (
        ("pressure_implausible", "torque_implausible", "position_limit", "over_pressure"),
        _R.EITHER, WATCH, "both are valid, so the joint may move anywhere within its limits; "
        "/diagnostics warns of the number of publishers", stays=Stays.IN_LIMITS),
-    _K("vent_called", "operator", "someone calls ~/vent", {}, ("vented",), _R.LOWER, VENT,
-       "each board receives a frame before the service returns"),
 )  # fmt: skip
