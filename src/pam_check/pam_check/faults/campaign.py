@@ -25,7 +25,7 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.faults.fault_kind import FaultKind
-from pam_sim.faults.kinds import KINDS, kinds_called
+from pam_sim.faults.kinds import ALL_KINDS, KINDS, kinds_called
 
 TRIALS = 1000  # by default, and at least one of each kind
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s
@@ -144,7 +144,7 @@ def run(given: Arguments) -> Outcome:
     PamError
         For a rig or a fault that cannot be used.
     """
-    kinds = kinds_called(given.kind, KINDS)
+    kinds = kinds_called(given.kind, ALL_KINDS if given.kind else KINDS)
     trials = given.trials or max(TRIALS * len(kinds) // len(KINDS), len(kinds))
     rig = load_rig(chosen_rig(given))
     done: list[Trial] = []

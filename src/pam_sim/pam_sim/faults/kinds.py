@@ -40,22 +40,11 @@ ALL_KINDS: Final = (
 # faults whose promise is not kept yet: they are injected by name only
 OPEN: Final = frozenset(
     {
-        "activated_after_vent",
-        "controller_killed_while_held",
-        "exhausts_restricted",
-        "hidden_coulomb_friction",
-        "hidden_payload",
-        "hidden_thermal",
-        "measurement_gaps_with_valve_stuck_shut",
-        "measurements_delayed",
-        "old_commands_after_activation",
-        "pressure_sensors_lag",
-        "stream_is_noise",
+        "command_two_publishers",  # the driver trips above the limit, and the air drives on
+        "exhausts_restricted",  # an angle error of 0.13 rad, nobody stops
+        "stream_is_noise",  # above the speed limit, as the two below
         "stream_jumps",
-        "supply_lost_while_held",
-        "trajectory_while_vented",
         "valve_stuck_open_while_held",
-        "vent_while_held",
     }
 )
 KINDS: Final = tuple(kind for kind in ALL_KINDS if kind.name not in OPEN)
