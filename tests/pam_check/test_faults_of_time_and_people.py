@@ -109,10 +109,10 @@ def test_the_rule_of_random_acts_notices_air_without_an_act(chain, act):
         random_acts._act(chain, rule, "vent", random.Random(1))
         if act == "clear":
             rule.stop(fault=True)
-            chain.wait(0.2)
+            chain.wait(3.0)  # until the muscles are empty
             random_acts._act(chain, rule, "activate", random.Random(1))
         else:
-            chain.wait(0.2)
+            chain.wait(3.0)  # until the muscles are empty
             chain.driver.activate(chain.now)
         chain.motion = None
         chain.wait(0.2)
@@ -172,5 +172,5 @@ def test_a_small_delay_is_borne_and_a_huge_one_stops(chain):
     works = ((lambda drawn=drawn: run_draw(chain, drawn, 1)) for drawn in draws)
     small, huge = in_forks(works, 2)
     assert (small.outcome, huge.outcome) == (TRACKS, STOPS)
-    assert small.peak_error < 0.2
+    assert small.peak_error < 0.5  # max_tracking_error of the elbow
     assert huge.by
