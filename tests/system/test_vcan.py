@@ -74,13 +74,21 @@ class Chain:
                 offer(self.driver, NamedCommand(NAMES, fractions), self.now)
             self.driver.cycle(self.now, 0.0)
 
+    def run_until(self, state: SafetyState) -> None:
+        """Muscles need time to become empty."""
+        end = self.now + 6.0
+        self.run(0.2)
+        while self.driver.state is not state:
+            assert self.now < end, self.driver.state
+            self.run(0.1)
+
     def pressures(self) -> tuple[float, ...]:
         return self.driver.cycle(self.now, 0.0).pressures
 
     def make_move(self) -> None:
         """Clear, activate, and let air in."""
         self.driver.clear_faults(self.now)
-        self.run(0.2)
+        self.run_until(SafetyState.VENTED)
         self.driver.activate(self.now)
         self.run(0.4, AIR)
         assert self.moves()
@@ -125,8 +133,8 @@ def test_air_moves_over_socketcan_vents_after_and_candump_shows_it(bus, rig_path
         raw, _ = dump.communicate(timeout=60.0)
 
         # commands end: driver and board vent, and stay so
-        chain.run(1.5)
-        assert chain.driver.state is SafetyState.FAULT
+        chain.run_until(SafetyState.FAULT)
+        chain.run(0.5)
         assert max(chain.pressures()) < 3e3
         assert chain.rig.boards[0].state is not BoardState.ACTIVE
         chain.run(0.2, (0.5, 0.5))
@@ -173,7 +181,7 @@ def own_vcan() -> Iterator[str]:
 @pytest.fixture
 def chain(own_vcan: str, rig_path: Path) -> Iterator[Chain]:
     """Air moves; `sensor_timeout` is long, for boards and driver share a queue here."""
-    chain = Chain(rig_path, own_vcan, DriverSettings(sensor_timeout=0.4))
+    chain = Chain(rig_path, own_vcan, DriverSettings(sensor_timeout=0.4, loop_delay_limit=0.4))
     chain.run(0.5)
     chain.make_move()
     yield chain
