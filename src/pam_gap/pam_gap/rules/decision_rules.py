@@ -65,8 +65,7 @@ class DecisionRules:
         "whole ordinary background.",
         trades="Larger: weak effects on very clean rigs are not reported. Smaller: a hypothesis "
         "that fits the background by chance makes it count as a gap.",
-        origin="1.4 times the RMS error; chosen after the first drawn rigs had been seen. With 2 "
-        "or 4, the verdicts of those 17 rigs (10 with a background) were the same.",
+        origin="1.4 times the RMS error; set by hand after the first drawn rigs had been seen.",
         acts=DECISION,
     )
     temperature: float = rule(

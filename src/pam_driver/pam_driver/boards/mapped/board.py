@@ -353,6 +353,5 @@ def _swapped(word: int, length: int) -> int:
 
 def _with_checksum(checksum: FrameChecksum, data: bytes) -> bytes:
     value = checksum.value(data)
-    order = "big" if checksum.layout.big else "little"
-    own = value.to_bytes(checksum.end - checksum.start, order)  # type: ignore[arg-type]
+    own = value.to_bytes(checksum.end - checksum.start, "big" if checksum.layout.big else "little")
     return data[: checksum.start] + own + data[checksum.end :]

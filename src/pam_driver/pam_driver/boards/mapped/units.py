@@ -136,5 +136,6 @@ def scale_of(unit: str, scale: Mapping[str, Any], quantities: Sequence[str]) -> 
 
 
 def _real(value: object) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and math.isfinite(value)  # type: ignore[arg-type]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return math.isfinite(value)
