@@ -184,8 +184,34 @@ def test_errors_that_are_small_beside_the_motion_are_no_oscillation():
     assert oscillation(1.0, amplitude=0.7, reference=0.5) is not None
 
 
-def test_a_joint_that_is_nearly_too_fast_is_told_at_once():
+@pytest.mark.parametrize("phase", [30.0, 60.0, 90.0])
+@pytest.mark.parametrize("frequency", [0.5, 1.0, 2.0])
+def test_a_joint_that_lags_behind_a_fast_reference_does_not_oscillate(frequency, phase):
+    watch = OscillationWatch(6.0)
+    for cycle in range(2000):
+        angle = 2.0 * math.pi * frequency * 0.002 * cycle
+        speeds = 3.0 * math.cos(angle), 3.0 * math.cos(angle - math.radians(phase))
+        assert watch.update(0.002 * cycle, *speeds) == ""
+
+
+def test_an_oscillation_is_seen_during_a_fast_reference():
+    watch = OscillationWatch(6.0)
+    for cycle in range(1000):
+        time = 0.002 * cycle
+        carried = 2.5 * math.cos(2.0 * math.pi * 1.5 * time)
+        wild = min(2.0 * time, 1.0) * 3.0 * math.cos(2.0 * math.pi * 6.0 * time)
+        if watch.update(time, carried, carried + wild):
+            break
+    assert time < 1.0
+
+
+def test_a_joint_that_is_nearly_too_fast_without_a_reason_is_told_at_once():
     assert "5 rad/s" in OscillationWatch(6.0).update(0.0, 0.0, 5.0)
+    assert "5 rad/s" in OscillationWatch(6.0).update(0.0, 2.0, 5.0)
+
+
+def test_the_overshoot_of_a_fast_step_is_no_reason_for_an_alarm():
+    assert OscillationWatch(6.0).update(0.0, 3.3, 5.0) == ""
 
 
 def test_a_short_tracking_error_is_borne_and_a_lasting_one_is_not():

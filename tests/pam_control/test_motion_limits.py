@@ -226,7 +226,6 @@ def test_the_joint_itself_stays_below_its_limit_for_the_fastest_references(close
     loop.run(2.0)
     peak = 0.0
     for target in (-0.95, 0.95, -0.95):
-        controller.guard.clear()  # it may take such references for an oscillation
         points = [TrajectoryPoint(0.001, [target])]
         controller.references.follow(["elbow"], points, start=None, now=loop.time)
         record = loop.run(1.2)

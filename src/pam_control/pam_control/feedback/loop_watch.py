@@ -6,6 +6,10 @@ become smaller. A blow from outside, a jump of the reference, or noise do not lo
 their peaks are small compared with the speed of the reference. A joint that sticks by friction when
 its reference turns round is slower than the reference, never faster.
 
+A joint that lags behind a fast reference has a speed error that changes its sign as often as the
+reference turns round. That is a forced response, not an oscillation: a half period in which the
+reference turns round counts only if its peak is much larger than the reference's own speed.
+
 The watch counts half periods: three that do not fade, or two of which the second is much larger. It
 needs no model of the joint and no knowledge of the delay.
 """
@@ -20,10 +24,14 @@ HALF_PERIODS: Final = 3  # this many in a row are an oscillation
 SHORTEST, LONGEST = 0.01, 0.6  # s, duration of a half period
 LEAST_SHARE: Final = 0.07  # of the joint's largest speed; smaller peaks are noise
 REFERENCE_SHARE: Final = 0.5  # of the reference's recent peak speed; smaller peaks are its errors
+FORCED_SHARE: Final = 1.5
+"""Of the reference's recent peak speed; a lag alone makes smaller errors where it turns round. The
+error of a response that is late by a phase p is 2 sin(p/2) of the reference: 1.5 at 97 degrees."""
 REFERENCE_MEMORY: Final = 1.0  # s
 FADING: Final = 0.75  # a peak below this share of the one before means that the motion fades
 GROWING: Final = 1.5  # a peak above this multiple of the one before needs no third half period
 ALARM_SHARE: Final = 0.8  # of the joint's largest speed
+ALARM_RATIO: Final = 2.0  # of the reference's recent peak speed; a step's overshoot stays below
 
 
 class OscillationWatch:
@@ -47,6 +55,8 @@ class OscillationWatch:
         self._before = math.inf  # peak of the half period before
         self._count = 0
         self._excess = 0.0  # largest in the half periods that count
+        self._reference_sign = 0.0
+        self._turned = False  # the reference turned round in this half period
         self._reference_peaks: deque[tuple[float, float]] = deque()
 
     def update(self, time: float, reference_speed: float, speed: float) -> str:
@@ -60,45 +70,58 @@ class OscillationWatch:
             Of the reference and of the joint [rad/s].
         """
         error = reference_speed - speed
-        threshold = self._threshold(time, abs(reference_speed))
+        peak_speed = self._reference_peak(time, abs(reference_speed))
+        threshold = max(LEAST_SHARE * self._max_velocity, REFERENCE_SHARE * peak_speed)
+        if reference_speed * self._reference_sign < 0.0:
+            self._turned = True
+        if reference_speed != 0.0:
+            self._reference_sign = math.copysign(1.0, reference_speed)
         if error * self._sign < 0.0 or self._sign == 0.0:
-            self._end_half_period(time, threshold)
+            self._end_half_period(time, threshold, peak_speed)
             self._sign = math.copysign(1.0, error)
         self._peak = max(self._peak, abs(error))
         # the half period that is going on counts once it is as large as the one before
         self._excess = max(self._excess, _excess(reference_speed, speed))
-        going_on = self._counts(time, threshold) and self._peak >= FADING * self._before
+        going_on = (
+            self._counts(time, threshold)
+            and not self._is_forced(peak_speed)
+            and self._peak >= FADING * self._before
+        )
         violent = self._count and self._peak >= GROWING * max(self._before, threshold)
         if (
             self._count + going_on >= HALF_PERIODS or (going_on and violent)
         ) and self._excess >= threshold:
             peak = max(self._peak, self._before)
             return f"the joint oscillates (speed error {peak:.2g} rad/s)"
-        if abs(speed) > ALARM_SHARE * self._max_velocity:
+        if abs(speed) > max(ALARM_SHARE * self._max_velocity, ALARM_RATIO * peak_speed):
             return f"the joint moves at {abs(speed):.2g} rad/s"
         return ""
 
-    def _threshold(self, time: float, reference_speed: float) -> float:
+    def _reference_peak(self, time: float, reference_speed: float) -> float:
         peaks = self._reference_peaks
         while peaks and peaks[-1][1] <= reference_speed:
             peaks.pop()
         peaks.append((time, reference_speed))
         while peaks[0][0] < time - REFERENCE_MEMORY:
             peaks.popleft()
-        return max(LEAST_SHARE * self._max_velocity, REFERENCE_SHARE * peaks[0][1])
+        return peaks[0][1]
 
     def _counts(self, time: float, threshold: float) -> bool:
         return self._peak >= threshold and SHORTEST <= time - self._since <= LONGEST
 
-    def _end_half_period(self, time: float, threshold: float) -> None:
+    def _is_forced(self, peak_speed: float) -> bool:
+        return self._turned and self._peak < FORCED_SHARE * peak_speed
+
+    def _end_half_period(self, time: float, threshold: float, peak_speed: float) -> None:
         if not self._counts(time, threshold):
             self._count, self._excess = 0, 0.0
-        elif self._count and self._peak < FADING * self._before:
-            self._count, self._excess = 1, 0.0
-        else:
-            self._count += 1
+        elif not self._is_forced(peak_speed):
+            if self._count and self._peak < FADING * self._before:
+                self._count, self._excess = 1, 0.0
+            else:
+                self._count += 1
         self._before, self._peak = self._peak, 0.0
-        self._since = time
+        self._since, self._turned = time, False
 
 
 def _excess(reference_speed: float, speed: float) -> float:
