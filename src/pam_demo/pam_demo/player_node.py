@@ -26,6 +26,7 @@ from pam_model.errors import PamError
 
 Progress = Callable[[float], None]
 ANSWER_TIMEOUT = 10.0  # s, for the driver's services
+RETRY_AFTER = 0.3  # s
 
 
 class PlayerNode(Node):  # type: ignore[misc]
@@ -87,9 +88,9 @@ class PlayerNode(Node):  # type: ignore[misc]
         self._call(Trigger, "pam_driver/vent", Trigger.Request(), check)
 
     def clear_faults(self, check: Callable[[], None]) -> None:
-        """Clear the driver's latched faults."""
-        self._call(Trigger, "pam_driver/clear_faults", Trigger.Request(), check)
-        self._fault = ""
+        """Clear the driver's latched faults; it refuses this while it lowers the joints."""
+        if self._call(Trigger, "pam_driver/clear_faults", Trigger.Request(), check).success:
+            self._fault = ""
 
     def wait_for_driver(self, timeout: float, check: Callable[[], None]) -> None:
         """Wait until the driver has received data from every board and allows valve motion.
@@ -115,15 +116,18 @@ class PlayerNode(Node):  # type: ignore[misc]
             raise VentedError(self._fault or f"the driver is {state.current_state.label}")
 
     def activate(self, check: Callable[[], None]) -> None:
-        """Activate the driver, so that valves may move again."""
+        """Activate the driver, so that valves may move again.
+
+        A fault that is latched is cleared. The driver refuses both while it lowers the joints.
+        """
         request = ChangeState.Request()
         request.transition.id = Transition.TRANSITION_ACTIVATE
-        # venting has made the node inactive, or will do so within its next cycles
         deadline = time.monotonic() + ANSWER_TIMEOUT
         while not self._call(ChangeState, "pam_driver/change_state", request, check).success:
             if time.monotonic() > deadline:
                 raise PamError("the driver cannot be activated; see its log for the reason")
-            time.sleep(0.05)
+            time.sleep(RETRY_AFTER)
+            self.clear_faults(check)
 
     def _call(self, kind: Any, name: str, request: Any, check: Callable[[], None]) -> Any:
         client = self.create_client(kind, name)

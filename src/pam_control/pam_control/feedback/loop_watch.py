@@ -29,7 +29,8 @@ FORCED_SHARE: Final = 1.5
 error of a response that is late by a phase p is 2 sin(p/2) of the reference: 1.5 at 97 degrees."""
 REFERENCE_MEMORY: Final = 1.0  # s
 FADING: Final = 0.75  # a peak below this share of the one before means that the motion fades
-GROWING: Final = 1.5  # a peak above this multiple of the one before needs no third half period
+GROWING: Final = 1.5  # a peak above this multiple of the one before needs no third half period,
+VIOLENT_SHARE: Final = 0.25  # if it is above this share of the joint's largest speed as well
 ALARM_SHARE: Final = 0.8  # of the joint's largest speed
 ALARM_RATIO: Final = 2.0  # of the reference's recent peak speed; a step's overshoot stays below
 
@@ -87,7 +88,9 @@ class OscillationWatch:
             and not self._is_forced(peak_speed)
             and self._peak >= FADING * self._before
         )
-        violent = self._count and self._peak >= GROWING * max(self._before, threshold)
+        violent = self._count and self._peak >= max(
+            GROWING * max(self._before, threshold), VIOLENT_SHARE * self._max_velocity
+        )
         if (
             self._count + going_on >= HALF_PERIODS or (going_on and violent)
         ) and self._excess >= threshold:
