@@ -9,6 +9,10 @@ from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output
 
 
+def _is_entry_point(module: str) -> bool:
+    return module.endswith(".__main__") or ".commands." in module
+
+
 def _is_node(module: str) -> bool:
     """Whether a module is a ROS node, according to its file name."""
     return module.endswith("_node")
@@ -41,11 +45,14 @@ class _ImportRule(Contract):
 
 
 class NodesAreStartedNotImported(_ImportRule):
-    """Only a program's entry point, `__main__`, may import a module called `*_node`."""
+    """Only a program's entry point may import a module called `*_node`.
+
+    That is `__main__`, or a file of the folder `commands` of which `__main__` is made.
+    """
 
     advice = (
         "Start the node as a process, or move the needed code into a module without ROS; "
-        "code that needs an object of the node gets it from __main__."
+        "code that needs an object of the node gets it from the entry point."
     )
 
     def broken(self, graph: ImportGraph) -> list[tuple[str, str]]:
@@ -55,7 +62,7 @@ class NodesAreStartedNotImported(_ImportRule):
             for node in graph.modules
             if _is_node(node)
             for importer in graph.find_modules_that_directly_import(node)
-            if importer.rpartition(".")[2] != "__main__"
+            if not _is_entry_point(importer)
         ]
 
 

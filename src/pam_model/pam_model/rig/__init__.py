@@ -2,17 +2,8 @@
 
 from pam_model.rig.file import load_rig, rig_from_parameters, rig_of_node, save_rig
 from pam_model.rig.people import People
-from pam_model.rig.types import (
-    Bus,
-    Encoder,
-    Gas,
-    Joint,
-    Muscle,
-    Plausibility,
-    PressureSensor,
-    Rig,
-    Valve,
-)
+from pam_model.rig.types import Gas, Joint, Muscle, Plausibility, Rig, Valve
+from pam_model.rig.wiring import Bus, Encoder, PressureSensor
 
 __all__ = [
     "Bus",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pam_model.rig.keys import NAME, NUMBERS, Section
-from pam_model.rig.types import Bus
+from pam_model.rig.wiring import Bus
 
 
 def read_buses(section: Section) -> dict[str, Bus]:

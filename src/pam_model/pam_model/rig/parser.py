@@ -14,17 +14,8 @@ from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, musc
 from pam_model.rig.bus_keys import beside_rig_file, check_buses, read_buses
 from pam_model.rig.keys import NUMBERS, TURN, Key, Problems, Section
 from pam_model.rig.people import read_people
-from pam_model.rig.types import (
-    Encoder,
-    Gas,
-    Joint,
-    Muscle,
-    Plausibility,
-    PressureSensor,
-    Rig,
-    Valve,
-    ValveKind,
-)
+from pam_model.rig.types import Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
+from pam_model.rig.wiring import Encoder, PressureSensor
 
 _TOP = (
     "gas",

@@ -12,6 +12,8 @@ from typing import Any, Literal
 from pam_model.effects import EffectValues
 from pam_model.muscles.force_model import ForceModel, MuscleGeometry, create_force_model
 from pam_model.rig.people import People
+from pam_model.rig.wiring import Bus, Encoder, PressureSensor
+from pam_model.rig.written_fields import effects_of, fields_of
 
 ValveKind = Literal["flow", "pressure_regulator"]
 
@@ -58,54 +60,6 @@ class Valve:
     critical_ratio: float = 0.3
     time_constant: float = 0.005
     full_scale: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Bus:
-    """One CAN bus of a robot that has several; boards refer to it by its name.
-
-    Attributes
-    ----------
-    interface, channel : str
-        As python-can takes them.
-    bitrate : int
-        [bit/s]; of CAN FD that of the arbitration phase.
-    fd : bool
-        Whether CAN FD frames are used.
-    data_bitrate : int
-        Of the data phase of CAN FD frames [bit/s].
-    port : int
-        UDP port, used by the interface udp_multicast only.
-    options : str
-        Further options of the interface: name=value, name=value.
-    canopen : bool
-        Whether CANopen devices share the bus; their identifiers are then refused to boards.
-    """
-
-    interface: str = "socketcan"
-    channel: str = "can0"
-    bitrate: int = 1_000_000
-    fd: bool = False
-    data_bitrate: int = 2_000_000
-    port: int = 43113
-    options: str = ""
-    canopen: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Encoder:
-    """The board that measures a joint's angle, and the channel on it; see `Muscle.board`."""
-
-    board: int | str
-    channel: int | str = 0
-
-
-@dataclass(frozen=True, slots=True)
-class PressureSensor:
-    """The board that measures a muscle's pressure, and the channel on it; see `Muscle.board`."""
-
-    board: int | str
-    channel: int | str
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,7 +340,7 @@ class Rig:
     def to_parameters(self) -> dict[str, Any]:
         """The nested mapping of a rig file, without `/**: ros__parameters:`."""
         tree: dict[str, Any] = {
-            "gas": _fields(self.gas),
+            "gas": fields_of(self.gas),
             "supply_pressure": self.supply_pressure,
             "parameter_tolerance": self.parameter_tolerance,
             "joints": list(self.joint_names),
@@ -395,44 +349,21 @@ class Rig:
         if bench:
             tree["bench_muscles"] = bench
         if self.effects:
-            tree["effects"] = _effects(self.effects)
+            tree["effects"] = effects_of(self.effects)
         if self.plausibility != Plausibility():
-            tree["plausibility"] = _fields(self.plausibility)
+            tree["plausibility"] = fields_of(self.plausibility)
         if self.buses:
-            tree["buses"] = {name: _fields(bus) for name, bus in self.buses.items()}
+            tree["buses"] = {name: fields_of(bus) for name, bus in self.buses.items()}
         if self.people != People():
-            tree["people"] = _fields(self.people)
+            tree["people"] = fields_of(self.people)
         if self.boards:
             tree["boards"] = {name: dict(section) for name, section in self.boards.items()}
         for joint in self.joints:
-            tree[joint.name] = _fields(joint)
+            tree[joint.name] = fields_of(joint)
         for muscle in self.muscles:
-            tree[muscle.name] = _fields(muscle)
+            tree[muscle.name] = fields_of(muscle)
         return tree
 
 
 def _no(kind: str, name: str) -> Any:
     raise KeyError(f"no {kind} called {name!r}")
-
-
-def _effects(effects: EffectValues) -> dict[str, dict[str, float]]:
-    return {effect: dict(values) for effect, values in effects.items()}
-
-
-def _fields(part: Any) -> dict[str, Any]:
-    """The fields of a part for a rig file, without its name and without empty fields."""
-    tree: dict[str, Any] = {}
-    for key in part.__dataclass_fields__:
-        value = getattr(part, key)
-        if key == "name" or value is None or value == {}:
-            continue
-        if isinstance(value, Valve | Encoder | PressureSensor):
-            value = _fields(value)
-        elif key == "effects":
-            value = _effects(value)
-        elif isinstance(value, Mapping):
-            value = dict(value)
-        elif isinstance(value, tuple):
-            value = list(value)
-        tree[key] = value
-    return tree

@@ -1,0 +1,65 @@
+"""Commands that feed random input into the suite."""
+
+from __future__ import annotations
+
+from pam_check.commands.common_arguments import add_inputs
+from pam_model.argument_types import output_folder
+from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
+
+
+def _declare_fuzz(parser: Parser) -> None:
+    parser.add_argument(
+        "target",
+        metavar="TARGET",
+        help="frames, driver, board, commands, references, measurements, injections or all",
+    )
+    add_rig(parser)
+    add_inputs(parser)
+    parser.add_argument(
+        "--corpus",
+        type=output_folder,
+        default="out/fuzz",
+        metavar="FOLDER",
+        help="file with the seeds of failed blocks (default: %(default)s)",
+    )
+
+
+def _fuzz(given: Arguments) -> Outcome:
+    from pam_check.fuzz.inputs import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _declare_fuzz_callbacks(parser: Parser) -> None:
+    add_rig(parser)
+    add_inputs(parser)
+
+
+def _fuzz_callbacks(given: Arguments) -> Outcome:
+    from pam_check.fuzz.callbacks_node import run  # noqa: PLC0415  (rclpy)
+    from pam_control.controller_node import ControllerNode  # noqa: PLC0415
+    from pam_driver.driver_node import DriverNode  # noqa: PLC0415
+    from pam_gap.live.monitor_node import MonitorNode  # noqa: PLC0415
+    from pam_model.model_node import ModelNode  # noqa: PLC0415
+    from pam_sim.rig_node import RigNode  # noqa: PLC0415
+
+    return run(given, (DriverNode, ControllerNode, ModelNode, RigNode, MonitorNode))
+
+
+COMMANDS = (
+    Command(
+        "fuzz",
+        "feed random and mutated input into an interface of the suite",
+        _declare_fuzz,
+        _fuzz,
+        bad_news="if anything failed",
+        examples=("python -m pam_check fuzz frames --count 10000000",),
+    ),
+    Command(
+        "fuzz-callbacks",
+        "feed random messages into the callbacks of the nodes",
+        _declare_fuzz_callbacks,
+        _fuzz_callbacks,
+        bad_news="if anything failed",
+    ),
+)

@@ -1,0 +1,22 @@
+"""The command that walks through the states of the suite."""
+
+from __future__ import annotations
+
+from pam_model.command_line import Arguments, Command, Outcome, add_rig
+
+
+def _state_walk(given: Arguments) -> Outcome:
+    from pam_check.state_walk.walk import run  # noqa: PLC0415
+
+    return run(given)
+
+
+COMMANDS = (
+    Command(
+        "state-walk",
+        "visit every state of driver, board and controller and look for a way round a stop",
+        add_rig,
+        _state_walk,
+        bad_news="if air can move after a stop or fault without the acts that it needs",
+    ),
+)

@@ -1,0 +1,84 @@
+"""Commands that write parts of a robot description."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+from pam_model.argument_types import make_parents, number, output_file
+from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, chosen_rig
+
+
+def _declare_braid(parser: Parser) -> None:
+    above: dict[str, Any] = {"required": True, "metavar": "X"}
+    parser.add_argument(
+        "--diameter", type=number("m", above=0.0), help="of the braid at rest [m]", **above
+    )
+    parser.add_argument(
+        "--length", type=number("m", above=0.0), help="between the fittings at rest [m]", **above
+    )
+    parser.add_argument(
+        "--angle", type=number("deg", above=0.0), help="between thread and axis at rest [deg]",
+        **above,
+    )  # fmt: skip
+    parser.add_argument(
+        "--wall-thickness", type=number("m", least=0.0), default=0.0, metavar="X",
+        help="of the bladder [m] (default: %(default)g)",
+    )  # fmt: skip
+    parser.add_argument("--name", default="muscle", help="(default: %(default)s)")
+
+
+def _braid(chosen: Arguments) -> Outcome:
+    from pam_model.rig.from_datasheet import BraidFromDatasheet  # noqa: PLC0415  (numpy)
+
+    made = BraidFromDatasheet.measured(
+        chosen.diameter, chosen.length, math.radians(chosen.angle), chosen.wall_thickness
+    )
+    print(made.section(chosen.name))
+    per_bar, share = 1e5 * made.force_per_pressure, made.largest_contraction
+    print(
+        f"# ideal braid: pulls {per_bar:.3g} N per bar at rest length, contracts by at most "
+        f"{100.0 * share:.3g} %"
+    )
+    return Outcome({**asdict(made), "force_per_pressure": made.force_per_pressure,
+                    "largest_contraction": share})  # fmt: skip
+
+
+def _declare_urdf(parser: Parser) -> None:
+    add_rig(parser)
+    parser.add_argument(
+        "--output", type=output_file, metavar="FILE", help="(default: standard output)"
+    )
+
+
+def _urdf(chosen: Arguments) -> Outcome:
+    from pam_model.joints.urdf import rig_as_urdf  # noqa: PLC0415
+    from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
+
+    rig = chosen_rig(chosen)
+    document = rig_as_urdf(load_rig(rig), rig.stem)
+    if chosen.output is None:
+        print(document, end="")
+    else:
+        make_parents(chosen.output).write_text(document)
+        print(f"written: {chosen.output}")
+    return Outcome({"urdf": document, "file": chosen.output})
+
+
+COMMANDS = (
+    Command(
+        "braid",
+        "write the muscle section of a rig file from a data sheet",
+        _declare_braid,
+        _braid,
+        examples=("python -m pam_model braid --diameter 20e-3 --length 0.3 --angle 23",),
+    ),
+    Command(
+        "urdf",
+        "write the joints of a rig as URDF",
+        _declare_urdf,
+        _urdf,
+        examples=("python -m pam_model urdf --rig config/elbow.yaml --output elbow.urdf",),
+    ),
+)
