@@ -17,7 +17,9 @@ import can
 import pytest
 
 from pam_driver import bus as bus_module
-from pam_driver.bus import BusError, BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
+from pam_driver import bus_opening
+from pam_driver.bus import BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
+from pam_driver.bus_opening import BusError
 from pam_driver.identifiers import EXTENDED
 from support.reruns import EMULATED
 
@@ -302,7 +304,7 @@ def test_a_packet_that_is_no_frame_is_counted() -> None:
 def test_multicast_never_leaves_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[str, Any] = {}
     monkeypatch.setattr(can, "Bus", lambda **options: given.update(options))
-    monkeypatch.setattr(bus_module, "hear_own_group_only", lambda bus: None)
+    monkeypatch.setattr(bus_opening, "hear_own_group_only", lambda bus: None)
     open_bus("udp_multicast", "239.74.163.9", hop_limit=8)
     assert given["hop_limit"] == 0
 
@@ -339,7 +341,7 @@ def test_what_another_group_sent_while_the_bus_was_opened_is_discarded() -> None
     assert late.recv(1.0) is not None  # the fault that the next call mends
     other.send(0x100, b"early", 0.0)
     time.sleep(0.05)
-    bus_module.hear_own_group_only(late)
+    bus_opening.hear_own_group_only(late)
     other.send(0x100, b"late", 0.0)
     assert late.recv(0.2) is None
     late.shutdown()

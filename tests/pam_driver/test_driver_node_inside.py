@@ -17,7 +17,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from pam_check.chain import private_domain
-from pam_driver import driver_node
+from pam_driver import driver_assembly, driver_node
 from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,
@@ -27,7 +27,8 @@ from pam_driver.boards.pam_board.codec import (
     ValveCommand,
 )
 from pam_driver.boards.protocol import EMERGENCY_STOP
-from pam_driver.bus import BusError, CanPort, open_bus
+from pam_driver.bus import CanPort, open_bus
+from pam_driver.bus_opening import BusError
 from pam_driver.driver_node import DriverNode
 from pam_driver.safety.states import SafetyState
 from pam_ros.errors import ParameterError
@@ -183,7 +184,7 @@ def test_a_refused_configuration_says_why_after_autostart_has_ended(
     def gone(*arguments: object, **options: object) -> CanPort:
         raise BusError("CAN bus socketcan can0: no such interface")
 
-    monkeypatch.setattr(driver_node, "open_buses", gone)
+    monkeypatch.setattr(driver_assembly, "open_buses", gone)
     capfd.readouterr()
     assert node.trigger_configure() != TransitionCallbackReturn.SUCCESS
     assert "can0: no such interface" in capfd.readouterr().err

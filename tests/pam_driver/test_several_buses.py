@@ -12,7 +12,8 @@ import yaml
 
 from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import BusError, CanPort
+from pam_driver.bus import CanPort
+from pam_driver.bus_opening import BusError
 from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics

@@ -10,44 +10,28 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import os
-import socket
-import sys
 from collections import Counter, deque
 from collections.abc import Collection, Sequence
 from enum import IntEnum
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
+from pam_driver.bus_opening import DEFAULT_BITRATE, BusError, bus_name, open_can_bus
 from pam_driver.identifiers import EXTENDED, FD, number_of
-from pam_model.errors import PamError
 
-DEFAULT_BITRATE: Final = 1_000_000
 # A flood of frames must not block the caller: the rest is fetched in the next cycle.
 MAX_FRAMES_PER_CALL: Final = 256
 _REOPEN_PERIOD: Final = 1.0
-_ARPHRD_CAN: Final = 280
-_CAN_FD_MTU: Final = 72
 _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF})
 _FULL: Final = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.ENOMEM})
-_NET: Final = Path("/sys/class/net")
 
 # linux/can/error.h: class bits in the identifier, controller bits in data[1]
 _ERR_TX_TIMEOUT, _ERR_CONTROLLER, _ERR_NO_ACK = 0x001, 0x004, 0x020
 _ERR_BUS_OFF, _ERR_RESTARTED = 0x040, 0x100
 _CONTROLLER_OVERFLOW, _CONTROLLER_WARNING, _CONTROLLER_PASSIVE = 0x03, 0x0C, 0x30
 _CONTROLLER_ACTIVE = 0x40
-
-# linux/in.h and linux/in6.h; Python's socket module has no names for them
-_IP_MULTICAST_ALL: Final = 49
-_IPV6_MULTICAST_ALL: Final = 29
-
-
-class BusError(PamError):
-    """A bus that cannot be opened; the message names it and says what to do."""
 
 
 class BusState(IntEnum):
@@ -120,7 +104,7 @@ class CanPort:
     @property
     def name(self) -> str:
         """Interface and channel as one text."""
-        return _bus_name(self._options)
+        return bus_name(self._options)
 
     @property
     def state(self) -> BusState:
@@ -237,7 +221,7 @@ class CanPort:
             return
         self._reopen_at = now + _REOPEN_PERIOD
         try:
-            bus = _open(self._options)
+            bus = open_can_bus(self._options)
         except BusError as error:
             self.last_offender["bus_down"] = str(error)
             return
@@ -331,74 +315,7 @@ def open_bus(
             ]
     else:
         arguments["bitrate"] = bitrate
-    return CanPort(arguments, _open(arguments), extended, fd=fd)
-
-
-def _bus_name(arguments: dict[str, Any]) -> str:
-    return f"{arguments['interface']} {arguments['channel']}"
-
-
-def _open(arguments: dict[str, Any]) -> can.BusABC:
-    name = _bus_name(arguments)
-    if arguments["interface"] == "socketcan":
-        _check_socketcan(str(arguments["channel"]), fd=bool(arguments.get("fd")))
-    try:
-        bus = can.Bus(**arguments)
-    except Exception as error:  # each backend has exceptions of its own
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise BusError(
-            f"CAN bus {name} cannot be opened: {reason}; check bus.interface and bus.channel"
-        ) from error
-    if arguments["interface"] == "udp_multicast":
-        hear_own_group_only(bus)
-    return bus
-
-
-def hear_own_group_only(bus: can.BusABC) -> None:
-    """Keep the frames of other multicast groups on the same port away from this bus.
-
-    python-can binds its socket to the port alone. Linux then delivers every group that any socket
-    of the host has joined, so that two simulated robots would command each other's valves
-    (ip(7), IP_MULTICAST_ALL). Frames that arrived before the option was set are discarded.
-
-    Parameters
-    ----------
-    bus : can.BusABC
-        A bus of the interface "udp_multicast" that was just opened.
-    """
-    if not sys.platform.startswith("linux"):
-        return
-    with socket.socket(fileno=os.dup(bus.fileno())) as same_socket:
-        if same_socket.family == socket.AF_INET6:
-            same_socket.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
-        else:
-            same_socket.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
-        same_socket.setblocking(False)
-        with contextlib.suppress(BlockingIOError):
-            for _ in range(MAX_FRAMES_PER_CALL):
-                same_socket.recv(1)
-
-
-def _check_socketcan(channel: str, *, fd: bool) -> None:
-    """Refuse a channel that cannot be opened, with a clearer message than the kernel's number."""
-    folder = _NET / channel
-    up = f"sudo ip link set {channel} up type can bitrate {DEFAULT_BITRATE}"
-    if "/" in channel or not channel or not folder.exists():
-        known = sorted(path.name for path in _NET.glob("*can*"))
-        raise BusError(
-            f"CAN bus socketcan {channel}: no such interface"
-            f" (there {'are ' + ', '.join(known) if known else 'is none'});"
-            f" plug the adapter in, or set bus.interface and bus.channel"
-        )
-    if int((folder / "type").read_text()) != _ARPHRD_CAN:
-        raise BusError(f"CAN bus socketcan {channel}: is no CAN interface; set bus.channel")
-    if not int((folder / "flags").read_text(), 16) & 1:
-        raise BusError(f"CAN bus socketcan {channel}: interface is down; try: {up}")
-    if fd and int((folder / "mtu").read_text()) < _CAN_FD_MTU:
-        raise BusError(
-            f"CAN bus socketcan {channel}: carries no CAN FD frames; set it down, and try: {up} "
-            f"dbitrate 2000000 fd on"
-        )
+    return CanPort(arguments, open_can_bus(arguments), extended, fd=fd)
 
 
 def _errno(error: BaseException) -> int | None:

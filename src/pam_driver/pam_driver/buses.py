@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import BusError, CanPort, open_bus
+from pam_driver.bus import CanPort, open_bus
+from pam_driver.bus_opening import BusError
 from pam_driver.driver_parameters import bus_options
 from pam_driver.identifiers import FD, shown
 from pam_model.errors import PamError

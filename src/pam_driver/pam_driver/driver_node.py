@@ -28,16 +28,14 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from pam_driver.boards.weaker_promises import weaker_promises
-from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import CanPort
-from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver import Driver
+from pam_driver.driver_assembly import assemble_driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_end import end_driver
-from pam_driver.driver_parameters import HELP, PEOPLE_TOPICS, TABLE, bus_options, settings_of
+from pam_driver.driver_parameters import HELP, PEOPLE_TOPICS, TABLE, bus_options
 from pam_driver.driver_topics import DriverTopics
 from pam_driver.safety.command_intake import CommandError, NamedCommand
-from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import FAULTY, SafetyState
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
@@ -127,37 +125,20 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Open the bus and begin to measure; every valve vents."""
         try:
-            wiring = RigWiring(self._rig, {"dbc": str(self._values["bus.dbc"])})
-            ports = self._open_buses(wiring)
+            made = assemble_driver(self._rig, self._values)
         except PamError as error:
             return self._fail(str(error))
-        self._ports = ports
-        try:
-            plausibility = None
-            if self._values["plausibility"]:
-                period = 1.0 / self._values.number("rate")
-                plausibility = PressurePlausibility(self._rig, period)
-            settings = settings_of(self._values)
-            self._driver = Driver(self._rig, ports, settings, plausibility, wiring)
-        except PamError as error:
-            self._close()
-            return self._fail(str(error))
-        bitrate = self._values.number("bus.bitrate")
-        bitrates = {
-            name: float(self._rig.buses[name].bitrate) if name in self._rig.buses else bitrate
-            for name in ports
-        }
-        self._diagnostics = DriverDiagnostics(self._driver, ports, bitrates)
+        self._driver, self._ports, self._diagnostics = made
         self._loop = PeriodicLoop(
-            partial(self._cycle, self._driver),
+            partial(self._cycle, made.driver),
             1.0 / self._values.number("rate"),
             "bus I/O",
             priority=int(self._values.number("realtime_priority")),
         )
         self._loop.start()
-        names = ", ".join(port.name for port in ports.values())
+        names = ", ".join(port.name for port in made.ports.values())
         self.get_logger().info(f"measuring on {names}, valves vented")
-        for board in self._driver.boards.values():
+        for board in made.driver.boards.values():
             for line in weaker_promises(board):
                 self.get_logger().warning(f"{board.name}: {line}")
         self._vent_reason = "configured, not activated yet"
@@ -219,16 +200,6 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Raise the exception that ended the I/O thread, if there was one."""
         if self._loop is not None:
             self._loop.check()
-
-    def _open_buses(self, wiring: RigWiring) -> dict[str, CanPort]:
-        values = self._values
-        interface = str(values["bus.interface"])
-        options = bus_options(str(values["bus.options"]))
-        if interface == "udp_multicast":
-            options["port"] = values["bus.port"]
-        bitrate = int(values.number("bus.bitrate"))
-        only = OnlyBus(interface, str(values["bus.channel"]), bitrate, options)
-        return open_buses(self._rig, wiring, only, filtered=bool(values["bus.filter"]))
 
     def _fail(self, reason: str) -> TransitionCallbackReturn:
         self.failure = reason
