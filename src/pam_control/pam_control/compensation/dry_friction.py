@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pam_model.effects import TorqueFeedforward, active, filled
+from pam_model.effects import TorqueFeedforward, bound, switched_on
 from pam_model.effects import slots as slot_kinds
 from pam_model.rig import Joint
 
@@ -40,17 +40,8 @@ class DryFriction:
     @classmethod
     def from_joint(cls, joint: Joint) -> DryFriction:
         """Create it from the effects that the rig file names."""
-
-        def bound(law: Callable[..., float], values: tuple[float, ...]) -> Callable[[float], float]:
-            return lambda velocity: law(velocity, *values)
-
-        return cls(
-            tuple(
-                bound(slot.law, effect.values(joint.effects))
-                for effect, slot in filled(slot_kinds.DryFriction)
-                if isinstance(effect.control, TorqueFeedforward) and active(effect, joint.effects)
-            )
-        )
+        found = switched_on(slot_kinds.DryFriction, joint.effects, TorqueFeedforward)
+        return cls(tuple(bound(slot.law, values) for _, slot, values in found))
 
     def torque(self, velocity: float) -> float:
         """Friction torque [N m] at a reference velocity [rad/s]."""

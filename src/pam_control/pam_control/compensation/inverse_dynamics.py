@@ -13,13 +13,9 @@ from dataclasses import dataclass, field
 
 from pam_control.compensation.dry_friction import DryFriction
 from pam_control.references.spline import JointReference
-from pam_model.effects import TorqueFeedforward, active, adjusted, filled
+from pam_model.effects import TorqueFeedforward, adjusted, bound, switched_on
 from pam_model.effects.slots import JointTorque
 from pam_model.rig import Joint
-
-
-def _bound(law: Callable[..., float], values: tuple[float, ...]) -> Callable[[float, float], float]:
-    return lambda position, velocity: law(position, velocity, *values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +57,8 @@ class InverseDynamics:
             joint.gravity_angle,
             DryFriction.from_joint(joint),
             tuple(
-                _bound(slot.law, effect.values(effects))
-                for effect, slot in filled(JointTorque)
-                if isinstance(effect.control, TorqueFeedforward) and active(effect, effects)
+                bound(slot.law, values)
+                for _, slot, values in switched_on(JointTorque, effects, TorqueFeedforward)
             ),
         )
 

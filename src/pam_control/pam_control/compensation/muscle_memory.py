@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from pam_model.effects import TorqueFeedforward, active, filled
+from pam_model.effects import TorqueFeedforward, switched_on
 from pam_model.effects.slots import PullState
 from pam_model.rig import Muscle
 
@@ -50,9 +50,9 @@ class MuscleMemory:
             muscle.thread_length**2 * scale,
             6.0 * muscle.rest_length * scale,
             [
-                _State(slot, effect.control, effect.values(muscle.effects))
-                for effect, slot in filled(PullState)
-                if isinstance(effect.control, TorqueFeedforward) and active(effect, muscle.effects)
+                _State(slot, effect.control, values)
+                for effect, slot, values in switched_on(PullState, muscle.effects)
+                if isinstance(effect.control, TorqueFeedforward)
             ],
         )
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from pam_model.effects import EFFECTS, Effect, Inverse, active, filled
+from pam_model.effects import EFFECTS, Effect, Inverse, active, bound, filled
 from pam_model.effects.slots import Opening
 from pam_model.rig import Muscle
 
@@ -26,8 +26,7 @@ def _inverse_of(effect: Effect, muscle: Muscle) -> Law | None:
     """The inverse law with this muscle's parameters; None if the muscle lacks the effect."""
     if not isinstance(effect.control, Inverse) or not active(effect, muscle.effects):
         return None
-    law, values = effect.control.law, effect.values(muscle.effects)
-    return lambda opening: law(opening, *values)
+    return bound(effect.control.law, effect.values(muscle.effects))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from pam_control.compensation.valve_inverse import ValveInverse
-from pam_model.effects import active, adjusted, filled
+from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import Leak
 from pam_model.gas import flow_for_pressure_rate, reference_density, valve_opening
 from pam_model.joints.antagonistic_joint import JointMuscle
@@ -119,9 +119,7 @@ class FlowValveLoop:
         self._valve = muscle.valve
         self._inverse = ValveInverse.from_muscle(muscle)
         self._leaks = tuple(
-            (slot.law, effect.values(muscle.effects))
-            for effect, slot in filled(Leak)
-            if active(effect, muscle.effects)
+            (slot.law, values) for _, slot, values in switched_on(Leak, muscle.effects)
         )
         self._time_constant = valve_time_constant(muscle)
         self._dead_volume = gas_space.dead_volume

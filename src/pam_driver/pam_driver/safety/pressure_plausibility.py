@@ -30,7 +30,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from pam_model.effects import active, adjusted, filled
+from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import DryFriction, JointTorque, Leak, Opening
 from pam_model.errors import PamError
 from pam_model.gas import pressure_rate, reference_density, valve_flow
@@ -88,21 +88,14 @@ class _MuscleObserver:
         spread = np.linspace(*self._limits, _VOLUME_POINTS) if joint else np.zeros(1)
         lengths = muscle.neutral_length + self._lever * spread
         volumes = [float(model.volume(float(length))) for length in lengths]
-        # a cubic polynomial is exact for a cylindrical braid and accurate enough for other models
-        fit = np.polyfit(lengths, volumes, 3 if joint else 0)
+        # A cubic polynomial is exact for a cylindrical braid and accurate enough for other models.
+        # It is fitted in the stroke: powers of the length alone are nearly dependent.
+        fit = np.polyfit(self._lever * spread, volumes, 3 if joint else 0)
         self._volume = tuple(float(c) for c in np.concatenate([np.zeros(4 - len(fit)), fit]))
         valve, effects = muscle.valve, muscle.effects
         self._dead_volume = max(0.0, adjusted("dead_volume", muscle.dead_volume, effects))
-        self._openings = [
-            (slot.law, effect.values(effects))
-            for effect, slot in filled(Opening)
-            if active(effect, effects)
-        ]
-        self._leaks = [
-            (slot.law, effect.values(effects))
-            for effect, slot in filled(Leak)
-            if active(effect, effects)
-        ]
+        self._openings = [(slot.law, values) for _, slot, values in switched_on(Opening, effects)]
+        self._leaks = [(slot.law, values) for _, slot, values in switched_on(Leak, effects)]
         self._exhaust_ratio = adjusted("valve.exhaust_ratio", None, effects)
         self._density = reference_density(rig.gas.temperature)
         time_constant = adjusted("valve.time_constant", valve.time_constant, effects)
@@ -142,10 +135,10 @@ class _MuscleObserver:
             self._gap = 0.0
         low, high = self._limits
         length_rate = self._lever * velocity if low < position < high else 0.0
-        length = self.muscle.neutral_length + self._lever * min(max(position, low), high)
+        stroke = self._lever * min(max(position, low), high)
         a, b, c, d = self._volume
-        volume = ((a * length + b) * length + c) * length + d + self._dead_volume
-        volume_rate = ((3.0 * a * length + 2.0 * b) * length + c) * length_rate
+        volume = ((a * stroke + b) * stroke + c) * stroke + d + self._dead_volume
+        volume_rate = ((3.0 * a * stroke + 2.0 * b) * stroke + c) * length_rate
         self._command = command + self._keep * (self._command - command)
         valve, inside = self.muscle.valve, self._pressure
         if self._is_flow:
@@ -203,15 +196,11 @@ class _JointBalance:
         self._damping = adjusted("joint.viscous_friction", joint.viscous_friction, effects)
         self._gravity = adjusted("joint.gravity_torque", joint.gravity_torque, effects)
         self._torques = [
-            (slot.law, effect.values(effects))
-            for effect, slot in filled(JointTorque)
-            if active(effect, effects)
+            (slot.law, values) for _, slot, values in switched_on(JointTorque, effects)
         ]
         # its direction at rest is unknown: an imbalance up to this torque is not a deviation
         self._dry_friction = sum(
-            slot.law(0.0, *effect.values(effects))
-            for effect, slot in filled(DryFriction)
-            if active(effect, effects)
+            slot.law(0.0, *values) for _, slot, values in switched_on(DryFriction, effects)
         )
         self._models = tuple(effective_force_model(rig, name) for name in joint.muscles)
         self._neutral = tuple(rig.muscle(name).neutral_length for name in joint.muscles)

@@ -18,7 +18,15 @@ from pam_model.effects.parts import (
     Stage,
     TorqueFeedforward,
 )
-from pam_model.effects.registry import EFFECTS, active, adjusted, effect_value, filled
+from pam_model.effects.registry import (
+    EFFECTS,
+    active,
+    adjusted,
+    bound,
+    effect_value,
+    filled,
+    switched_on,
+)
 
 __all__ = [
     "EFFECTS",
@@ -41,6 +49,8 @@ __all__ = [
     "TorqueFeedforward",
     "active",
     "adjusted",
+    "bound",
     "effect_value",
     "filled",
+    "switched_on",
 ]

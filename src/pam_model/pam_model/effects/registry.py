@@ -39,7 +39,7 @@ import importlib
 import importlib.util
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Final
@@ -176,6 +176,37 @@ def filled[S: Slot](kind: type[S]) -> tuple[tuple[Effect, S], ...]:
     return tuple(
         sorted(found, key=lambda pair: pair[1].place if isinstance(pair[1], Opening) else 0)
     )
+
+
+def switched_on[S: Slot](
+    kind: type[S], effects: EffectValues, treatment: type | None = None
+) -> list[tuple[Effect, S, tuple[float, ...]]]:
+    """The effects that fill a kind of slot and that a muscle, joint or rig has.
+
+    Parameters
+    ----------
+    kind : type
+        The kind of slot.
+    effects : mapping
+        The effects of the muscle, joint or rig.
+    treatment : type, optional
+        Only effects that the controller treats in this way.
+
+    Returns
+    -------
+    list of (Effect, Slot, tuple of float)
+        Effect, slot and parameter values, in the order in which the plant applies them.
+    """
+    return [
+        (effect, slot, effect.values(effects))
+        for effect, slot in filled(kind)
+        if active(effect, effects) and (treatment is None or isinstance(effect.control, treatment))
+    ]
+
+
+def bound(law: Callable[..., float], values: tuple[float, ...]) -> Callable[..., float]:
+    """A law with its last arguments, the parameter values, filled in."""
+    return lambda *arguments: law(*arguments, *values)
 
 
 def adjusted(target: str, written: float | None, effects: EffectValues) -> float:

@@ -13,7 +13,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
-from pam_model.effects import active, adjusted, filled
+from pam_model.effects import adjusted, switched_on
 from pam_model.effects.end_caps import length_inside_caps
 from pam_model.effects.slots import Law2, Law3, PassivePull, Thread
 from pam_model.muscles.closed_chamber import ClosedChamber
@@ -50,17 +50,14 @@ def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
     model = rig.force_model(muscle_name)
     factor = adjusted("contraction_factor", 1.0, muscle.effects)
     pulls = tuple(
-        (slot.law, effect.values(muscle.effects))
-        for effect, slot in filled(PassivePull)
-        if active(effect, muscle.effects)
+        (slot.law, values) for _, slot, values in switched_on(PassivePull, muscle.effects)
     )
     cable = adjusted("series_compliance", None, muscle.effects)
     if factor != 1.0 or pulls:
         kind = _AffineEnds if isinstance(model, AffineForceModel) else _Ends
         model = kind(model, muscle, factor, pulls)
-    for effect, slot in filled(Thread):
-        if active(effect, muscle.effects):
-            model = _ExtensibleBraid(model, muscle, slot.law, effect.values(muscle.effects))
+    for _, slot, values in switched_on(Thread, muscle.effects):
+        model = _ExtensibleBraid(model, muscle, slot.law, values)
     if cable != 0.0:
         model = _SeriesCable(model, cable)
     return model
