@@ -15,6 +15,7 @@ from support.source_tree import PACKAGES, ROOT, SOURCE, foreign_imports
 ROSDEP_KEYS = {
     "PIL": "python3-pil",
     "can": "python3-can",
+    "canopen": "canopen-pip",
     "cantools": "python3-cantools-pip",
     "control": "python-control-pip",
     "jinja2": "python3-jinja2",

@@ -27,6 +27,7 @@ from pam_sim.boards import register as twin_register
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.simulated_rig import SimulatedRig
 from support.board_conformance import CHECKS, BoardBench
+from support.canopen_device import io_module
 from support.rigs import CONFIG, ELBOW
 from support.weak_device import rig_with_sensors_apart, weak_rig
 
@@ -79,7 +80,25 @@ def mapped_rig(folder: Path) -> Rig:
     return replace(arm, boards=sections)
 
 
+def canopen_rig(folder: Path) -> Rig:
+    """Two joints, each on an analogue I/O module after CiA 401 that has all its signals."""
+    valve = load_rig(CONFIG / "elbow_canopen.yaml").muscles[0].valve
+    arm = load_rig(CONFIG / "two_joints.yaml")
+    sections = {}
+    for place, joint in enumerate(arm.joints):
+        board = f"module_{place}"
+        sections[board] = io_module(5 + place)
+        arm = arm.with_joint(
+            replace(joint, encoder=replace(joint.encoder, board=board, channel="shaft"))
+        )
+        for name, port in zip(joint.muscles, ("port_a", "port_b"), strict=True):
+            muscle = replace(arm.muscle(name), valve=valve, board=board, channel=port)
+            arm = arm.with_muscle(muscle)
+    return replace(arm, boards=sections)
+
+
 EXAMPLES: Final[Mapping[str, Callable[[Path], Rig]]] = {
+    "canopen": canopen_rig,
     "mapped": mapped_rig,
     "mapped without promises": weak_rig,
     "pam_board": pam_board_rig,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pam_driver.boards.frame_errors import FrameCrcError, FrameLengthError, FrameRangeError
 from pam_driver.boards.mapped.checksum import ALGORITHMS
 from pam_driver.boards.mapped.signal_layout import SignalLayout, frame_length
-from pam_driver.boards.mapped.units import UNITS, Linear, scale_of
+from pam_driver.boards.units import UNITS, Linear, scale_of
 from support.mapped_device import ELBOW_VENDOR, board_of, vendor_dbc
 
 CHECK_VALUES = {  # of "123456789", from the catalogue of parametrised CRC algorithms

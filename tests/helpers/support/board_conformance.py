@@ -291,10 +291,10 @@ def frames_have_the_identifiers_that_the_board_names(bench: BoardBench) -> None:
         bench.tell(address, board.vent())
         bench.tell(address, board.clear_faults())
         bench.tell(address, board.latch_fault())
-        answers, commands = board.identifiers
+        answers, commands, service = board.identifiers
         heard = {i for a, i in bench.heard_up if a == address}
         assert heard and heard <= set(answers)
-        assert {i for a, i in bench.sent_down if a == address} <= set(commands)
+        assert {i for a, i in bench.sent_down if a == address} <= {*commands, *service}
         assert set(answers) <= set(board.listeners) <= {*answers, *commands}
     ids = [i for b in bench.boards.values() for i in (*b.identifiers.answers, *b.identifiers[1])]
     assert len(ids) == len(set(ids))

@@ -12,6 +12,7 @@ from pam_driver.boards.protocol import Address, Board, WiredBoard
 from pam_driver.identifiers import EXTENDED, FD, number_of, shown
 from pam_model.rig import Bus
 
+NMT: Final = 0x000
 _CANOPEN: Final = (
     (0x000, 0x000, "NMT"),
     (0x080, 0x080, "SYNC"),
@@ -57,6 +58,11 @@ def identifier_clashes(
         The buses that the rig file describes; empty if it describes none.
     """
     taken: dict[tuple[str, int], str] = {}
+    devices = {
+        wired[address].bus: board.name
+        for address, board in boards.items()
+        if _speaks_canopen(board)
+    }
     for address, board in boards.items():
         name = wired[address].bus
         bus = buses.get(name)
@@ -64,15 +70,28 @@ def identifier_clashes(
             other = taken.setdefault((name, number_of(frame_id) | frame_id & EXTENDED), board.name)
             if other != board.name:
                 yield f"{board.name}: {other} uses identifier {shown(frame_id)} as well"
-            if bus is None:
-                continue
-            if bus.canopen and canopen_use(frame_id):
-                yield (
-                    f"{board.name}: identifier {shown(frame_id)} is {canopen_use(frame_id)} of "
-                    f"CANopen, and buses.{name}.canopen says that CANopen devices share this bus"
-                )
-            if frame_id & FD and not bus.fd:
+            elif canopen_use(frame_id) and not _speaks_canopen(board):
+                because = ""
+                if name in devices:
+                    because = f"{devices[name]} on the same bus is a CANopen device"
+                elif bus is not None and bus.canopen:
+                    because = f"buses.{name}.canopen says that CANopen devices share this bus"
+                if because:
+                    yield (
+                        f"{board.name}: identifier {shown(frame_id)} is {canopen_use(frame_id)} of "
+                        f"CANopen, and {because}"
+                    )
+            if bus is not None and frame_id & FD and not bus.fd:
                 yield (
                     f"{board.name}: message {shown(frame_id)} is a CAN FD frame, and "
                     f"buses.{name}.fd is false"
                 )
+    for address, board in boards.items():
+        for frame_id in board.identifiers.service:
+            other = taken.get((wired[address].bus, frame_id), board.name)
+            if other != board.name:
+                yield f"{board.name}: {other} uses identifier {shown(frame_id)} as well"
+
+
+def _speaks_canopen(board: Board) -> bool:
+    return NMT in board.identifiers.service

@@ -158,10 +158,15 @@ class Promises:
 
 
 class Identifiers(NamedTuple):
-    """The identifiers of one board: of frames that it sends, and of frames that are sent to it."""
+    """The identifiers of one board: of frames that it sends, and of frames that are sent to it.
+
+    `service` are frames from the driver that configure and supervise, and that several boards of a
+    bus may share, such as NMT of CANopen; they carry no set points.
+    """
 
     answers: tuple[int, ...]
     commands: tuple[int, ...]
+    service: tuple[int, ...] = ()
 
 
 class BoardReport(NamedTuple):
@@ -298,6 +303,15 @@ class DescribesItself(Protocol):
 
     def wires(self) -> Mapping[tuple[str, Channel], str]:
         """By ("setpoint", "pressure" or "angle", channel), the signal that carries it."""
+
+
+@runtime_checkable
+class ExplainsPromises(Protocol):
+    """What a board may offer in addition: its own words for promises that it does not give."""
+
+    @property
+    def without(self) -> Mapping[str, tuple[str, str]]:
+        """By the name of a promise: what its absence means, and what makes up for it."""
 
 
 class BoardKind(Protocol):

@@ -11,6 +11,7 @@ from functools import cache
 from importlib.metadata import entry_points
 from typing import Final
 
+from pam_driver.boards.canopen.kind import CanopenKind
 from pam_driver.boards.mapped.kind import MappedKind
 from pam_driver.boards.pam_board.kind import PamBoardKind
 from pam_driver.boards.protocol import MakeKind
@@ -19,7 +20,11 @@ from pam_model.errors import PamError
 GROUP: Final = "pam_driver.board_kinds"
 DEFAULT_KIND: Final = "pam_board"
 """The kind of a board for which the rig file gives a number only."""
-_OWN: Final[Mapping[str, MakeKind]] = {DEFAULT_KIND: PamBoardKind, "mapped": MappedKind}
+_OWN: Final[Mapping[str, MakeKind]] = {
+    DEFAULT_KIND: PamBoardKind,
+    "mapped": MappedKind,
+    "canopen": CanopenKind,
+}
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from pam_driver.boards.protocol import Board
+from pam_driver.boards.protocol import Board, ExplainsPromises
 
 WITHOUT: Final[Mapping[str, tuple[str, str]]] = {
     "watchdog": (
@@ -68,10 +68,11 @@ def weaker_promises(board: Board) -> list[str]:
     A board that is sent nothing needs no promise about valves, and one that sends nothing none
     about measurements.
     """
+    words = {**WITHOUT, **(board.without if isinstance(board, ExplainsPromises) else {})}
     silent, mute = not board.identifiers.answers, not board.identifiers.commands
     lines = [
         f"{meaning}; instead: {instead}"
-        for name, (meaning, instead) in WITHOUT.items()
+        for name, (meaning, instead) in words.items()
         if not getattr(board.promises, name)
         and not (mute and name in _OF_VALVES)
         and not (silent and name in _OF_MEASUREMENTS)

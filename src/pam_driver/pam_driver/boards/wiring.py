@@ -98,11 +98,12 @@ class RigWiring:
         return Identifiers(
             tuple(frame_id for one in found for frame_id in one.answers),
             tuple(frame_id for one in found for frame_id in one.commands),
+            tuple(frame_id for one in found for frame_id in one.service),
         )
 
     def extended_identifiers(self, bus: str) -> tuple[int, ...]:
         """The identifiers of 29 bits on a bus; it passes on no others."""
-        answers, commands = self.identifiers(bus)
+        answers, commands, _ = self.identifiers(bus)
         return tuple(frame_id for frame_id in (*answers, *commands) if frame_id & EXTENDED)
 
     def make_boards(self) -> dict[Address, Board]:

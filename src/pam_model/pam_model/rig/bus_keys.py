@@ -62,10 +62,18 @@ def check_buses(
             section.add(f"{name}.bus", f" = {bus_name}: buses has no section of this name; {hint}")
 
 
+DEVICE_FILES = ("dbc", "eds")
+"""The keys of a board's section that name a file of the device's maker."""
+
+
 def beside_rig_file(section: dict[str, Any], folders: Sequence[Path]) -> dict[str, Any]:
-    """A board's section with the path `dbc`, if it is relative, found in one of the folders."""
-    name = section.get("dbc")
-    if not isinstance(name, str) or not name or Path(name).is_absolute():
-        return section
-    found = [folder / name for folder in folders if (folder / name).is_file()]
-    return {**section, "dbc": str(found[0].resolve())} if found else section
+    """A board's section with its relative `DEVICE_FILES` found in one of the folders."""
+    result = dict(section)
+    for key in DEVICE_FILES:
+        name = section.get(key)
+        if not isinstance(name, str) or not name or Path(name).is_absolute():
+            continue
+        found = [folder / name for folder in folders if (folder / name).is_file()]
+        if found:
+            result[key] = str(found[0].resolve())
+    return result

@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from pam_model.errors import PamError, RigError
+from pam_model.rig.bus_keys import DEVICE_FILES
 from pam_model.rig.parser import parse_rig, unflatten
 from pam_model.rig.types import Rig
 
@@ -169,9 +170,10 @@ def save_rig(rig: Rig, path: str | Path) -> None:
     path = Path(path)
     tree = rig.to_parameters()
     for section in tree.get("boards", {}).values():
-        # a DBC file beside the rig file stays named without its folder
-        if isinstance(dbc := section.get("dbc"), str) and Path(dbc).parent == path.parent.resolve():
-            section["dbc"] = Path(dbc).name
+        for key in DEVICE_FILES:  # a file beside the rig file stays named without its folder
+            name = section.get(key)
+            if isinstance(name, str) and Path(name).parent == path.parent.resolve():
+                section[key] = Path(name).name
     text = yaml.dump(
         {"/**": {"ros__parameters": tree}}, Dumper=_Dumper, sort_keys=False, allow_unicode=True
     )

@@ -12,12 +12,17 @@ from typing import Final
 
 from pam_driver.boards.register import DEFAULT_KIND, with_installed
 from pam_model.errors import PamError
+from pam_sim.boards.canopen_twin import CanopenTwins
 from pam_sim.boards.mapped_twin import MappedTwins
 from pam_sim.boards.pam_board_twin import PamBoardTwins
 from pam_sim.boards.protocol import MakeTwin
 
 GROUP: Final = "pam_sim.board_twins"
-_OWN: Final[Mapping[str, MakeTwin]] = {DEFAULT_KIND: PamBoardTwins, "mapped": MappedTwins}
+_OWN: Final[Mapping[str, MakeTwin]] = {
+    DEFAULT_KIND: PamBoardTwins,
+    "mapped": MappedTwins,
+    "canopen": CanopenTwins,
+}
 
 
 @cache

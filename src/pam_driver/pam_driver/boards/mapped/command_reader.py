@@ -8,13 +8,13 @@ from typing import Final, NamedTuple
 
 from cantools.database.can import Message, Signal
 
-from pam_driver.boards.mapped.conversion import fits, read_conversion
+from pam_driver.boards.conversion import fits, read_conversion
 from pam_driver.boards.mapped.dbc_lookup import DbcLookup, raw_value
 from pam_driver.boards.mapped.device import CommandFrame, FrameChecksum, Output, RequestFrame
 from pam_driver.boards.mapped.frame_checks import read_checksum, read_counter
 from pam_driver.boards.mapped.signal_layout import SignalLayout, frame_length
-from pam_driver.boards.mapped.units import PRESSURE, SHARE, Linear
 from pam_driver.boards.protocol import MuscleWire, WiredBoard
+from pam_driver.boards.units import PRESSURE, SHARE, Linear
 from pam_model.rig.keys import Key, Section
 
 _PERIOD: Final = Key("s", 0.001, 0.05)
@@ -133,7 +133,7 @@ class CommandReader:
         regulator = valve.kind == "pressure_regulator"
         quantities = (PRESSURE, SHARE) if regulator else (SHARE,)
         converted = read_conversion(
-            where, message, signal, quantities, self._wired.ambient_pressure
+            where, self._lookup.source(message, signal), quantities, self._wired.ambient_pressure
         )
         if converted is None:
             return None

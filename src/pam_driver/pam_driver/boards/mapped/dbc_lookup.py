@@ -10,6 +10,7 @@ from typing import Final
 from cantools.database.can import Message, Signal
 from cantools.database.errors import Error
 
+from pam_driver.boards.conversion import Source
 from pam_driver.boards.dbc_file import load_dbc
 from pam_driver.boards.mapped.device import Selected
 from pam_driver.boards.mapped.signal_layout import SignalLayout
@@ -145,6 +146,11 @@ class DbcLookup:
         if other != mine:
             where.add(key, f" = {message.name}.{signal.name}: {other} maps this signal as well")
         return other == mine
+
+    @staticmethod
+    def source(message: Message, signal: Signal) -> Source:
+        """What the DBC file says about a signal."""
+        return Source(f"{message.name}.{signal.name}", signal.unit or "", "DBC file")
 
     def selected(self, message: Message, signal: Signal) -> Selected:
         """The layout of a signal, with the selector value at which it is present."""

@@ -9,9 +9,9 @@ from typing import Final
 
 from cantools.database.can import Message, Signal
 
+from pam_driver.boards.conversion import fits, read_conversion
 from pam_driver.boards.frame_errors import DbcError
 from pam_driver.boards.mapped.command_reader import CommandReader, Commands
-from pam_driver.boards.mapped.conversion import fits, read_conversion
 from pam_driver.boards.mapped.dbc_lookup import DbcLookup, raw_limits, raw_value
 from pam_driver.boards.mapped.device import (
     ANGLE_INPUT,
@@ -25,8 +25,8 @@ from pam_driver.boards.mapped.device import (
 )
 from pam_driver.boards.mapped.frame_checks import read_checksum, read_counter
 from pam_driver.boards.mapped.signal_layout import frame_length
-from pam_driver.boards.mapped.units import ANGLE, PRESSURE
 from pam_driver.boards.protocol import Channel, Promises, WiredBoard
+from pam_driver.boards.units import ANGLE, PRESSURE
 from pam_model.rig.keys import Key, Problems, Section
 
 _OFFSET: Final = Key("-", -0x1FFF_FFFF, 0x1FFF_FFFF, 0.0)
@@ -194,8 +194,7 @@ class DeviceReader:
         message, signal = found
         converted = read_conversion(
             where,
-            message,
-            signal,
+            self._lookup.source(message, signal),
             (quantity,),
             self._wired.ambient_pressure,
             absolute=what == SUPPLY_INPUT,

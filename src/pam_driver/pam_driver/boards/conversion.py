@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
-from cantools.database.can import Message, Signal
-
-from pam_driver.boards.mapped.units import (
+from pam_driver.boards.units import (
     ANGLE,
     ELECTRICAL,
     PRESSURE,
@@ -25,10 +23,27 @@ _REFERENCES: Final = ("gauge", "absolute")
 _NO_UNITS: Final = frozenset({"-", "1", "raw", "count", "counts", "digit", "digits", "inc"})
 
 
+class Source(NamedTuple):
+    """What the device's own file says about a signal.
+
+    Attributes
+    ----------
+    signal : str
+        The signal, as messages name it.
+    unit : str
+        Its unit in that file; empty if it has none.
+    file : str
+        What kind of file it is, as messages name it.
+    """
+
+    signal: str
+    unit: str
+    file: str
+
+
 def read_conversion(
     where: Section,
-    message: Message,
-    signal: Signal,
+    source: Source,
     quantities: Sequence[str],
     ambient: float,
     *,
@@ -40,8 +55,8 @@ def read_conversion(
     ----------
     where : Section
         The keys of one signal in the rig file.
-    message, signal
-        From the DBC file.
+    source : Source
+        The signal and its unit in the device's file.
     quantities : sequence of str
         What the signal may be, see `units`.
     ambient : float
@@ -54,7 +69,7 @@ def read_conversion(
     (Linear, str) or None
         The conversion, and the quantity; None if a problem was added.
     """
-    unit = _unit(where, message, signal, quantities)
+    unit = _unit(where, source, quantities)
     if unit is None:
         return None
     scaled = _scaled(where, unit, quantities)
@@ -95,29 +110,27 @@ def _scaled(where: Section, unit: str, quantities: Sequence[str]) -> tuple[Linea
     return result, UNITS[next(name for name in scale if name != unit)].quantity
 
 
-def _unit(
-    where: Section, message: Message, signal: Signal, quantities: Sequence[str]
-) -> str | None:
-    """The name of the signal's unit in the table, from the rig file or the DBC file."""
+def _unit(where: Section, source: Source, quantities: Sequence[str]) -> str | None:
+    """The name of the signal's unit in the table, from the rig file or the device's file."""
     stated = where.get("unit")
-    in_dbc = unit_called(signal.unit) if signal.unit else None
+    in_file = unit_called(source.unit) if source.unit else None
     allowed = [*quantities, ELECTRICAL, SHARE]
-    place = f"{message.name}.{signal.name}"
+    place = source.signal
     wanted = " or ".join(f"{'an' if name[0] in 'ae' else 'a'} {name}" for name in quantities)
-    if stated is None and in_dbc is None:
-        given = f"has the unit {signal.unit!r}" if signal.unit else "has no unit"
+    if stated is None and in_file is None:
+        given = f"has the unit {source.unit!r}" if source.unit else "has no unit"
         where.add(
             "unit",
-            f": missing, and {place} {given} in the DBC file; {unknown_unit('', allowed)}",
+            f": missing, and {place} {given} in the {source.file}; {unknown_unit('', allowed)}",
         )
         return None
-    unit = in_dbc if stated is None else unit_called(str(stated))
+    unit = in_file if stated is None else unit_called(str(stated))
     if unit is None:
         where.add("unit", f" = {stated}: unknown unit; {unknown_unit(stated, allowed)}")
         return None
-    has_unit = signal.unit and signal.unit.lower() not in _NO_UNITS
-    if has_unit and in_dbc != unit:
-        where.add("unit", f" = {unit}: the DBC file says {signal.unit} for {place}")
+    has_unit = source.unit and source.unit.lower() not in _NO_UNITS
+    if has_unit and in_file != unit:
+        where.add("unit", f" = {unit}: the {source.file} says {source.unit} for {place}")
         return None
     if UNITS[unit].quantity not in allowed:
         where.add("unit", f" = {unit}: {place} must be {wanted}, or have a scale")

@@ -1,7 +1,7 @@
 """The units of a device's signals, and their conversion to SI.
 
-This is the only table of units of the kind `mapped`. Sources: BIPM, The International System of
-Units, 9th edition (bar, degree); NIST SP 811 (psi).
+This is the only table of units of the kinds `mapped` and `canopen`. Sources: BIPM, The
+International System of Units, 9th edition (bar, degree); NIST SP 811 (psi).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ UNITS: Final[Mapping[str, Unit]] = {
 }
 """All units by the name that the rig file uses; an electrical value is in V or A."""
 
-# Other spellings in DBC files. A spelling that implies gauge or absolute is none of them on
+# Other spellings in DBC and EDS files. A spelling that implies gauge or absolute is none of them on
 # purpose: the reference is written in the rig file, where a reader sees it.
 _SPELLINGS: Final[Mapping[str, str]] = {
     "%": "percent",
@@ -87,7 +87,7 @@ class Linear(NamedTuple):
 
 
 def unit_called(name: str) -> str | None:
-    """The name in `UNITS` of a unit as a DBC file spells it; None for an unknown one."""
+    """The name in `UNITS` of a unit as a DBC or EDS file spells it; None for an unknown one."""
     name = _SPELLINGS.get(name, name)
     return name if name in UNITS else None
 

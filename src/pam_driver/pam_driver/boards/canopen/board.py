@@ -1,0 +1,415 @@
+"""A CANopen device as the driver's core sees it: PDOs to values and back, states, faults."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Final
+
+from pam_driver.boards.canopen.boot import Boot, Stage
+from pam_driver.boards.canopen.device import (
+    ANGLE_INPUT,
+    BOOT_UP,
+    NMT,
+    OPERATIONAL,
+    PRESSURE_INPUT,
+    READY,
+    START,
+    STATES,
+    STOP,
+    STOPPED,
+    SYNC,
+    Device,
+    Input,
+    Rpdo,
+    Tpdo,
+)
+from pam_driver.boards.canopen.emergency import emergency_text
+from pam_driver.boards.canopen.host import Host
+from pam_driver.boards.frame_errors import (
+    ForeignCommandError,
+    FrameError,
+    FrameLengthError,
+    FrameRangeError,
+)
+from pam_driver.boards.protocol import (
+    NEVER,
+    BoardReport,
+    Channel,
+    Condition,
+    Frame,
+    Hear,
+    Identifiers,
+    Sample,
+    Traffic,
+    WiredBoard,
+)
+
+_TURN: Final = 2.0 * math.pi
+_HEARTBEATS_MISSED: Final = 5
+# Another device's frame with an identifier of this one is a fault for so long [s].
+_CLASH_MEMORY: Final = 1.0
+WITHOUT: Final[Mapping[str, tuple[str, str]]] = {
+    "latches": (
+        "no latch of its own: it stays off until the driver starts it (NMT), which a new process "
+        "of the driver does as well",
+        "the driver latches its own faults and starts the device with set points that vent; leave "
+        "activate_on_start false",
+    ),
+    "needs_arming": (
+        "no arming: once started (NMT), it follows the first set point that it receives",
+        "the driver sends set points that vent until it is activated",
+    ),
+}
+"""Promises whose absence means less than for other kinds, see `weaker_promises`."""
+
+
+class CanopenBoard:
+    """A CANopen device; docs/your_valves.md describes the keys.
+
+    Parameters
+    ----------
+    wired : WiredBoard
+        Its muscles and joints.
+    device : Device
+        The tables made from the rig file and the EDS file.
+    host : Host
+        Sends the heartbeat of the driver on this bus.
+    """
+
+    without = WITHOUT
+
+    def __init__(self, wired: WiredBoard, device: Device, host: Host) -> None:
+        self.name = wired.name
+        self.promises = device.promises
+        self.boot = Boot(device)
+        node = device.node
+        self._heartbeat_id, self._emergency_id = 0x700 + node, 0x080 + node
+        sdo = self.boot.sdo
+        service = [NMT, sdo.request_id]
+        service += [0x700 + device.host_node] if device.host_period is not None else []
+        service += [SYNC] if device.sync else []
+        self.identifiers = Identifiers(
+            (
+                *(pdo.frame_id for pdo in device.answers),
+                self._heartbeat_id,
+                self._emergency_id,
+                sdo.answer_id,
+            ),
+            tuple(pdo.frame_id for pdo in device.commands),
+            tuple(service),
+        )
+        self.pressures: dict[Channel, Sample] = {wire.channel: Sample() for wire in wired.pressures}
+        self.angles: dict[Channel, Sample] = {angle.channel: Sample() for angle in wired.angles}
+        self.supply_pressure = math.nan
+        self.host_fault = False
+        self.round_trip = math.nan  # PDOs carry no counter
+        self.inputs: Mapping[str, Sample] = {}
+        self.restarts = 0
+        self.listeners: Mapping[int, Hear] = {
+            **{pdo.frame_id: self._listener(pdo) for pdo in device.answers},
+            **{pdo.frame_id: self._foreign(pdo) for pdo in device.commands},
+            self._heartbeat_id: self._hear_heartbeat,
+            self._emergency_id: self._hear_emergency,
+            sdo.answer_id: self._hear_sdo,
+        }
+        self._wired, self._device, self._host = wired, device, host
+        host.serve(device)
+        self._heard_at = {f"TPDO{pdo.number}": NEVER for pdo in device.answers}
+        self._heartbeat_at = NEVER
+        self._state: int | None = None
+        self._left = ""
+        self._emergencies: dict[int, str] = {}
+        self._invalid: dict[tuple[str, Channel], str] = {}
+        self._clash: tuple[float, str] = (NEVER, "")
+        self._restarted = False
+        self._opened = False
+        self._venting = True
+        self._stopped = False
+
+    @property
+    def follows(self) -> bool:
+        """Whether the device is operational and was last sent set points that do not vent."""
+        running = self.boot.stage is Stage.DONE and self._state == OPERATIONAL
+        return running and not self._venting
+
+    def command(self, setpoints: Sequence[float] | None, now: float) -> Iterable[Frame]:
+        """The heartbeat of the driver, a step of the boot if it is not done, and the set points."""
+        boot, device = self.boot, self._device
+        if boot.stage is Stage.IDLE:
+            boot.begin()
+        frames = self._host.frames(now)
+        self._venting = setpoints is None
+        if boot.stage is not Stage.DONE:
+            frames += boot.frames(now)
+            return frames
+        if setpoints is not None:
+            self._opened = True
+            if self._stopped:
+                frames.append((NMT, bytes([START, device.node])))
+                self._stopped = False
+        frames += [(pdo.frame_id, _payload(pdo, setpoints)) for pdo in device.commands]
+        return frames
+
+    def vent(self) -> Iterable[Frame]:
+        """NMT stop if the rig file asks for it; `command` sends the set points that vent."""
+        if not self._device.stops:
+            return ()
+        self._stopped = self.boot.stage is Stage.DONE
+        return ((NMT, bytes([STOP, self._device.node])),)
+
+    def clear_faults(self) -> Iterable[Frame]:
+        """Forget emergencies, and boot a device again that is not operational."""
+        wrong = self._left or self._emergencies or self.boot.stage is Stage.REFUSED
+        self._left = ""
+        self._emergencies.clear()
+        self._opened = False
+        if wrong and self.boot.stage is not Stage.IDLE:
+            self.boot.begin()
+        return ()
+
+    def latch_fault(self) -> Iterable[Frame]:
+        """Nothing: CANopen has no object for a fault of the host."""
+        return ()
+
+    def acknowledge(self) -> None:
+        """Discard a restart that was reported."""
+        self._restarted = False
+
+    def silent(self, now: float, timeout: float) -> list[str]:
+        """The names of the regular frames that are missing."""
+        missing = []
+        limit = min(timeout, max(_HEARTBEATS_MISSED * self._device.heartbeat_period, 0.1))
+        if now - self._heartbeat_at > (timeout if self._heartbeat_at == NEVER else limit):
+            missing.append(f"heartbeat (0x{self._heartbeat_id:03X})")
+        if self._state in {OPERATIONAL, None} and self.boot.stage in {Stage.DONE, Stage.IDLE}:
+            missing += [name for name, time in self._heard_at.items() if now - time > timeout]
+        return missing
+
+    def conditions(
+        self, now: float, timeout: float, sensor_timeout: float, moving: bool
+    ) -> Iterator[Condition]:
+        """What is wrong with the device, see `Board.conditions`."""
+        silent, node = self.silent(now, timeout), self._device.node
+        if silent:
+            text = f"node {node}: no {', no '.join(silent)} for {timeout:g} s"
+            yield Condition("board_lost", self.name, text)
+        if self._restarted:
+            yield Condition("board_restarted", self.name, f"node {node} has restarted (boot-up)")
+        wrong = list(self._emergencies.values())
+        wrong += [f"{what} {channel}: {name}" for (what, channel), name in self._invalid.items()]
+        if self._left:
+            wrong.append(self._left)
+        if self.boot.stage is Stage.REFUSED:
+            wrong.append(self.boot.error)
+        if now - self._clash[0] < _CLASH_MEMORY:
+            wrong.append(self._clash[1])
+        if wrong:
+            yield Condition("board_fault", self.name, f"fault: {', '.join(wrong)}")
+        elif self.boot.stage not in {Stage.DONE, Stage.IDLE}:
+            if not silent:
+                text = f"node {node} is not ready: {self.boot.progress}"
+                yield Condition("board_not_active", self.name, text)
+        elif moving and not self.follows and not silent:
+            text = f"node {node} is {self._state_text()} although it was commanded to be active"
+            yield Condition("board_not_active", self.name, text)
+
+    def counts(self) -> Mapping[str, int]:
+        """The number of restarts."""
+        return {"restarts": self.restarts}
+
+    def report(self) -> BoardReport:
+        """State, progress of the boot, emergencies and supply pressure."""
+        values: dict[str, object] = dict(self.counts())
+        values["node"] = self._device.node
+        values["NMT state"] = self._state_text()
+        values["boot"] = self.boot.progress
+        values["emergencies"] = ", ".join(self._emergencies.values()) or "none"
+        if self.boot.notes:
+            values["refused at boot"] = "; ".join(self.boot.notes)
+        if self._invalid:
+            values["invalid"] = ", ".join(
+                f"{what} {channel}: {name}" for (what, channel), name in self._invalid.items()
+            )
+        if self.promises.measures_supply:
+            values["supply pressure [Pa absolute]"] = self.supply_pressure
+        return BoardReport(self._state_text(), values)
+
+    def traffic(self, rate: float) -> Sequence[Traffic]:
+        """Its regular frames, and those that the driver sends to it."""
+        device = self._device
+        answers = rate if device.sync else 1.0 / device.period
+        found = [
+            Traffic(f"TPDO{pdo.number}", pdo.frame_id, pdo.length, answers)
+            for pdo in device.answers
+        ]
+        found.append(Traffic("heartbeat", self._heartbeat_id, 1, 1.0 / device.heartbeat_period))
+        found += [
+            Traffic(f"RPDO{pdo.number}", pdo.frame_id, pdo.length, rate) for pdo in device.commands
+        ]
+        if device.host_period is not None:
+            host = 0x700 + device.host_node
+            found.append(Traffic("heartbeat of the host", host, 1, 1.0 / device.host_period))
+        return found
+
+    def wires(self) -> Mapping[tuple[str, Channel], str]:
+        """The PDOs and objects of set points, pressures and angles."""
+        channels = {wire.place: wire.channel for wire in self._wired.valves}
+        found = {
+            ("setpoint", channels[output.place]): f"RPDO{pdo.number}.{output.field.name}"
+            for pdo in self._device.commands
+            for output in pdo.outputs
+        }
+        for pdo in self._device.answers:
+            for entry in pdo.inputs:
+                found[entry.what, entry.channel] = f"TPDO{pdo.number}.{entry.field.name}"
+        return found
+
+    def _state_text(self) -> str:
+        if self._state is None:
+            return "no heartbeat received"
+        return STATES.get(self._state, str(self._state))
+
+    def _hear_heartbeat(self, data: bytes, time: float, stamp: float) -> None:
+        name = f"heartbeat of node {self._device.node}"
+        self._expect(self._heartbeat_id, name, 1, data, time)
+        state = data[0]
+        if state not in STATES:
+            raise FrameRangeError(self._heartbeat_id, f"{name} has the unknown state {state}")
+        known, self._state = self._state, state
+        self._heartbeat_at = time
+        stage = self.boot.stage
+        if state == BOOT_UP:
+            self._boot_up(known is not None)
+        elif state == OPERATIONAL:
+            self.boot.is_operational()
+        elif stage is Stage.DONE and not self._stopped and known in {OPERATIONAL, state}:
+            self._leave(state)
+
+    def _boot_up(self, again: bool) -> None:
+        self._emergencies.clear()
+        self._left = ""
+        self._stopped = False
+        if again:
+            self.restarts += 1
+            self._restarted = True
+        if self.boot.stage is not Stage.IDLE:
+            self.boot.begin()
+
+    def _leave(self, state: int) -> None:
+        """The device is no longer operational, and nobody here told it so.
+
+        If no valve was opened since the last boot, nothing happened, and it is started again.
+        """
+        if not self._opened and state in {STOPPED, READY}:
+            self.boot.begin()
+            self._emergencies.clear()
+        elif not self._left:
+            self._left = f"node {self._device.node} left the state operational: {STATES[state]}"
+
+    def _hear_emergency(self, data: bytes, time: float, stamp: float) -> None:
+        self._expect(self._emergency_id, f"EMCY of node {self._device.node}", 8, data, time)
+        code = int.from_bytes(data[:2], "little")
+        if code >> 8 == 0:
+            self._emergencies.clear()
+        else:
+            text = emergency_text(code, data[2], data[3:])
+            self._emergencies[code] = f"node {self._device.node}: {text}"
+
+    def _hear_sdo(self, data: bytes, time: float, stamp: float) -> None:
+        self._expect(
+            self.boot.sdo.answer_id, f"SDO answer of node {self._device.node}", 8, data, time
+        )
+        self.boot.sdo.hear(data)
+
+    def _expect(self, frame_id: int, name: str, length: int, data: bytes, time: float) -> None:
+        """Refuse a frame of another length: another device uses this identifier."""
+        if len(data) != length:
+            error = FrameLengthError(
+                frame_id,
+                f"{name} has {len(data)} bytes, expected {length}: another device may use this "
+                "identifier",
+            )
+            self._clash = (time, str(error))
+            raise error
+
+    def _listener(self, pdo: Tpdo) -> Hear:
+        entries = tuple((entry, self._store(entry)) for entry in pdo.inputs)
+        name = f"TPDO{pdo.number}"
+        objects = ", ".join(str(entry.field.name) for entry in pdo.inputs)
+
+        def hear(data: bytes, time: float, stamp: float) -> None:
+            if len(data) != pdo.length:
+                raise FrameLengthError(
+                    pdo.frame_id,
+                    f"{name} of node {self._device.node} ({objects}) has {len(data)} bytes, "
+                    f"expected {pdo.length}",
+                )
+            word = int.from_bytes(data, "little")
+            found = []
+            for entry, store in entries:
+                raw = entry.field.raw(word)
+                invalid = entry.invalid.get(int(raw), "") if entry.invalid else ""
+                if raw != raw:  # noqa: PLR0124  (NaN)
+                    invalid = "not a number"
+                elif not invalid and not entry.low <= raw <= entry.high:
+                    raise FrameRangeError(
+                        pdo.frame_id,
+                        f"{name} of node {self._device.node}, {entry.field.name} is {raw:g} raw, "
+                        f"expected {entry.low:g} to {entry.high:g}",
+                    )
+                found.append((entry, store, invalid, entry.gain * raw + entry.bias))
+            self._heard_at[name] = time
+            if self.boot.stage is Stage.STARTING:  # only an operational device sends PDOs
+                self._state = OPERATIONAL
+                self.boot.is_operational()
+            for entry, store, invalid, value in found:
+                if invalid:
+                    self._invalid[entry.what, entry.channel] = invalid
+                else:
+                    store(value, time, stamp)
+
+        return hear
+
+    def _store(self, entry: Input) -> Callable[[float, float, float], None]:
+        """The function that keeps a valid measurement."""
+        key = (entry.what, entry.channel)
+
+        def pressure(value: float, time: float, stamp: float) -> None:
+            self._invalid.pop(key, None)
+            self.pressures[entry.channel] = Sample(value, time, stamp)
+
+        def angle(value: float, time: float, stamp: float) -> None:
+            self._invalid.pop(key, None)
+            if entry.wraps:
+                value = math.remainder(value, _TURN)
+            self.angles[entry.channel] = Sample(value, time, stamp)
+
+        def supply(value: float, time: float, stamp: float) -> None:
+            self._invalid.pop(key, None)
+            self.supply_pressure = value
+
+        if entry.what == PRESSURE_INPUT:
+            return pressure
+        return angle if entry.what == ANGLE_INPUT else supply
+
+    def _foreign(self, pdo: Rpdo) -> Hear:
+        def hear(data: bytes, time: float, stamp: float) -> None:
+            error: FrameError = ForeignCommandError(pdo.frame_id, f"a command to {self.name}")
+            if len(data) != pdo.length:
+                error = FrameLengthError(
+                    pdo.frame_id,
+                    f"RPDO{pdo.number} of node {self._device.node} has {len(data)} bytes, "
+                    f"expected {pdo.length}",
+                )
+            raise error
+
+        return hear
+
+
+def _payload(pdo: Rpdo, setpoints: Sequence[float] | None) -> bytes:
+    word = 0
+    for output in pdo.outputs:
+        fraction = output.vented if setpoints is None else setpoints[output.place]
+        word |= output.field.bits_of(output.raw(fraction))
+    return word.to_bytes(pdo.length, "little")

@@ -1,0 +1,213 @@
+"""A device's object dictionary from its EDS file or a built-in profile, read by `canopen`.
+
+Source: CiA 306 (electronic data sheets), by way of the package canopen.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from canopen.objectdictionary import (
+    ObjectDictionary,
+    ODArray,
+    ODRecord,
+    ODVariable,
+    datatypes,
+)
+from canopen.objectdictionary.eds import import_eds
+
+from pam_model.errors import PamError
+
+PROFILES: Final = ("cia401_analogue", "cia404_pressure", "cia406_encoder", "regulator")
+"""The built-in profiles: an EDS file of each is in the folder `profiles`."""
+_FOLDER: Final = Path(__file__).parent / "profiles"
+_MAX_BYTES: Final = 5_000_000
+_OBJECT: Final = re.compile(r"0x([0-9A-Fa-f]{4})(?::(\d{1,3}|0x[0-9A-Fa-f]{1,2}))?")
+_SIZES: Final = {
+    datatypes.BOOLEAN: 8,
+    **dict.fromkeys((datatypes.INTEGER8, datatypes.UNSIGNED8), 8),
+    **dict.fromkeys((datatypes.INTEGER16, datatypes.UNSIGNED16), 16),
+    **dict.fromkeys((datatypes.INTEGER24, datatypes.UNSIGNED24), 24),
+    **dict.fromkeys((datatypes.INTEGER32, datatypes.UNSIGNED32, datatypes.REAL32), 32),
+    **dict.fromkeys((datatypes.INTEGER64, datatypes.UNSIGNED64, datatypes.REAL64), 64),
+}
+"""Bits of the data types that can be configured or mapped."""
+
+
+class EdsError(PamError):
+    """An EDS file that cannot be used; the message names file and reason."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class ObjectName:
+    """An object: its index and sub-index."""
+
+    index: int
+    sub: int = 0
+
+    def __iter__(self) -> Iterator[int]:
+        return iter((self.index, self.sub))
+
+    def __str__(self) -> str:
+        return f"0x{self.index:04X}:{self.sub}"
+
+
+def object_name(value: object) -> ObjectName | None:
+    """The object that a rig file names as "0x6411:1" or 0x6004; None for anything else."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return ObjectName(value) if 0x1000 <= value <= 0xFFFF else None
+    match = _OBJECT.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        return None
+    name = ObjectName(int(match[1], 16), int(match[2] or "0", 0))
+    return name if name.index >= 0x1000 and name.sub <= 0xFE else None
+
+
+class ObjectType(NamedTuple):
+    """How an object is encoded: its bits, and whether it is signed or a float."""
+
+    bits: int
+    signed: bool
+    is_float: bool
+
+
+class Dictionary:
+    """The objects of one device.
+
+    Parameters
+    ----------
+    path : Path
+        The EDS file.
+    node : int
+        Node number of the device, on which its default identifiers depend.
+
+    Attributes
+    ----------
+    file : str
+        The name of the EDS file, for messages.
+    vendor, product : int
+        The identity that the file states; 0 if it states none.
+
+    Raises
+    ------
+    EdsError
+        If the file cannot be used.
+    """
+
+    def __init__(self, path: Path, node: int) -> None:
+        self.file = path.name
+        try:
+            state = path.stat()
+        except OSError as error:
+            raise EdsError(f"{path}: cannot be read: {error.strerror}") from None
+        if state.st_size > _MAX_BYTES:
+            raise EdsError(f"{path}: larger than {_MAX_BYTES} bytes, too large for an EDS file")
+        self._objects = _load(path, state.st_mtime_ns, node)
+        self.vendor = self.default(ObjectName(0x1018, 1)) or 0
+        self.product = self.default(ObjectName(0x1018, 2)) or 0
+
+    def as_canopen(self) -> ObjectDictionary:
+        """The same objects as `canopen` keeps them."""
+        result = ObjectDictionary()  # type: ignore[no-untyped-call]
+        result.indices = dict(self._objects)
+        return result
+
+    def find(self, name: ObjectName) -> ODVariable | None:
+        """The entry of an object; None if the device does not have it."""
+        found = self._objects.get(name.index)
+        if isinstance(found, ODVariable):
+            return found if name.sub == 0 else None
+        if found is None:
+            return None
+        if name.sub in found.subindices:
+            one: ODVariable = found.subindices[name.sub]
+            return one
+        count = self.default(ObjectName(name.index, 0)) if name.sub else None
+        if isinstance(found, ODArray) and 1 in found.subindices and name.sub <= (count or 0):
+            made: ODVariable = found[name.sub]
+            return made
+        return None
+
+    def __contains__(self, name: ObjectName) -> bool:
+        return self.find(name) is not None
+
+    def type_of(self, name: ObjectName) -> ObjectType | None:
+        """The type of an object; None if the device does not have it, or it is no number."""
+        entry = self.find(name)
+        kind = None if entry is None else entry.data_type
+        bits = _SIZES.get(kind) if kind is not None else None
+        if kind is None or bits is None:
+            return None
+        return ObjectType(bits, kind in datatypes.SIGNED_TYPES, kind in datatypes.FLOAT_TYPES)
+
+    def default(self, name: ObjectName) -> int | None:
+        """The value of an integer object after power-up, as the EDS file states it."""
+        entry = self.find(name) if name.sub == 0 or name.index in self._objects else None
+        if entry is None:
+            return None
+        value = entry.value if entry.value is not None else entry.default
+        return value if isinstance(value, int) else None
+
+    def numbers(self, first: int) -> list[int]:
+        """The numbers of the PDOs whose communication parameters begin at an index."""
+        return [index - first + 1 for index in sorted(self._objects) if 0 <= index - first < 0x200]
+
+    def near(self, name: ObjectName) -> str:
+        """The end of a message about an object that is missing: what there is in its place."""
+        found = self._objects.get(name.index)
+        if isinstance(found, ODRecord | ODArray):
+            subs = ", ".join(str(sub) for sub in list(found.subindices)[:8])
+            return f"; 0x{name.index:04X} has the sub-indices {subs}"
+        if found is not None:
+            return f"; 0x{name.index:04X} has no sub-indices"
+        mapped = [
+            str(ObjectName(index, entry.subindex))
+            for index, one in sorted(self._objects.items())
+            if index >= 0x2000
+            for entry in ([one] if isinstance(one, ODVariable) else list(one.subindices.values()))
+            if entry.pdo_mappable
+        ]
+        return f"; for PDOs it has {', '.join(mapped[:6])}" if mapped else ""
+
+
+def profile_path(name: str) -> Path:
+    """The EDS file of a built-in profile."""
+    return _FOLDER / f"{name}.eds"
+
+
+def encoded(kind: ObjectType, value: int) -> bytes:
+    """An integer as the data of an object.
+
+    Raises
+    ------
+    OverflowError
+        If it does not fit.
+    """
+    return value.to_bytes(kind.bits // 8, "little", signed=value < 0)
+
+
+@lru_cache(maxsize=64)
+def _load(path: Path, changed_at: int, node: int) -> dict[int, ODVariable | ODArray | ODRecord]:
+    """The objects by index; `changed_at` makes a changed file be read again."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise EdsError(f"{path}: cannot be read: {error.strerror}") from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("cp1252", errors="replace")
+    try:
+        objects = dict(import_eds(io.StringIO(text), node).indices)  # type: ignore[no-untyped-call]
+    except Exception as error:  # the parser has no exception of its own
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise EdsError(f"{path}: not a valid EDS file: {reason}") from error
+    if 0x1000 not in objects:
+        raise EdsError(f"{path}: not a valid EDS file: it has no object 0x1000 (device type)")
+    return objects
