@@ -27,7 +27,7 @@ from pam_driver.boards.canopen.device import (
 from pam_driver.boards.canopen.dictionary import Dictionary, ObjectName
 from pam_driver.boards.canopen.reader import read_device
 from pam_driver.boards.protocol import Channel, Frame, KindOptions, WiredBoard
-from pam_sim.boards.canopen_node import SimulatedNode
+from pam_sim.boards.canopen_slave import SimulatedSlave
 from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 
 _DEVICE_HARDWARE: Final = 0x5000
@@ -67,7 +67,7 @@ class SimulatedCanopenDevice:
             for step in device.steps
             if isinstance(step, Check) and not 0x1400 <= step.name.index < 0x1C00
         }
-        self.slave = SimulatedNode(
+        self.slave = SimulatedSlave(
             device.node, dictionary.as_canopen(), preset, settings.boot_time, now
         )
         self._outputs = {output.place: output for pdo in device.commands for output in pdo.outputs}

@@ -42,7 +42,7 @@ COMMUNICATION: Final = 0x10
 _STATE_AFTER_ERROR: Final = {0: READY, 1: OPERATIONAL, 2: STOPPED}
 
 
-class SimulatedNode:
+class SimulatedSlave:
     """A CANopen slave.
 
     Parameters
