@@ -231,7 +231,7 @@ MISTAKES: dict[str, tuple[str, Change, str]] = {
         put("setpoints/third", {"object": "0x6411:3"}),
         f"{OUT}.setpoints.third: no muscle of the rig is wired to this channel",
     ),
-    "unknown key": ("outputs", put("heartbeat", 0.1), f"{OUT}.heartbeat: unknown key; did you mean"),
+    "unknown key": ("outputs", put("heartbeat", 0.1), f"{OUT}.heartbeat: unknown key; did you"),
     "unknown key of a set point": (
         "outputs",
         put(f"{FLEX}/units", "V"),
