@@ -22,7 +22,8 @@ def test_the_file_is_written_from_the_table():
 def test_every_node_has_one_profile_and_nothing_is_allowed_by_wildcard():
     root = ElementTree.fromstring(policy_xml(RIG))
     assert [profile.get("node") for profile in root.iter("profile")] == list(POLICY)
-    names = [entry.text or "" for tag in ("topic", "service") for entry in root.iter(tag)]
+    tags = ("topic", "service", "action")
+    names = [entry.text or "" for tag in tags for entry in root.iter(tag)]
     assert names
     assert not [name for name in names if "*" in name or not name.startswith("/")]
 
@@ -51,10 +52,15 @@ def test_a_name_too_many_and_one_too_few_are_found(monkeypatch):
         def get_publisher_names_and_types_by_node(self, name, space):
             return [("/secret", [])] if name == "pam_model" else []
 
-        get_subscriber_names_and_types_by_node = get_service_names_and_types_by_node = (
-            lambda self, name, space: []
-        )
+        def get_subscriber_names_and_types_by_node(self, name, space):
+            return []
+
+        def get_service_names_and_types_by_node(self, name, space):
+            served = {"pam_controller": "follow_joint_trajectory", "pam_rig": "secret"}.get(name)
+            return [(f"/{name}/{served}/_action/send_goal", [])] if served else []
 
     lines = security_check_node._compare(Graph(), RIG)
     assert "pam_model publish /secret: used" in lines
     assert "pam_driver reply /pam_driver/vent: unused" in lines
+    assert "pam_rig execute /pam_rig/secret: used" in lines
+    assert not [line for line in lines if "follow_joint_trajectory" in line]

@@ -13,7 +13,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from pam_control.controller import Controller
-from pam_control.references.trajectory import CommandError
+from pam_control.references.spline import JointSpline
+from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.trajectory_message import TrajectoryMessage, read_trajectory
 from pam_model.errors import PamError
 
@@ -78,27 +79,59 @@ class CommandIntake:
             with self._lock:
                 self._require_active("trajectory")
             message = read_trajectory(data, most_points)
-            references = self._controller.references
-            now = self._clock()
-            start = seconds(message)
-            planned = references.plan(message.names, message.points, start=start, now=now)
-            if planned is None:
-                with self._lock:
-                    self._require_active("trajectory")
-                    known = self._controller.rig.joint_names
-                    references.stop([n for n in message.names if n in known], self._clock())
+            if message.points:
+                self.follow(message.names, message.points, seconds(message))
                 return
             with self._lock:
-                now = self._clock()
-                at_join = references.references_at_join(planned, now)
-            splines, note = references.join(planned, at_join, now)
-            with self._lock:
                 self._require_active("trajectory")
-                references.take(splines)
-            if note:
-                self.slowed += 1
-                self.last_note = (note, self._clock())
-                self._log(f"joint_trajectory: {note}")
+                known = self._controller.rig.joint_names
+                stopped = [name for name in message.names if name in known]
+                self._controller.references.stop(stopped, self._clock())
+
+    def follow(
+        self, names: Sequence[str], points: Sequence[TrajectoryPoint], start: float | None
+    ) -> tuple[dict[str, JointSpline], str]:
+        """Follow a trajectory from now on.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Some or all joints of the rig.
+        points : sequence of TrajectoryPoint
+            At least one.
+        start : float or None
+            Time at which time_from_start is zero [s]; None for the present time.
+
+        Returns
+        -------
+        splines : dict of str to JointSpline
+            What the joints follow.
+        note : str
+            How much slower than asked it is played, and why; empty if it is not.
+
+        Raises
+        ------
+        CommandError
+            When the trajectory is rejected; the present reference is kept.
+        """
+        references = self._controller.references
+        with self._lock:
+            self._require_active("trajectory")
+        planned = references.plan(names, points, start=start, now=self._clock())
+        if planned is None:
+            raise CommandError("trajectory rejected: it has no points")
+        with self._lock:
+            now = self._clock()
+            at_join = references.references_at_join(planned, now)
+        splines, note = references.join(planned, at_join, now)
+        with self._lock:
+            self._require_active("trajectory")
+            references.take(splines)
+        if note:
+            self.slowed += 1
+            self.last_note = (note, self._clock())
+            self._log(f"joint_trajectory: {note}")
+        return splines, note
 
     def stream(
         self, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]

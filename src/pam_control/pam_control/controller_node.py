@@ -29,6 +29,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from pam_control.actions.follow_trajectory import FollowTrajectory
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller_health import ControllerHealth
@@ -38,6 +39,7 @@ from pam_control.controller_parameters import (
     parameter_table,
     settings_from,
 )
+from pam_control.controller_topics import ControllerTopics
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.rig_order import in_order
 from pam_control.trajectory_message import TrajectoryMessage
@@ -49,7 +51,6 @@ from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.spin import spin_node
-from pam_ros.valve_command import ValveCommandFormat
 
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
 
@@ -88,10 +89,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._lock = threading.Lock()
         self._positions: tuple[list[float], float] = ([], -math.inf)
         self._pressures: tuple[list[float], float] = ([], -math.inf)
-        self._command_format = ValveCommandFormat(self.rig.valve_kinds)
         self._reason = "no measurement yet"
         self._driver_reason = ""  # why the driver takes no commands; empty without such a driver
-        self._cycle_count = 0
         self.intake = CommandIntake(
             self._controller,
             self._lock,
@@ -99,16 +98,23 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._reason_against_references,
             self.get_logger().warning,
         )
+        self._action = FollowTrajectory(
+            self,
+            self._controller,
+            self.intake,
+            self._lock,
+            values=lambda: self._values,
+            clock=self._now,
+            seconds=self._seconds,
+            reason_against=self._reason_against_references,
+        )
         self._health = ControllerHealth(self.get_name(), self._controller, self.intake)
 
         rate = self._declared.number("loop.rate")
         every = rate / min(self._declared.number("telemetry.rate"), rate)
-        self._telemetry_every = max(1, round(every))
+        self._topics = ControllerTopics(self, self.rig, max(1, round(every)))
         latest = QoSProfile(depth=1)
         sensed = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._commands_out = self.create_publisher(JointState, "valve_commands", latest)
-        self._reference_out = self.create_publisher(JointState, "~/reference", latest)
-        self._error_out = self.create_publisher(JointState, "~/error", latest)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(  # raw: see pam_control.trajectory_message
             JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10, raw=True
@@ -307,6 +313,8 @@ class ControllerNode(Node):  # type: ignore[misc]
             except PamError as error:
                 self._controller.deactivate()
                 commands, reason = None, str(error)
+            if commands is not None:
+                self._action.observe(now)
             after = (self._controller.guard.stopped, self._controller.guard.softened)
         self._reason = reason
         if after != before:
@@ -314,33 +322,14 @@ class ControllerNode(Node):  # type: ignore[misc]
         if commands is None:
             return
         stamp = self.get_clock().now().to_msg()
-        message = JointState(name=list(self.rig.muscle_names))
-        message.header.stamp = stamp
-        message.position, message.effort = self._command_format.pack(commands)
-        self._commands_out.publish(message)
+        self._topics.publish(stamp, commands, self._controller.channels)
         self._health.count((now - position_time, now - pressure_time))
-        self._cycle_count += 1
-        if self._cycle_count % self._telemetry_every == 0:
-            self._publish_telemetry(stamp)
 
     def _tell_guard(self, stopped: str, softened: str) -> None:
         if stopped:
             self._vent_driver(stopped)
         elif softened:
             self.get_logger().error(f"soft gains from now on, until the next vent: {softened}")
-
-    def _publish_telemetry(self, stamp: Any) -> None:
-        telemetry = [channel.telemetry for channel in self._controller.channels]
-        reference = JointState(name=list(self.rig.joint_names))
-        reference.header.stamp = stamp
-        reference.position = [each.reference.position for each in telemetry]
-        reference.velocity = [each.reference.velocity for each in telemetry]
-        reference.effort = [each.torque for each in telemetry]
-        self._reference_out.publish(reference)
-        errors = JointState(name=list(self.rig.joint_names))
-        errors.header.stamp = stamp
-        errors.position = [each.error for each in telemetry]
-        self._error_out.publish(errors)
 
     # --- health ---------------------------------------------------------------------------------
 

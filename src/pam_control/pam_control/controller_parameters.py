@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pam_control.actions.goal_tolerances import tolerance_parameters
 from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
@@ -156,6 +157,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "accept trajectories that end in motion", changeable=True,
         ),
     ]  # fmt: skip
+    table += tolerance_parameters(joint_names)
     for name in joint_names:
         for part, unit in (
             ("proportional", "N m/rad"),
@@ -294,6 +296,11 @@ HELP = NodeHelp(
         ),
     ),
     serves=(
+        Endpoint(
+            "~/follow_joint_trajectory",
+            "action control_msgs/FollowJointTrajectory",
+            "trajectories with tolerances, feedback and result, where control_msgs is installed",
+        ),
         Endpoint("~/stop", "std_srvs/Trigger", "brake within the limits and hold (category 2)"),
         Endpoint("~/lower", "std_srvs/Trigger", "brake, let the air out slowly, vent (category 1)"),
     ),

@@ -15,15 +15,27 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import Rig, load_rig
 
 PATIENCE = 40.0  # s
+OF_AN_ACTION = "/_action/"
 
 
 def used_by(node: Node, name: str) -> dict[str, set[str]]:
-    """Topics and services that a running node publishes, subscribes to and serves."""
-    return {
-        "publish": {topic for topic, _ in node.get_publisher_names_and_types_by_node(name, "/")},
-        "subscribe": {topic for topic, _ in node.get_subscriber_names_and_types_by_node(name, "/")},
-        "reply": {service for service, _ in node.get_service_names_and_types_by_node(name, "/")},
+    """Topics and services that a running node publishes, subscribes to and serves.
+
+    An action consists of topics and services with names of their own; it counts as one name.
+    """
+    found = {
+        "publish": node.get_publisher_names_and_types_by_node(name, "/"),
+        "subscribe": node.get_subscriber_names_and_types_by_node(name, "/"),
+        "reply": node.get_service_names_and_types_by_node(name, "/"),
     }
+    used = {
+        kind: {entry for entry, _ in entries if OF_AN_ACTION not in entry}
+        for kind, entries in found.items()
+    }
+    used["execute"] = {
+        entry.split(OF_AN_ACTION)[0] for entry, _ in found["reply"] if OF_AN_ACTION in entry
+    }
+    return used
 
 
 def differences(rig_path: Path) -> list[str]:
@@ -58,6 +70,8 @@ def _compare(node: Node, rig: Rig) -> list[str]:
         used, allowed = used_by(node, name), rights_of(name, rig)
         for kind in used:
             lines += [f"{name} {kind} {one}: used" for one in sorted(used[kind] - allowed[kind])]
+            if kind == "execute":
+                continue  # offered only where the package of the action is installed
             lines += [f"{name} {kind} {one}: unused" for one in sorted(allowed[kind] - used[kind])]
     return lines
 

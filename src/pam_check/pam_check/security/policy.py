@@ -43,6 +43,8 @@ class Rights:
     ----------
     publishes, subscribes, serves, calls : tuple of str
         Names in addition to those of every node.
+    actions : tuple of str
+        Actions that the node may serve; it has them where their packages are installed.
     parameters : bool
         Whether the node has parameter services and rosout.
     enclave : str
@@ -53,6 +55,7 @@ class Rights:
     subscribes: tuple[str, ...] = ()
     serves: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
+    actions: tuple[str, ...] = ()
     parameters: bool = True
     enclave: str = ""
 
@@ -72,6 +75,7 @@ POLICY: Mapping[str, Rights] = {
             "~/joint_trajectory", "~/commands", "~/stiffness_commands",
         ),
         serves=("~/stop", "~/lower"),
+        actions=("~/follow_joint_trajectory",),
         calls=("pam_driver/vent",),
     ),
     "pam_controller_inputs": Rights(
@@ -95,7 +99,7 @@ POLICY: Mapping[str, Rights] = {
 
 
 def rights_of(node: str, rig: Rig) -> dict[str, set[str]]:
-    """Full names by kind: "publish", "subscribe", "reply", "request"."""
+    """Full names by kind: "publish", "subscribe", "reply", "request", "execute" of an action."""
     rights, muscles = POLICY[node], rig.muscle_names
     subscribes = set(rights.subscribes)
     if node == "pam_driver":
@@ -122,6 +126,7 @@ def rights_of(node: str, rig: Rig) -> dict[str, set[str]]:
         "subscribe": full(subscribes),
         "reply": full(serves),
         "request": full(set(rights.calls)),
+        "execute": full(set(rights.actions)),
     }
 
 
@@ -139,7 +144,7 @@ def policy_xml(rig: Rig) -> str:
         rights = rights_of(node, rig)
         for kind, tag in (
             ("reply", "service"), ("request", "service"), ("subscribe", "topic"),
-            ("publish", "topic"),
+            ("publish", "topic"), ("execute", "action"),
         ):  # fmt: skip
             if not rights[kind]:
                 continue

@@ -27,7 +27,11 @@ from pam_control.references.spline import (
     peaks,
     spline_coefficients,
 )
-from pam_control.references.trajectory import CommandError, TrajectoryPoint
+from pam_control.references.trajectory import (
+    CommandError,
+    PastTrajectoryError,
+    TrajectoryPoint,
+)
 
 RESERVE = 1.001  # a scaled trajectory stays below its limits by this factor
 SLOWER = 1.1  # step of the search for the duration of the first segment
@@ -85,7 +89,7 @@ def plan(
     """
     times = start + np.array([point.time_from_start for point in points])
     if times[-1] < now:
-        raise CommandError(f"trajectory rejected: it ended {now - times[-1]:.3g} s ago")
+        raise PastTrajectoryError(f"trajectory rejected: it ended {now - times[-1]:.3g} s ago")
     if np.any(np.diff(times) <= 0.0):
         raise CommandError("trajectory rejected: its points are too close in time")
     fields = (

@@ -20,8 +20,8 @@ from functools import partial
 from pam_control.references.motion_limiter import MotionLimiter, MotionLimits
 from pam_control.references.planned_trajectory import PlannedTrajectory, joined, plan
 from pam_control.references.spline import JointReference, JointSpline
+from pam_control.references.streamed_command import check_streamed_command
 from pam_control.references.trajectory import (
-    LARGEST,
     CommandError,
     TrajectoryPoint,
     check_trajectory,
@@ -242,7 +242,7 @@ class ReferenceGenerator:
             When the message is rejected: an unknown joint, a wrong size, a number that is not
             finite or a position outside the limits.
         """
-        self._check_stream(names, positions, velocities)
+        check_streamed_command(names, positions, velocities, self.limits)
         self._check_continued(names, positions, now)
         for index, name in enumerate(names):
             source = self._sources[name]
@@ -293,38 +293,6 @@ class ReferenceGenerator:
                 f"{RESUMED_WITHIN:g} rad of the present one"
             )
         self._interrupted.difference_update(names)
-
-    def _check_stream(
-        self, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]
-    ) -> None:
-        what = "streamed command rejected"
-        if not names or len(positions) != len(names) or len(velocities) not in (0, len(names)):
-            raise CommandError(
-                f"{what}: {len(names)} names, {len(positions)} positions, "
-                f"{len(velocities)} velocities"
-            )
-        if len(set(names)) != len(names):
-            raise CommandError(f"{what}: a joint is named twice")
-        for index, name in enumerate(names):
-            if name not in self.limits:
-                raise CommandError(
-                    f"{what}: unknown joint {name!r}; known: {', '.join(self.limits)}"
-                )
-            lower, upper = self.limits[name]
-            position = positions[index]
-            velocity = velocities[index] if len(velocities) else 0.0
-            if not (math.isfinite(position) and math.isfinite(velocity)):
-                raise CommandError(f"{what}: {name} at {position} rad, {velocity} rad/s")
-            if abs(velocity) > LARGEST["velocities"]:
-                raise CommandError(
-                    f"{what}: {name} at {velocity:g} rad/s, expected "
-                    f"{LARGEST['velocities']:g} rad/s at most"
-                )
-            if not lower <= position <= upper:
-                raise CommandError(
-                    f"{what}: {name} at {position:g} rad is outside its position_limits "
-                    f"[{lower:g}, {upper:g}] rad"
-                )
 
     def advance(self, now: float) -> list[str]:
         """Advance to `now` [s] and the horizon; return the joints whose stream timed out."""
@@ -398,3 +366,7 @@ class ReferenceGenerator:
         if source.spline is not None:
             return "trajectory"
         return "stream" if source.stream is not None else "hold"
+
+    def follows(self, name: str, spline: JointSpline) -> bool:
+        """Whether this spline is still the joint's source."""
+        return self._sources[name].spline is spline

@@ -17,6 +17,14 @@ class CommandError(PamError):
     """A command that is rejected as a whole; the message names the wrong part and the reason."""
 
 
+class JointNameError(CommandError):
+    """A trajectory for a joint that is unknown, or that it names twice."""
+
+
+class PastTrajectoryError(CommandError):
+    """A trajectory that has ended before it arrived."""
+
+
 @dataclass(frozen=True, slots=True)
 class TrajectoryPoint:
     """One point of a message; each field is empty or has one value per joint name."""
@@ -58,13 +66,13 @@ def check_trajectory(
         that the joint cannot have.
     """
     if not names:
-        raise CommandError("trajectory rejected: it names no joint")
+        raise JointNameError("trajectory rejected: it names no joint")
     for name in names:
         if name not in limits:
             known = ", ".join(limits)
-            raise CommandError(f"trajectory rejected: unknown joint {name!r}; known: {known}")
+            raise JointNameError(f"trajectory rejected: unknown joint {name!r}; known: {known}")
     if len(set(names)) != len(names):
-        raise CommandError("trajectory rejected: a joint is named twice")
+        raise JointNameError("trajectory rejected: a joint is named twice")
     previous = -math.inf
     for number, point in enumerate(points):
         where = f"trajectory rejected: point {number}"

@@ -1,0 +1,1 @@
+"""The action FollowJointTrajectory: tolerances, the watch over a goal, and the action server."""

@@ -1,0 +1,151 @@
+"""Watches a goal of the action FollowJointTrajectory while the controller follows it.
+
+Semantics as in the user documentation of ros2_controllers' joint_trajectory_controller: the path
+tolerance holds until the end of the trajectory; then the joints must come within the goal tolerance
+within the goal time. A violation stops the joints, which brake and hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pam_control.actions.goal_tolerances import GoalCode, GoalTolerances
+from pam_control.joint_channel import JointChannel
+from pam_control.references.reference_generator import ReferenceGenerator
+from pam_control.references.spline import JointSpline
+
+_REPLACED_BY = {
+    "trajectory": "another trajectory",
+    "stream": "a streamed command",
+    "hold": "a stop, or by a new start of the controller",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The end of a goal.
+
+    Attributes
+    ----------
+    code : GoalCode
+        The result.
+    text : str
+        The reason, for people.
+    reached : bool
+        Whether the goal was reached; otherwise it is aborted.
+    """
+
+    code: GoalCode
+    text: str
+    reached: bool = False
+
+
+class TrajectoryGoal:
+    """One goal, from the cycle in which its trajectory is taken.
+
+    Parameters
+    ----------
+    splines : mapping of str to JointSpline
+        What the joints follow, as it was handed to the references.
+    tolerances : GoalTolerances
+        The goal's tolerances.
+    note : str
+        A remark for the result of a goal that is reached.
+    begin : float
+        Present time [s].
+
+    Attributes
+    ----------
+    outcome : Outcome or None
+        How the goal has ended; None while it goes on.
+    """
+
+    def __init__(
+        self,
+        splines: Mapping[str, JointSpline],
+        tolerances: GoalTolerances,
+        note: str,
+        begin: float,
+    ) -> None:
+        self.splines = splines
+        self.begin = begin
+        self.end = max(spline.end_time for spline in splines.values())
+        self.outcome: Outcome | None = None
+        self._tolerances = tolerances
+        self._note = note
+
+    @property
+    def names(self) -> list[str]:
+        """The goal's joints."""
+        return list(self.splines)
+
+    def observe(
+        self, now: float, channels: Sequence[JointChannel], references: ReferenceGenerator
+    ) -> None:
+        """Judge the goal after a control cycle; a violation stops the joints.
+
+        Parameters
+        ----------
+        now : float
+            Present time [s].
+        channels : sequence of JointChannel
+            All joints of the rig, after the cycle.
+        references : ReferenceGenerator
+            The references of the controller.
+        """
+        if self.outcome is not None:
+            return
+        for name, spline in self.splines.items():
+            if not references.follows(name, spline):
+                what = _REPLACED_BY[references.following(name)]
+                self.outcome = Outcome(GoalCode.INVALID_GOAL, f"{name}: replaced by {what}")
+                return
+        own = [channel for channel in channels if channel.joint.name in self.splines]
+        if now < self.end:
+            self._judge_path(own)
+        else:
+            self._judge_end(now, own)
+        if self.outcome is not None and not self.outcome.reached:
+            references.stop(self.names, now)
+
+    def _judge_path(self, channels: Sequence[JointChannel]) -> None:
+        for channel in channels:
+            tolerance = self._tolerances.path[channel.joint.name]
+            speed = channel.telemetry.reference.velocity - channel.velocity
+            text = _violation(
+                channel, channel.telemetry.error, tolerance.position, speed, tolerance.velocity
+            )
+            if text:
+                self.outcome = Outcome(GoalCode.PATH_TOLERANCE_VIOLATED, f"{text} on the way")
+                return
+
+    def _judge_end(self, now: float, channels: Sequence[JointChannel]) -> None:
+        text = ""
+        for channel in channels:
+            name = channel.joint.name
+            tolerance = self._tolerances.goal[name]
+            error = self.splines[name].end_position - channel.position
+            speed = channel.telemetry.reference.velocity - channel.velocity
+            text = text or _violation(channel, error, tolerance.position, speed, tolerance.velocity)
+        if not text:
+            self.outcome = Outcome(GoalCode.SUCCESSFUL, self._note, reached=True)
+        elif now > self.end + self._tolerances.goal_time:
+            late = f"{text}, {now - self.end:.2f} s after the end of the trajectory"
+            self.outcome = Outcome(GoalCode.GOAL_TOLERANCE_VIOLATED, late)
+
+
+def _violation(
+    channel: JointChannel,
+    error: float,
+    most: float,
+    speed: float,
+    fastest: float,
+) -> str:
+    """Which tolerance a joint violates; empty if none."""
+    name = channel.joint.name
+    if abs(error) > most:
+        return f"{name} is {error:.4g} rad off, tolerance {most:g} rad"
+    if abs(speed) > fastest:
+        return f"{name} is {speed:.3g} rad/s off, tolerance {fastest:g} rad/s"
+    return ""
