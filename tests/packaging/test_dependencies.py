@@ -29,8 +29,9 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }
 ROS = {
-    "builtin_interfaces", "control_msgs", "diagnostic_msgs", "launch", "launch_ros", "lifecycle_msgs",
-    "rcl_interfaces", "rclpy", "sensor_msgs", "std_msgs", "std_srvs", "trajectory_msgs",
+    "builtin_interfaces", "control_msgs", "diagnostic_msgs", "launch", "launch_ros",
+    "lifecycle_msgs", "rcl_interfaces", "rclpy", "sensor_msgs", "std_msgs", "std_srvs",
+    "trajectory_msgs",
 }  # fmt: skip
 # Ubuntu 24.04 has no numba: every package works, slower, without it
 OPTIONAL = {"numba"}
