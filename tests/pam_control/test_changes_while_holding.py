@@ -6,6 +6,7 @@ import pytest
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
@@ -29,14 +30,19 @@ CHANGES = [
     ("no feedforward", {"feedforward": True}),
     ("no feedforward", {"integral_limit": 8.0}),
     ("ratio", {"mean_pressure": 2.0e5}),
+    ("difference", {"difference_feedforward": {"elbow": (4e4, 1e5, 0.0, 0.0, 0.0)}}),
+    ("difference", {"feedforward": False, "integral_limit": 30.0}),
     ("ratio", {"extra_delay": 0.03}),
 ]
 
 
+LAWS = {"ratio": PressureRatioPid, "difference": PressureDifferencePid}
+
+
 def held(closed_loop, rig, law):
     """The law at rest at HELD, and its loop."""
-    make = PressureRatioPid if law == "ratio" else PositionStiffnessController
-    controller = make(rig, ControlSettings(feedforward=law == "model"), DESIGNS)
+    make = LAWS.get(law, PositionStiffnessController)
+    controller = make(rig, ControlSettings(feedforward=law in ("model", "difference")), DESIGNS)
     loop = closed_loop(controller)
     loop.run(2.0)
     points = [TrajectoryPoint(1.0, [HELD], [0.0], [0.0])]

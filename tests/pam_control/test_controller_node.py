@@ -214,7 +214,7 @@ def test_ends_cleanly_when_told_to(domain, bench, sent):
 BAD_STARTS = [
     ({"elbow.inertia": -0.05}, "inertia"),
     ({"elbow.colour": 1.0}, "colour"),
-    ({"law": "magic"}, "law = 'magic': must be model_based or pressure_ratio_pid"),
+    ({"law": "magic"}, "law = 'magic': must be model_based, pressure_ratio_pid or"),
     ({"loop.rate": 5.0}, "loop.rate"),
     ({"gains.elbow.derivative": 8.0}, "not safe"),
     ({"gains.wrist.derivative": 1.0}, "gains"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
@@ -20,6 +21,7 @@ def laws(rig):
         "model": PositionStiffnessController(rig, ControlSettings()),
         "no feedforward": PositionStiffnessController(rig, ControlSettings(feedforward=False)),
         "ratio": PressureRatioPid(rig, ControlSettings()),
+        "difference": PressureDifferencePid(rig, ControlSettings()),
     }
 
 
@@ -45,6 +47,7 @@ def test_tracks_better_than_without_feedforward_and_than_the_pressure_ratio(
     assert errors["model"] < bound / 3.0
     assert errors["no feedforward"] > 3.0 * errors["model"]
     assert errors["ratio"] > 3.0 * errors["model"]
+    assert errors["difference"] < 0.5 * errors["ratio"]  # its feedforward serves it
     # Baselines that are not worth comparing with would follow nothing.
     assert max(errors.values()) < 0.2
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from pam_check.commands import blind, boards, endurance, faults, fuzz, security, states
+from pam_check.commands import blind, boards, control, endurance, faults, fuzz, security, states
 from pam_model.command_line import run_program
 
 COMMANDS = (
@@ -15,6 +15,7 @@ COMMANDS = (
     *endurance.COMMANDS,
     *fuzz.COMMANDS,
     *security.COMMANDS,
+    *control.COMMANDS,
     *blind.COMMANDS,
 )
 

@@ -10,6 +10,7 @@ from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
@@ -21,7 +22,9 @@ DESIGNED = -1.0
 LAWS: Mapping[str, type[Controller]] = {
     "model_based": PositionStiffnessController,
     "pressure_ratio_pid": PressureRatioPid,
+    "pressure_difference_pid": PressureDifferencePid,
 }
+LAW_NAMES = "model_based, pressure_ratio_pid or pressure_difference_pid"
 _DEFAULT = ControlSettings()
 
 
@@ -41,7 +44,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
     """
     d = _DEFAULT
     table = [
-        Parameter("law", "model_based", "-", 0, 0, f"control law: {' or '.join(LAWS)}"),
+        Parameter("law", "model_based", "-", 0, 0, f"control law: {LAW_NAMES}"),
         _number("loop.rate", 1.0 / d.period, "Hz", 50.0, 2000.0, "control cycle rate", fixed=True),
         _number(
             "loop.realtime_priority", 0, "-", 0, 99,
@@ -138,7 +141,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         ),
         _number(
             "pressure_ratio.mean_pressure", d.mean_pressure, "Pa", 1e4, 1e6,
-            "mean of the two pressures for the law pressure_ratio_pid",
+            "mean of the two pressures for the laws pressure_ratio_pid and pressure_difference_pid",
         ),
         _number(
             "stream.timeout", d.stream_timeout, "s", 0.01, 10.0,
@@ -270,7 +273,7 @@ def create_controller(
     """
     law = str(values["law"])
     if law not in LAWS:
-        raise PamError(f"law = {law!r}: must be {' or '.join(LAWS)}")
+        raise PamError(f"law = {law!r}: must be {LAW_NAMES}")
     return LAWS[law](rig, settings_from(values, joint_names), designs)
 
 

@@ -72,7 +72,10 @@ class ControlSettings:
     spool_limit : float
         Largest command to a flow valve [-].
     mean_pressure : float
-        Mean pressure of the pressure-ratio law [Pa].
+        Mean pressure of the laws that command a pressure ratio or difference [Pa].
+    difference_feedforward : mapping of str to tuple of float
+        Coefficients of the pressure-difference law's feedforward by joint, in the order and units
+        of `DifferenceFeedforward`; those of other joints follow from the rig.
     safe_delay : float
         Unknown delay for which the safe gains are designed [s].
     tracking_time : float
@@ -107,6 +110,9 @@ class ControlSettings:
     pressure_rate: float = 4e6
     spool_limit: float = 1.0
     mean_pressure: float = 2.3e5
+    difference_feedforward: Mapping[str, tuple[float, float, float, float, float]] = field(
+        default_factory=dict
+    )
     safe_delay: float = 0.08
     tracking_time: float = 0.3
     lowering_time: float = 3.0

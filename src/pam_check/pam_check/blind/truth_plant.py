@@ -191,8 +191,83 @@ def _iso_flow_one_way(c: float, high: float, low: float, b: float) -> float:
     return c * 1.185 * high * psi
 
 
+class TruthState(NamedTuple):
+    """What the plant remembers from one sample to the next; arrays that `run_samples` changes."""
+
+    scalars: Array  # position, velocity, bristle, pulley's position, mass in the reservoir, head
+    spool: Array
+    mass: Array
+    energy: Array
+    tube_mass: Array
+    stretch: Array
+    play: Array
+    creep: Array
+    volume: Array
+    length: Array
+    gauge: Array
+    line: Array
+    filtered: Array
+    integral: Array
+    force: Array
+    spool_play: Array
+    delay_buffer: Array
+    q_buffer: Array
+
+
+def start_state(
+    joint: TruthJoint, muscles: tuple[TruthMuscle, TruthMuscle], pressures: tuple[float, float]
+) -> TruthState:
+    """The plant at rest at position 0, with these pressures [Pa gauge]."""
+    radius, p_amb, q = joint.pulley_radius, joint.ambient_pressure, 0.0
+    rt = GAS_CONSTANT * joint.temperature
+    m_res = joint.supply_pressure * joint.reservoir_volume / rt
+    state = TruthState(
+        scalars=np.array([q, 0.0, 0.0, 0.0, m_res, 0.0]),
+        spool=np.zeros((2, 2)),
+        mass=np.zeros(2),
+        energy=np.zeros(2),
+        tube_mass=np.zeros(2),
+        stretch=np.zeros(2),
+        play=np.zeros((2, N_PLAY)),
+        creep=np.zeros((2, N_CREEP)),
+        volume=np.zeros(2),
+        length=np.zeros(2),
+        gauge=np.zeros(2),
+        line=np.zeros(2),
+        filtered=np.zeros(2),
+        integral=np.zeros(2),
+        force=np.zeros(2),
+        spool_play=np.zeros(2),
+        delay_buffer=np.zeros((2, 4096)),
+        q_buffer=np.zeros(4096),
+    )
+    for i in range(2):
+        side = -1.0 if i == 0 else 1.0
+        b, turns = muscles[i].thread_length, muscles[i].turns
+        state.length[i] = muscles[i].neutral_length + side * radius * q
+        p = pressures[i]
+        state.volume[i] = (
+            state.length[i] * (b * b - state.length[i] ** 2) / (4 * math.pi * turns**2)
+            + muscles[i].dead_volume
+        )
+        state.mass[i] = (p + p_amb) * state.volume[i] / rt
+        state.energy[i] = state.mass[i] * HEAT_CAPACITY * joint.temperature
+        state.gauge[i] = p
+        state.line[i] = p
+        state.filtered[i] = p
+        state.tube_mass[i] = (p + p_amb) * muscles[i].tube_volume / rt
+        for j in range(N_PLAY):
+            state.play[i, j] = state.length[i]
+        length_path = state.length[i]
+        if muscles[i].cable_compliance > 0.0:
+            pull = max(0.0, p * (3 * state.length[i] ** 2 - b * b) / (4 * math.pi * turns**2))
+            state.stretch[i] = pull * muscles[i].cable_compliance
+            state.length[i] = length_path - state.stretch[i]
+    return state
+
+
 @_compiled
-def _run(  # noqa: PLR0912, PLR0915
+def run_samples(  # noqa: PLR0912, PLR0915
     joint: TruthJoint,
     muscles: tuple[TruthMuscle, TruthMuscle],
     level: Array,
@@ -206,65 +281,33 @@ def _run(  # noqa: PLR0912, PLR0915
     commands: Array,
     sensed: Array,
     truth: Array,
+    state: TruthState,
+    first: int,
+    last: int,
 ) -> int:
+    """Run the samples from `first` up to `last`; return where it ended or diverged."""
     radius, inertia = joint.pulley_radius, joint.inertia
     t0, p_amb, p_sup = joint.temperature, joint.ambient_pressure, joint.supply_pressure
     coulomb, v_res, backlash = joint.coulomb_torque, joint.reservoir_volume, joint.backlash
     eccentricity = joint.pulley_eccentricity
     sample_time, k_p, k_i, k_q = settings[0], settings[1], settings[2], settings[3]
     p_step, q_step, u_step = settings[4], settings[5], settings[6]
-    n: int = level.shape[0]
     steps = round(sample_time / STEP)
     h = sample_time / steps
     rt = GAS_CONSTANT * t0
     flow_scale = math.sqrt(293.15 / t0)
 
-    q, w, z = 0.0, 0.0, 0.0
-    load_q = 0.0  # pulley side of the backlash
-    m_res = p_sup * v_res / rt
-    spool = np.zeros((2, 2))
-    mass = np.zeros(2)
-    energy = np.zeros(2)
-    tube_mass = np.zeros(2)
-    stretch = np.zeros(2)
-    play = np.zeros((2, N_PLAY))
-    creep = np.zeros((2, N_CREEP))
-    volume = np.zeros(2)
-    length = np.zeros(2)
-    gauge = np.zeros(2)
-    line = np.zeros(2)
-    filtered = np.zeros(2)
-    integral = np.zeros(2)
-    force = np.zeros(2)
-    spool_play = np.zeros(2)
-    delay_buffer = np.zeros((2, 4096))
-    q_buffer = np.zeros(4096)
-    head = 0
-
-    for i in range(2):
-        side = -1.0 if i == 0 else 1.0
-        b, turns = muscles[i].thread_length, muscles[i].turns
-        length[i] = muscles[i].neutral_length + side * radius * q
-        p = level[0] + (difference[0] if i == 0 else -difference[0])
-        volume[i] = (
-            length[i] * (b * b - length[i] ** 2) / (4 * math.pi * turns**2) + muscles[i].dead_volume
-        )
-        mass[i] = (p + p_amb) * volume[i] / rt
-        energy[i] = mass[i] * HEAT_CAPACITY * t0
-        gauge[i] = p
-        line[i] = p
-        filtered[i] = p
-        tube_mass[i] = (p + p_amb) * muscles[i].tube_volume / rt
-        for j in range(N_PLAY):
-            play[i, j] = length[i]
-        length_path = length[i]
-        if muscles[i].cable_compliance > 0.0:
-            pull = max(0.0, p * (3 * length[i] ** 2 - b * b) / (4 * math.pi * turns**2))
-            stretch[i] = pull * muscles[i].cable_compliance
-            length[i] = length_path - stretch[i]
+    scalars = state.scalars
+    q, w, z = scalars[0], scalars[1], scalars[2]
+    load_q, m_res, head = scalars[3], scalars[4], int(scalars[5])
+    spool, mass, energy, tube_mass = state.spool, state.mass, state.energy, state.tube_mass
+    stretch, play, creep, volume = state.stretch, state.play, state.creep, state.volume
+    length, gauge, line, filtered = state.length, state.gauge, state.line, state.filtered
+    integral, force, spool_play = state.integral, state.force, state.spool_play
+    delay_buffer, q_buffer = state.delay_buffer, state.q_buffer
 
     command = np.zeros(2)
-    for k in range(n):
+    for k in range(first, last):
         # Sensors and control loop, once per sample.
         p_sup = joint.supply_pressure * supply_factor[k]
         q_seen = q_buffer[(head - 1 - round(joint.position_delay / h)) % 4096] if k > 0 else q
@@ -471,7 +514,9 @@ def _run(  # noqa: PLR0912, PLR0915
             head = (head + 1) % 4096
             if not math.isfinite(q):
                 return k
-    return n
+    scalars[0], scalars[1], scalars[2] = q, w, z
+    scalars[3], scalars[4], scalars[5] = load_q, m_res, head
+    return last
 
 
 def slow_noise(
@@ -546,7 +591,8 @@ def run_truth(
             sensors.command_step,
         ]
     )
-    done: int = _run(
+    first, second = float(excitation.level[0]), float(excitation.difference[0])
+    done: int = run_samples(
         TruthJoint(*map(float, joint)),
         (TruthMuscle(*map(float, muscles[0])), TruthMuscle(*map(float, muscles[1]))),
         excitation.level,
@@ -560,6 +606,9 @@ def run_truth(
         commands,
         sensed,
         truth,
+        start_state(joint, muscles, (first + second, first - second)),
+        0,
+        n,
     )
     if done < n:
         raise FloatingPointError(f"the drawn rig diverges at {done * excitation.sample_time:.2f} s")

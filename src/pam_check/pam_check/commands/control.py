@@ -1,0 +1,60 @@
+"""Command for the controller on rigs that are not their rig file."""
+
+from __future__ import annotations
+
+from pam_check.commands.common_arguments import add_seed
+from pam_model.argument_types import count, output_file
+from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
+
+
+def _declare_rough_control(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+    parser.add_argument(
+        "--effects",
+        nargs="+",
+        metavar="NAME",
+        help='effects to hide, or "nothing" (default: nothing, then each effect)',
+    )
+    parser.add_argument(
+        "--tries",
+        type=count(0),
+        default=30,
+        metavar="N",
+        help="gains that the search for the PID tries on each rig; 0: no PID (default: "
+        "%(default)s, which takes a minute per effect)",
+    )
+    parser.add_argument(
+        "--tune-pressure-loops",
+        action="store_true",
+        help="search for the gain of the PID's pressure loops as well",
+    )
+    parser.add_argument(
+        "--tuned",
+        type=output_file,
+        default="out/rough_control/tuned_pid.json",
+        metavar="FILE",
+        help="file with the gains of earlier searches, read and extended (default: %(default)s)",
+    )
+
+
+def _rough_control(given: Arguments) -> Outcome:
+    from pam_check.control.rough_control import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
+COMMANDS = (
+    Command(
+        "rough-control",
+        "hide each effect from the controller and compare its error with a PID tuned on that rig",
+        _declare_rough_control,
+        _rough_control,
+        bad_news="if an error is above 1.1 times the PID's, a joint is in a limit cycle or a valve "
+        "is at its end",
+        examples=(
+            "python -m pam_check rough-control --tries 0",
+            "python -m pam_check rough-control --effects hysteresis payload",
+        ),
+    ),
+)

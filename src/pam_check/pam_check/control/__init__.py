@@ -1,0 +1,1 @@
+"""The controller in closed loop with the independent plant of the blind check."""

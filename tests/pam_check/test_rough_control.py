@@ -1,0 +1,107 @@
+"""The controller on the independent plant: the loop is closed rightly, and the baseline is one."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pam_check.__main__ import main
+from pam_check.blind.draw import KNOWN
+from pam_check.blind.truth_plant import Excitation, Sensors, run_truth
+from pam_check.control.closed_loop import PERIOD, TOLD, play, true_rig
+from pam_check.control.hidden_sizes import CLEAN, HIDDEN
+from pam_check.control.rough_control import RoughControl
+from pam_check.control.running_truth import RunningTruth
+from pam_check.control.tuned_pid import Bench
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_model.rig import load_rig
+
+ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
+pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
+
+
+@pytest.fixture(scope="module")
+def rough():
+    return RoughControl(load_rig(ELBOW), TOLD, 5)
+
+
+def test_the_plant_sample_by_sample_is_the_plant_of_the_blind_check(rough):
+    joint, muscles = rough.hidden("hysteresis")
+    count, sensors = 400, Sensors(pressure_noise=0.0, position_noise=0.0, force_noise=0.0)
+    wave = 0.1 * np.sin(np.arange(count) * 0.05)
+    commands = np.stack([wave, -wave], axis=1)
+    flat = np.full(count, 2e5)
+    excitation = Excitation(flat, np.zeros(count), np.zeros(count), PERIOD)
+    whole = run_truth(
+        joint, muscles, excitation, sensors, np.random.default_rng(0), fixed_commands=commands
+    )
+    plant = RunningTruth(
+        joint,
+        muscles,
+        Sensors(pressure_noise=0.0, position_noise=0.0, command_step=1e-12),
+        np.random.default_rng(0),
+        period=PERIOD,
+        count=count,
+        pressure=2e5,
+    )
+    for pair in commands:
+        plant.advance((pair[0], pair[1]))
+    assert np.ptp(whole.true_position) > 0.01
+    assert np.abs(plant.truth[:, 2] - whole.true_position).max() < 1e-8
+    assert np.abs(plant.truth[:, :2] - whole.true_pressures).max() < 1e-2
+
+
+def test_every_effect_of_the_table_is_hidden_and_changes_the_rig(rough):
+    assert set(HIDDEN) == set(KNOWN)
+    rig = true_rig(load_rig(ELBOW))
+    assert CLEAN.applied(*rig) == rig
+    assert all(size.applied(*rig) != rig for size in HIDDEN.values())
+
+
+def test_the_controller_tracks_the_independent_plant_that_is_its_rig_file(rough):
+    results = rough.run("nothing", None, 0)
+    assert [result.motion for result in results] == ["arm", "chirp"]
+    for result in results:
+        assert result.controller.rms < 2e-3
+        assert result.controller.clipped == 0.0
+        assert result.problems() == []
+        assert math.isnan(result.ratio)
+
+
+def test_a_fitted_feedforward_serves_the_pid_on_the_rig_that_it_was_fitted_to(rough):
+    """The fit is what makes the baseline a fair one, on a rig that is not its rig file."""
+    joint, muscles = rough.hidden("payload")
+    bench = Bench(rough.rig, joint, muscles, rough.motions, 5, rough.designs)
+    first = bench.first()
+    before = bench.play(first)
+    after = bench.play(bench.fitted(first, before))
+    for motion, (played, _) in after.items():
+        assert played.rms < 0.95 * before[motion][0].rms
+
+
+def test_a_loop_that_oscillates_is_reported_as_a_limit_cycle(rough):
+    joint, muscles = rough.hidden("command_delay")
+    reach = [TrajectoryPoint(0.4, [0.3])]
+    bench = Bench(rough.rig, joint, muscles, {"reach": reach}, 5, rough.designs)
+    wild, _ = bench.play(bench.scaled(bench.first(), 10.0))["reach"]
+    assert wild.cycles
+    calm, _ = play(rough.controller, *true_rig(rough.rig), reach, 5)
+    assert not calm.cycles
+
+
+def test_the_command_prints_one_result_per_effect_and_motion(capsys):
+    assert main(["rough-control", "--effects", "nothing", "--tries", "0", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [(r["effect"], r["motion"]) for r in document["results"]] == [
+        ("nothing", "arm"),
+        ("nothing", "chirp"),
+    ]
+
+
+def test_an_unknown_effect_is_one_line_and_exit_code_2(capsys):
+    assert main(["rough-control", "--effects", "gremlins"]) == 2
+    assert "--effects gremlins" in capsys.readouterr().err
