@@ -60,6 +60,15 @@ class Robot:
                 self.driver.set_commands(named, self.now)
             self.driver.cycle(self.now, self.now + 1e3)
 
+    def received(self, frame_id: int, data: bytes) -> ReceivedFrame:
+        """A frame as the bus delivers it now."""
+        return ReceivedFrame(frame_id, data, self.now + 1e3)
+
+    def hears(self, frame_id: int, data: bytes) -> None:
+        """Deliver a frame of a stranger to the driver, in a cycle of its own."""
+        self._up.append(self.received(frame_id, data))
+        self.driver.cycle(self.now, self.now + 1e3)
+
     def move(self) -> None:
         self.run(0.3)
         self.driver.activate(self.now)

@@ -65,7 +65,9 @@ class SimulatedCanopenDevice:
         preset = {
             step.name: step.expected & step.mask
             for step in device.steps
-            if isinstance(step, Check) and not 0x1400 <= step.name.index < 0x1C00
+            if isinstance(step, Check)
+            and not 0x1400 <= step.name.index < 0x1C00
+            and ((dictionary.default(step.name) or 0) ^ step.expected) & step.mask
         }
         self.slave = SimulatedSlave(
             device.node, dictionary.as_canopen(), preset, settings.boot_time, now

@@ -178,12 +178,18 @@ class CanopenBoard:
 
     def silent(self, now: float, timeout: float) -> list[str]:
         """The names of the regular frames that are missing."""
-        missing = []
+        missing: list[str] = []
+        if self.boot.stage is Stage.REFUSED:  # the reason is more exact
+            return missing
         limit = min(timeout, max(_HEARTBEATS_MISSED * self._device.heartbeat_period, 0.1))
-        if now - self._heartbeat_at > (timeout if self._heartbeat_at == NEVER else limit):
-            missing.append(f"heartbeat (0x{self._heartbeat_id:03X})")
+        if now - self._heartbeat_at > limit:
+            missing.append(f"heartbeat (0x{self._heartbeat_id:03X}) for {limit:g} s")
         if self._state in {OPERATIONAL, None} and self.boot.stage in {Stage.DONE, Stage.IDLE}:
-            missing += [name for name, time in self._heard_at.items() if now - time > timeout]
+            missing += [
+                f"{name} for {timeout:g} s"
+                for name, time in self._heard_at.items()
+                if now - time > timeout
+            ]
         return missing
 
     def conditions(
@@ -192,7 +198,9 @@ class CanopenBoard:
         """What is wrong with the device, see `Board.conditions`."""
         silent, node = self.silent(now, timeout), self._device.node
         if silent:
-            text = f"node {node}: no {', no '.join(silent)} for {timeout:g} s"
+            text = f"node {node}: no {', no '.join(silent)}"
+            if self.boot.stage is Stage.WAITING:
+                text += f"; {self.boot.error}"
             yield Condition("board_lost", self.name, text)
         if self._restarted:
             yield Condition("board_restarted", self.name, f"node {node} has restarted (boot-up)")
@@ -321,6 +329,7 @@ class CanopenBoard:
             self.boot.sdo.answer_id, f"SDO answer of node {self._device.node}", 8, data, time
         )
         self.boot.sdo.hear(data)
+        self._heartbeat_at = time  # a device that is not configured yet sends no heartbeat
 
     def _expect(self, frame_id: int, name: str, length: int, data: bytes, time: float) -> None:
         """Refuse a frame of another length: another device uses this identifier."""

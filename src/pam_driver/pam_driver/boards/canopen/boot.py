@@ -103,16 +103,18 @@ class Boot:
         node = self._device.node
         if not self._began:
             self._began = True
-            if self._device.commands:  # its outputs go off before anything is changed
-                yield NMT, bytes([STOP, node])
-            yield NMT, bytes([PRE_OPERATIONAL, node])
             self.sdo.begin(self._device.steps[0])
         if self._go_on(now):
             yield NMT, bytes([START, node])
             return
         data = self.sdo.frame(now)
-        if data is not None:
-            yield self.sdo.request_id, data
+        if data is None:
+            return
+        if self._place == 0:  # repeated with the request, since nothing acknowledges NMT
+            if self._device.commands:  # its outputs go off before anything is changed
+                yield NMT, bytes([STOP, node])
+            yield NMT, bytes([PRE_OPERATIONAL, node])
+        yield self.sdo.request_id, data
 
     def _go_on(self, now: float) -> bool:
         """Judge the result of a step if there is one, begin the next; whether all are done."""

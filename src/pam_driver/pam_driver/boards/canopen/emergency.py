@@ -34,7 +34,7 @@ def emergency_text(code: int, register: int, data: bytes) -> str:
     meaning = _EXACT.get(code)
     if meaning is None:
         general = EmcyError(code, register, data, 0.0).get_desc()
-        meaning = general[:1].lower() + general[1:] or "not in the table of CiA 301"
+        meaning = general.lower() or "not in the table of CiA 301"
     bits = [name for place, name in enumerate(_REGISTER) if register >> place & 1]
     text = f"EMCY 0x{code:04X}, {meaning}"
     if bits:
