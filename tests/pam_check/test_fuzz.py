@@ -12,7 +12,8 @@ from rclpy.logging import LoggingSeverity, get_logger
 
 from pam_check.__main__ import main
 from pam_check.fuzz import byte_targets as fuzz_bytes
-from pam_check.fuzz import inputs as fuzz
+from pam_check.fuzz import fuzz_run as fuzz
+from pam_check.fuzz.random_targets import ViolationError
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_driver import driver as driver_module
@@ -134,7 +135,7 @@ def no_latch(state, event):
 
 def test_the_kept_inputs_would_find_a_driver_that_does_not_stop(monkeypatch):
     monkeypatch.setattr(driver_module, "next_state", no_faults)
-    with pytest.raises(fuzz.ViolationError, match="without a fresh command"):
+    with pytest.raises(ViolationError, match="without a fresh command"):
         for data in kept("driver"):
             fuzz_bytes.driver(data)
 
@@ -142,7 +143,7 @@ def test_the_kept_inputs_would_find_a_driver_that_does_not_stop(monkeypatch):
 def test_a_refused_activation_is_watched(monkeypatch):
     monkeypatch.setattr(driver_module, "next_state", no_latch)
     monkeypatch.setattr(driver_module.Driver, "_activation_problem", lambda self, now: "")
-    with pytest.raises(fuzz.ViolationError):
+    with pytest.raises(ViolationError):
         for data in kept("driver"):
             fuzz_bytes.driver(data)
 

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pam_model.errors import DomainError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint, JointMuscle
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.muscles.models.gaylord import Gaylord
 from pam_model.rig import Rig, load_rig
 

@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 
 from pam_model import gas
-from pam_model.joints.antagonistic_joint import AntagonisticJoint, JointMuscle
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.muscles import braid
 from pam_model.muscles.models.chou_hannaford import ChouHannaford
 from pam_model.muscles.models.gaylord import Gaylord

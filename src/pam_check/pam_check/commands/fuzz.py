@@ -25,7 +25,7 @@ def _declare_fuzz(parser: Parser) -> None:
 
 
 def _fuzz(given: Arguments) -> Outcome:
-    from pam_check.fuzz.inputs import run  # noqa: PLC0415
+    from pam_check.fuzz.fuzz_run import run  # noqa: PLC0415
 
     return run(given)
 

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from pam_check.fuzz.inputs import ViolationError
+from pam_check.fuzz.random_targets import ViolationError
 from pam_driver.boards.pam_board.codec import (
     PROTOCOL_VERSION,
     BoardCode,

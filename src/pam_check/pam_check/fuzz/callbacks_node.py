@@ -25,7 +25,8 @@ from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from pam_check.chain import private_domain, set_environment
-from pam_check.fuzz.inputs import BLOCK, ViolationError, injection, names, numbers
+from pam_check.fuzz.fuzz_run import BLOCK
+from pam_check.fuzz.random_targets import ViolationError, injection, names, numbers
 from pam_driver.boards.pam_board.codec import BoardCodec, FrameError, ValveCommand
 from pam_driver.bus import CanPort, open_bus
 from pam_model.command_line import Arguments, Outcome, chosen_rig

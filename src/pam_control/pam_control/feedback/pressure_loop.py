@@ -18,7 +18,7 @@ from pam_control.compensation.valve_inverse import ValveInverse
 from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import Leak
 from pam_model.gas import flow_for_pressure_rate, reference_density, valve_opening
-from pam_model.joints.antagonistic_joint import JointMuscle
+from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.rig import Muscle, Rig
 
 LENGTH_EDGE = 1e-6  # m, distance from the ends of the force model's range

@@ -1,0 +1,64 @@
+"""What a joint needs of its muscles, and what it answers about their pressures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from pam_model.muscles.force_model import AffineForceModel, ForceModel
+
+
+@dataclass(frozen=True, slots=True)
+class JointMuscle:
+    """The properties of a muscle that its joint needs.
+
+    Attributes
+    ----------
+    model : ForceModel
+        The static force.
+    neutral_length : float
+        At joint position 0 [m].
+    low_pressure, high_pressure : float
+        Range of the commands [Pa gauge].
+    dead_volume : float
+        [m^3].
+    is_affine : bool
+        Whether the inverse of the model is exact.
+    """
+
+    model: ForceModel
+    neutral_length: float
+    low_pressure: float
+    high_pressure: float
+    dead_volume: float = 0.0
+    is_affine: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        # checked once, because checking a protocol takes longer than solving the joint
+        object.__setattr__(self, "is_affine", isinstance(self.model, AffineForceModel))
+
+
+@dataclass(frozen=True, slots=True)
+class JointPressures:
+    """Two pressures, the achieved torque and stiffness, and which requests were limited.
+
+    Attributes
+    ----------
+    agonist, antagonist : float
+        [Pa gauge].
+    torque : float
+        Achieved [N m].
+    stiffness : float
+        Achieved, at constant pressures [N m/rad].
+    torque_limited, stiffness_limited : bool
+        Whether the request was outside the reachable range; torque has priority over stiffness.
+    position_limited : bool
+        Whether the position was outside `position_range` and its nearest limit was used.
+    """
+
+    agonist: float
+    antagonist: float
+    torque: float
+    stiffness: float
+    torque_limited: bool
+    stiffness_limited: bool
+    position_limited: bool
