@@ -209,12 +209,14 @@ class ControllerNode(Node):  # type: ignore[misc]
     def _on_joint_states(self, message: Any) -> None:
         with self.intake.rejecting("joint_states"):
             values = in_order(message.name, message.position, self.rig.joint_names, "position")
-            self._positions = (values, self._stamp(message))
+            if values is not None:
+                self._positions = (values, self._stamp(message))
 
     def _on_pressure_states(self, message: Any) -> None:
         with self.intake.rejecting("pressure_states"):
             values = in_order(message.name, message.effort, self.rig.muscle_names, "effort")
-            self._pressures = (values, self._stamp(message))
+            if values is not None:
+                self._pressures = (values, self._stamp(message))
 
     def _stamp(self, message: Any) -> float:
         """Time of a measurement: its stamp, but not later than its arrival."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from pam_control.references.trajectory import CommandError
@@ -9,8 +10,10 @@ from pam_control.references.trajectory import CommandError
 
 def in_order(
     names: Sequence[str], values: Sequence[float], wanted: Sequence[str], field: str
-) -> list[float]:
+) -> list[float] | None:
     """Sort a message's values; names that the rig does not have are ignored.
+
+    A name of the rig that a message leaves out is not measured: `joint_states` has no NaN.
 
     Parameters
     ----------
@@ -21,17 +24,22 @@ def in_order(
     field : str
         Name of the field, for messages.
 
+    Returns
+    -------
+    list of float or None
+        In the order of the rig, NaN for a name that is missing; None for a message about other
+        joints, such as those of a gripper.
+
     Raises
     ------
     CommandError
-        For sizes that differ or a name that is missing.
+        For sizes that differ.
     """
     if len(values) != len(names):
         raise CommandError(f"{len(values)} {field} values for {len(names)} names")
     if list(names) == list(wanted):
         return [float(value) for value in values]
     found = dict(zip(names, values, strict=True))
-    missing = [name for name in wanted if name not in found]
-    if missing:
-        raise CommandError(f"{', '.join(missing)} missing")
-    return [float(found[name]) for name in wanted]
+    if found and not any(name in found for name in wanted):
+        return None
+    return [float(found.get(name, math.nan)) for name in wanted]

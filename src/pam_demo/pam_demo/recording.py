@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -57,11 +57,20 @@ FIELDS = {
 }
 
 
-def _values(message: Any, field: str) -> Sequence[float]:
-    if field != COMMAND:
-        return cast(Sequence[float], getattr(message, field))
-    commands = commands_of_any_kind(message.name, message.position, message.effort).values
-    return [commands.get(name, math.nan) for name in message.name]
+def _values(message: Any, field: str) -> dict[str, float]:
+    """The numbers of a message by name, or by place where it has no names."""
+    names = getattr(message, "name", None)
+    if field == COMMAND:
+        commands = commands_of_any_kind(message.name, message.position, message.effort).values
+        return {name: commands.get(name, math.nan) for name in message.name}
+    values = cast(Sequence[float], getattr(message, field))
+    return dict(zip(names or map(str, range(len(values))), values, strict=False))
+
+
+def _matrix(rows: Sequence[dict[str, float]]) -> Array:
+    """One column for each name; `joint_states` leaves a joint out that is not measured."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return np.array([[row.get(name, math.nan) for name in names] for row in rows])
 
 
 def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str, Series]:
@@ -86,7 +95,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
     """
     fields = fields or FIELDS
     stamps: dict[str, list[float]] = {topic: [] for topic in fields}
-    rows: dict[str, list[Iterable[float]]] = {topic: [] for topic in fields}
+    rows: dict[str, list[dict[str, float]]] = {topic: [] for topic in fields}
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             wanted = [entry for entry in reader.connections if entry.topic in fields]
@@ -105,7 +114,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
     except (AnyReaderError, OSError) as error:
         raise PamError(f"{bag}: cannot be read as a recording: {error}") from None
     return {
-        topic: Series(np.asarray(stamps[topic]), np.asarray(rows[topic], dtype=float))
+        topic: Series(np.asarray(stamps[topic]), _matrix(rows[topic]))
         for topic in fields
         if rows[topic]
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pam_driver.boards.protocol import Board
@@ -31,6 +31,8 @@ class DriverDiagnostics:
     ----------
     commanders : int
         How many nodes publish valve commands; the driver cannot distinguish several.
+    unmeasured : sequence of str
+        Joints without a fresh measurement.
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class DriverDiagnostics:
         bitrates: float | Mapping[str, float],
     ) -> None:
         self.commanders = 0
+        self.unmeasured: Sequence[str] = ()
         self._driver = driver
         named = ports if isinstance(ports, Mapping) else {"": ports}
         rates = bitrates if isinstance(bitrates, Mapping) else dict.fromkeys(named, bitrates)
@@ -50,7 +53,7 @@ class DriverDiagnostics:
         self._late = 0
 
     def statuses(self, loop: LoopStatistics, now: float) -> list[Any]:
-        """One status each for safety, every bus, commands, loop and every board.
+        """One status each for safety, every bus, commands, joint states, loop and every board.
 
         Parameters
         ----------
@@ -62,7 +65,8 @@ class DriverDiagnostics:
         boards = [self._board(board) for board in self._driver.boards.values()]
         errors = self._driver.errors_by_bus
         buses = [bus.status(*errors[name], now) for name, bus in self._buses.items()]
-        return [self._safety(), *buses, self._commands(), self._loop(loop), *boards]
+        measured = [self._commands(), self._joint_states()]
+        return [self._safety(), *buses, *measured, self._loop(loop), *boards]
 
     def _safety(self) -> Any:
         driver = self._driver
@@ -97,6 +101,13 @@ class DriverDiagnostics:
         if self.commanders > 1:
             level, text = WARN, f"{self.commanders} nodes publish valve_commands, expected one"
         return diagnostic_status("pam_driver: valve_commands", level, text, values)
+
+    def _joint_states(self) -> Any:
+        missing = ", ".join(self.unmeasured)
+        text = f"not measured: {missing}" if missing else "ok"
+        return diagnostic_status(
+            "pam_driver: joint_states", WARN if missing else OK, text, {"not measured": missing}
+        )
 
     def _loop(self, loop: LoopStatistics) -> Any:
         late = loop.late + loop.skipped

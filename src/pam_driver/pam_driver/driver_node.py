@@ -86,7 +86,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._vent_reason = ""
         refuse_impossible_transitions(self)
 
-        self._topics = DriverTopics(self, self._rig)
+        keeps_nan = bool(self._values["joint_states.keep_nan"])
+        self._topics = DriverTopics(self, self._rig, keeps_nan)
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(
             JointState, "valve_commands", self._on_valve_commands, QoSProfile(depth=1)
@@ -342,6 +343,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._diagnostics is None or self._loop is None:
             return
         self._diagnostics.commanders = self.count_publishers("valve_commands")
+        if self._snapshot is not None:
+            self._diagnostics.unmeasured = self._topics.unmeasured(self._snapshot)
         statuses = self._diagnostics.statuses(self._loop.statistics, time.monotonic())
         self._diagnostics_topic.publish(
             diagnostic_array(

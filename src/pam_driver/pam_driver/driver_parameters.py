@@ -51,7 +51,7 @@ TABLE: Final = (
     ),
     Parameter(
         "sensor_timeout", _D.sensor_timeout, "s", 0.005, 1.0, "a pressure or angle older than this "
-        "is NaN, and causes a latched vent while air may move"
+        "counts as missing, and causes a latched vent while air may move"
     ),
     Parameter(
         "board_timeout", _D.board_timeout, "s", 0.15, 5.0, "a board that is silent for longer "
@@ -94,6 +94,10 @@ TABLE: Final = (
         "start_up_check", _D.start_up_check, "-", 0, 1, "an activation first tests every valve "
         "and sensor with small pulses of air; robot.launch.py asks for it"
     ),
+    Parameter(
+        "joint_states.keep_nan", False, "-", 0, 1, "joint_states names a joint without a fresh "
+        "measurement, with NaN; otherwise it is left out"
+    ),
     Parameter("fluid_pressure_rate", 10.0, "Hz", 0.1, 100.0, "rate of <muscle>/pressure"),
 )  # fmt: skip
 
@@ -131,7 +135,11 @@ HELP: Final = NodeHelp(
     ),
     publishes=(
         Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
-        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad], velocity [rad/s]"),
+        Endpoint(
+            "joint_states",
+            "sensor_msgs/JointState",
+            "position [rad], velocity [rad/s] of the joints that are measured",
+        ),
         Endpoint(
             "sent_valve_commands",
             "sensor_msgs/JointState",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -22,10 +23,14 @@ class DriverTopics:
         Makes the publishers.
     rig : Rig
         Gives the names and their order in every message.
+    keeps_nan : bool
+        Whether `joint_states` names a joint without a fresh measurement, with NaN. Otherwise it is
+        left out, as MoveIt, robot_state_publisher and ros2_control expect it.
     """
 
-    def __init__(self, node: Any, rig: Rig) -> None:
+    def __init__(self, node: Any, rig: Rig, keeps_nan: bool) -> None:
         self._rig = rig
+        self._keeps_nan = keeps_nan
         self._pressure_states = node.create_publisher(JointState, "pressure_states", 10)
         self._joint_states = node.create_publisher(JointState, "joint_states", 10)
         self._sent_commands = node.create_publisher(JointState, "sent_valve_commands", 10)
@@ -52,10 +57,11 @@ class DriverTopics:
         message.header.stamp = _stamp(snapshot.pressure_stamp or wall_now)
         self._pressure_states.publish(message)
         if snapshot.positions:
+            rows = self._joint_rows(snapshot)
             message = JointState(
-                name=self._rig.joint_names,
-                position=snapshot.positions,
-                velocity=snapshot.velocities,
+                name=[name for name, _, _ in rows],
+                position=[position for _, position, _ in rows],
+                velocity=[velocity for _, _, velocity in rows],
             )
             message.header.stamp = _stamp(snapshot.joint_stamp or wall_now)
             self._joint_states.publish(message)
@@ -64,6 +70,16 @@ class DriverTopics:
             message = JointState(name=self._rig.muscle_names, position=position, effort=effort)
             message.header.stamp = _stamp(sent_at)
             self._sent_commands.publish(message)
+
+    def _joint_rows(self, snapshot: Snapshot) -> list[tuple[str, float, float]]:
+        """Name, position and velocity of the joints in `joint_states`."""
+        rows = zip(self._rig.joint_names, snapshot.positions, snapshot.velocities, strict=True)
+        return [row for row in rows if self._keeps_nan or not math.isnan(row[1])]
+
+    def unmeasured(self, snapshot: Snapshot) -> list[str]:
+        """The joints that have no fresh measurement."""
+        pairs = zip(self._rig.joint_names, snapshot.positions, strict=True)
+        return [name for name, position in pairs if math.isnan(position)]
 
     def publish_fluid_pressures(self, snapshot: Snapshot) -> None:
         """Publish the absolute pressures, for tools that expect this message type."""

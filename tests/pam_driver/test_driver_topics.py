@@ -1,0 +1,81 @@
+"""What `joint_states` says of a joint that is not measured."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from pam_driver.bus import CanPort
+from pam_driver.driver import Driver
+from pam_driver.driver_diagnostics import DriverDiagnostics
+from pam_driver.driver_settings import DriverSettings
+from pam_driver.driver_topics import DriverTopics
+from pam_driver.safety.states import SafetyState
+from pam_driver.snapshot import Snapshot
+from pam_model.rig import Rig, load_rig
+from pam_ros.periodic import LoopStatistics
+from support.rigs import ELBOW
+
+TWO_JOINTS = ELBOW.with_name("two_joints.yaml")
+
+
+class Node:
+    """Makes publishers that keep what is published."""
+
+    def __init__(self) -> None:
+        self.published: dict[str, list[Any]] = {}
+
+    def create_publisher(self, _: Any, topic: str, depth: int) -> Any:
+        kept = self.published.setdefault(topic, [])
+        return SimpleNamespace(publish=kept.append)
+
+
+def snapshot(rig: Rig, positions: tuple[float, ...]) -> Snapshot:
+    pressures = (0.0,) * len(rig.muscles)
+    return Snapshot(SafetyState.READY, pressures, 1.0, positions, positions, 1.0)
+
+
+def published(positions: tuple[float, ...], keeps_nan: bool = False) -> Any:
+    rig = load_rig(TWO_JOINTS)
+    node = Node()
+    topics = DriverTopics(node, rig, keeps_nan)
+    topics.publish(snapshot(rig, positions), SimpleNamespace(), 2.0, 2.0)  # type: ignore[arg-type]
+    (message,) = node.published["joint_states"]
+    return rig.joint_names, message
+
+
+def test_a_joint_that_is_not_measured_is_left_out_of_joint_states() -> None:
+    names, message = published((math.nan, 0.2))
+    assert list(message.name) == list(names[1:])
+    assert list(message.position) == list(message.velocity) == [0.2]
+
+
+def test_without_any_measured_joint_the_message_is_empty_and_still_sent() -> None:
+    _, message = published((math.nan, math.nan))
+    assert len(message.name) == len(message.position) == 0
+
+
+def test_nan_is_kept_where_the_parameter_asks_for_it() -> None:
+    names, message = published((math.nan, 0.2), keeps_nan=True)
+    assert list(message.name) == list(names)
+    assert list(message.position) == pytest.approx([math.nan, 0.2], nan_ok=True)
+
+
+def test_diagnostics_name_the_joint_that_is_not_measured(
+    rig: Rig, ports: tuple[CanPort, CanPort]
+) -> None:
+    diagnostics = DriverDiagnostics(Driver(rig, ports[0], DriverSettings()), ports[0], 1e6)
+
+    def status() -> Any:
+        found = diagnostics.statuses(LoopStatistics(0, 0, 0, 0.0), 1.0)
+        return next(one for one in found if one.name == "pam_driver: joint_states")
+
+    assert status().level == DiagnosticStatus.OK
+    topics = DriverTopics(Node(), rig, False)
+    diagnostics.unmeasured = topics.unmeasured(snapshot(rig, (math.nan,)))
+    assert status().level == DiagnosticStatus.WARN
+    assert status().message == "not measured: elbow"
