@@ -15,6 +15,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
         (f"share/{NAME}/config", [str(p) for p in sorted(Path("config").iterdir())]),
+        (f"share/{NAME}/layouts", [str(p) for p in sorted(Path("layouts").iterdir())]),
         (f"share/{NAME}/launch", [str(p) for p in sorted(Path("launch").glob("*.launch.py"))]),
     ],
     install_requires=["setuptools"],

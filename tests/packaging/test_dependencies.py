@@ -29,9 +29,9 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }
 ROS = {
-    "builtin_interfaces", "control_msgs", "diagnostic_msgs", "launch", "launch_ros",
-    "lifecycle_msgs", "rcl_interfaces", "rclpy", "sensor_msgs", "std_msgs", "std_srvs",
-    "trajectory_msgs",
+    "ament_index_python", "builtin_interfaces", "control_msgs", "diagnostic_msgs", "launch",
+    "launch_ros", "lifecycle_msgs", "rcl_interfaces", "rclpy", "sensor_msgs", "std_msgs",
+    "std_srvs", "trajectory_msgs",
 }  # fmt: skip
 # Ubuntu 24.04 has no numba: every package works, slower, without it
 OPTIONAL = {"numba"}
@@ -42,6 +42,7 @@ USED_OTHERWISE = {
     ("pam_bringup", "pam_driver"): "a launch file starts its node",
     ("pam_bringup", "pam_model"): "a launch file starts its node",
     ("pam_bringup", "pam_sim"): "a launch file starts its node",
+    ("pam_bringup", "robot_state_publisher"): "a launch file starts it if it is installed",
 }
 # names on the package index, where they differ from the names that Python imports
 INDEX_NAMES = {"PIL": "pillow", "can": "python-can", "yaml": "pyyaml"}

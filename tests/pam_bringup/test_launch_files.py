@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from ament_index_python.packages import PackageNotFoundError
 
 from pam_control.controller_parameters import parameter_table
 from pam_driver.driver_parameters import TABLE as DRIVER_PARAMETERS
@@ -39,8 +40,8 @@ def nodes(name: str) -> dict[str, Recorded]:
 def parameters(node: Recorded) -> dict[str, Any]:
     """What a launch file sets beside the rig file."""
     given = node["parameters"]
-    assert plain(given[0]) == "rig_file"
-    return {key: plain(value) for each in given[1:] for key, value in each.items()}
+    assert [plain(one) for one in given[:2]] == ["rig_file", "params_file"]
+    return {key: plain(value) for each in given[2:] for key, value in each.items()}
 
 
 def arguments(name: str) -> dict[str, Recorded]:
@@ -105,7 +106,7 @@ def test_the_simulation_hands_on_what_the_robots_launch_file_takes():
     (include,) = all_of("IncludeLaunchDescription", description(SIMULATION))
     handed = {key: plain(value) for key, value in include["launch_arguments"]}
     shared = set(arguments(ROBOT)) & set(arguments(SIMULATION))
-    assert {"namespace", "bus_port", "on_driver_exit"} <= shared
+    assert {"namespace", "bus_port", "on_driver_exit", "params_file", "respawn", "urdf"} <= shared
     assert {key: handed.get(key) for key in shared} == {key: key for key in shared}
     assert set(handed) <= set(arguments(ROBOT))
 
@@ -161,6 +162,49 @@ def test_a_driver_that_cannot_start_is_not_started_again():
     made = ending("restart", 2)
     assert all_of("Shutdown", made)
     assert not all_of("Node", made)
+
+
+def test_model_and_controller_are_started_again_if_asked_and_the_driver_never_that_way():
+    assert arguments(ROBOT)["respawn"]["default_value"] == "false"
+    for package, node in nodes(ROBOT).items():
+        if package == "pam_driver":
+            assert "respawn" not in node.words, "on_driver_exit decides, without autostart"
+        else:
+            assert plain(node["respawn"]) == "respawn"
+
+
+def frames(monkeypatch: pytest.MonkeyPatch, *, installed: bool, urdf: str = "") -> Any:
+    """What robot.launch.py starts for the frames, with and without robot_state_publisher."""
+    made = run_launch_file(FOLDER / ROBOT)
+    (action,) = all_of("OpaqueFunction", made["generate_launch_description"]())
+    function = action["function"]
+
+    def prefix(name: str) -> str:
+        if not installed:
+            raise PackageNotFoundError(name)
+        return "/opt/ros/jazzy"
+
+    monkeypatch.setitem(function.__globals__, "get_package_prefix", prefix)
+    return function(SimpleNamespace(launch_configurations={"urdf": urdf}))
+
+
+def test_frames_are_published_where_robot_state_publisher_is_installed(monkeypatch):
+    made = frames(monkeypatch, installed=True)
+    (node,) = all_of("Node", made)
+    assert node["package"] == "robot_state_publisher"
+    assert plain(node["namespace"]) == "namespace"
+    (command,) = all_of("Command", made)
+    words = "".join(plain(part) for part in command.given[0])
+    assert words.endswith(" -m pam_model urdf --rig 'rig_file'")
+    (command,) = all_of("Command", frames(monkeypatch, installed=True, urdf="/a b/arm.urdf"))
+    assert "".join(command.given[0]) == "cat '/a b/arm.urdf'"
+
+
+def test_without_robot_state_publisher_the_log_says_so(monkeypatch):
+    made = frames(monkeypatch, installed=False)
+    assert not all_of("Node", made)
+    (said,) = all_of("LogInfo", made)
+    assert "robot_state_publisher is not installed" in said["msg"]
 
 
 @pytest.mark.parametrize("choice", ["shutdown", "restart"])

@@ -6,23 +6,30 @@ The driver begins to measure by itself, with all valves vented. Air moves only a
 `ros2 lifecycle set /pam_driver activate`. The argument `activate_on_start:=true` makes this call
 unnecessary, for robots that may begin to move without a person.
 
+Where robot_state_publisher is installed, it publishes the frames of the joints, with a URDF made of
+the rig file (`python -m pam_model urdf`) or the one of the argument `urdf`.
+
 The argument `on_driver_exit` decides what happens when the driver ends. By default all nodes end,
 since model and controller are of no use without the driver. With `on_driver_exit:=restart` the
 driver is started again, but it does not configure or activate itself: only a person may let air
 move again (`ros2 lifecycle set /pam_driver configure`, then `activate`).
 """
 
+import sys
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
     LogInfo,
+    OpaqueFunction,
     RegisterEventHandler,
     TimerAction,
 )
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.events.process import ProcessExited
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -50,7 +57,12 @@ def start_driver(autostart: ParameterValue | bool, activate: ParameterValue | bo
         package="pam_driver",
         executable="driver_node",
         namespace=LaunchConfiguration("namespace"),
-        parameters=[LaunchConfiguration("rig_file"), bus, starting],
+        parameters=[
+            LaunchConfiguration("rig_file"),
+            LaunchConfiguration("params_file"),
+            bus,
+            starting,
+        ],
         output="screen",
     )
     follow = OnProcessExit(target_action=driver, on_exit=after_driver)
@@ -70,9 +82,31 @@ def after_driver(event: ProcessExited, context: LaunchContext) -> list[Action]:
     return [EmitEvent(event=Shutdown(reason=reason))]
 
 
+def publish_frames(context: LaunchContext) -> list[Action]:
+    """robot_state_publisher, if it is installed."""
+    try:
+        get_package_prefix("robot_state_publisher")
+    except PackageNotFoundError:
+        return [LogInfo(msg="robot_state_publisher is not installed: no frames on /tf")]
+    urdf = LaunchConfiguration("urdf").perform(context)
+    # shell words of the command: a path may contain spaces
+    made = [sys.executable, " -m pam_model urdf --rig '", LaunchConfiguration("rig_file"), "'"]
+    description = Command(["cat '", urdf, "'"] if urdf else made)
+    return [
+        Node(
+            package="robot_state_publisher",
+            executable="robot_state_publisher",
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[{"robot_description": ParameterValue(description, value_type=str)}],
+        )
+    ]
+
+
 def generate_launch_description() -> LaunchDescription:
     """Three nodes that read the same rig file."""
     rig_file = LaunchConfiguration("rig_file")
+    params_file = LaunchConfiguration("params_file")
+    respawn = LaunchConfiguration("respawn")
     namespace = LaunchConfiguration("namespace")
     # keeps cycles punctual on a busy host, if the user has the permission (docs/on_a_robot.md)
     priority = ParameterValue(LaunchConfiguration("realtime_priority"), value_type=int)
@@ -131,6 +165,23 @@ def generate_launch_description() -> LaunchDescription:
                 choices=["shutdown", "restart"],
                 description="when the driver ends: end all nodes, or restart it without autostart",
             ),
+            DeclareLaunchArgument(
+                "params_file",
+                default_value=rig_file,
+                description="parameters of the nodes beside the rig file, such as controller.yaml",
+            ),
+            DeclareLaunchArgument(
+                "respawn",
+                default_value="false",
+                choices=["true", "false"],
+                description="start model and controller again when they end; the driver: see "
+                "on_driver_exit",
+            ),
+            DeclareLaunchArgument(
+                "urdf",
+                default_value="",
+                description="URDF for robot_state_publisher; empty: made of the rig file",
+            ),
             *start_driver(
                 ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
                 ParameterValue(LaunchConfiguration("activate_on_start"), value_type=bool),
@@ -139,15 +190,20 @@ def generate_launch_description() -> LaunchDescription:
                 package="pam_model",
                 executable="model_node",
                 namespace=namespace,
-                parameters=[rig_file],
+                parameters=[rig_file, params_file],
+                respawn=respawn,
+                respawn_delay=RESTART_DELAY,
                 output="screen",
             ),
             Node(
                 package="pam_control",
                 executable="controller_node",
                 namespace=namespace,
-                parameters=[rig_file, {"loop.realtime_priority": priority}],
+                parameters=[rig_file, params_file, {"loop.realtime_priority": priority}],
+                respawn=respawn,
+                respawn_delay=RESTART_DELAY,
                 output="screen",
             ),
+            OpaqueFunction(function=publish_frames),
         ]
     )

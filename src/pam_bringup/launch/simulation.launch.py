@@ -18,7 +18,17 @@ from launch import LaunchDescription
 def generate_launch_description() -> LaunchDescription:
     """The simulated rig in place of the robot."""
     share = FindPackageShare("pam_bringup")
-    names = ("rig_file", "namespace", "bus_interface", "bus_channel", "bus_port", "on_driver_exit")
+    names = (
+        "rig_file",
+        "namespace",
+        "bus_interface",
+        "bus_channel",
+        "bus_port",
+        "on_driver_exit",
+        "params_file",
+        "respawn",
+        "urdf",
+    )
     arguments = {name: LaunchConfiguration(name) for name in names}
     bus = {
         "bus.interface": ParameterValue(arguments["bus_interface"], value_type=str),
@@ -58,11 +68,27 @@ def generate_launch_description() -> LaunchDescription:
                 choices=["shutdown", "restart"],
                 description="when the driver ends: end all nodes, or restart it without autostart",
             ),
+            DeclareLaunchArgument(
+                "params_file",
+                default_value=arguments["rig_file"],
+                description="parameters of the nodes beside the rig file, such as controller.yaml",
+            ),
+            DeclareLaunchArgument(
+                "respawn",
+                default_value="false",
+                choices=["true", "false"],
+                description="start model and controller again when they end",
+            ),
+            DeclareLaunchArgument(
+                "urdf",
+                default_value="",
+                description="URDF for robot_state_publisher; empty: made of the rig file",
+            ),
             Node(
                 package="pam_sim",
                 executable="rig",
                 namespace=arguments["namespace"],
-                parameters=[arguments["rig_file"], bus],
+                parameters=[arguments["rig_file"], arguments["params_file"], bus],
                 output="screen",
             ),
             IncludeLaunchDescription(
