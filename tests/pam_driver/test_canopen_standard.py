@@ -7,6 +7,7 @@ states, heartbeat, SDO with abort codes, PDO mapping, EMCY.
 
 from __future__ import annotations
 
+import json
 import logging
 import threading
 import time
@@ -17,11 +18,13 @@ import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
+from pam_driver.__main__ import main
 from pam_driver.boards.canopen.board import CanopenBoard
 from pam_driver.boards.canopen.boot import Stage
 from pam_driver.boards.canopen.dictionary import profile_path
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.bus import CanPort, open_bus
+from pam_driver.canopen_scan import Identity
 from pam_model.rig import Rig, load_rig
 from pam_sim.boards.canopen_twin import SimulatedCanopenDevice
 from pam_sim.boards.protocol import BoardSettings
@@ -277,3 +280,30 @@ def test_the_driver_names_what_a_local_node_of_canopen_refuses(
     finally:
         local.nmt.stop_heartbeat()
         port.close()
+
+
+def test_scan_names_the_nodes_of_a_bus_with_their_identity(
+    request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = load_rig(ELBOW_CANOPEN)
+    known = {**rig.boards["outputs"], "identity": {"vendor": 0x2A, "serial": 7}}
+    rig = replace(rig, boards={**rig.boards, "outputs": known})
+    robot = Robot(rig, open_bus("virtual", request.node.name))
+    local = canopen.LocalNode(40, str(profile_path("cia406_encoder")))
+    network = canopen.Network()
+    network.NOTIFIER_CYCLE = 0.05
+    network.connect(interface="virtual", channel=request.node.name)
+    network.add_node(local)
+    try:
+        wait_for(lambda: robot.twins["outputs"].slave.state == 127, "the self test")
+        words = ["scan", "--interface", "virtual", "--channel", request.node.name]
+        assert main([*words, "--duration", "0.1", "--identify", "--json"]) == 0
+    finally:
+        robot.close()
+        network.disconnect()
+    nodes = {one["node"]: one for one in json.loads(capsys.readouterr().out)["canopen_nodes"]}
+    assert set(nodes) == {5, 6, 7, 8, 40}
+    assert (nodes[5]["vendor"], nodes[5]["serial"]) == (0x2A, 7)
+    assert nodes[40]["device_type"] == 0x0001_0196
+    text = Identity(**nodes[5]).text
+    assert text == "CiA 401, I/O module, vendor 0x2A, product 0x0, revision 0x0, serial 0x7"

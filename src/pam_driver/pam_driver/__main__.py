@@ -58,6 +58,12 @@ def _declare_bus(parser: Parser, seconds: float, purpose: str) -> None:
 def _declare_scan(parser: Parser) -> None:
     _declare_bus(parser, 2.0, "how long to listen")
     parser.add_argument("--fd", action="store_true", help="the bus carries CAN FD frames")
+    parser.add_argument(
+        "--identify",
+        action="store_true",
+        help="ask every CANopen node for its identity (SDO, reading only); without it, nothing is "
+        "sent",
+    )
 
 
 def _monitor(given: Arguments) -> Outcome:
@@ -91,11 +97,14 @@ COMMANDS = (
     ),
     Command(
         "scan",
-        "list what sends on a bus: boards, CANopen nodes, unknown frames; sends nothing",
+        "list what sends on a bus: boards, CANopen nodes, unknown frames; only listens by default",
         _declare_scan,
         _scan,
         bad_news="if nothing was received",
-        examples=("python -m pam_driver scan --channel can0",),
+        examples=(
+            "python -m pam_driver scan --channel can0",
+            "python -m pam_driver scan --channel can0 --identify",
+        ),
     ),
     Command(
         "monitor",

@@ -1,18 +1,21 @@
 """Lists what sends on a bus: boards of this project, CANopen nodes, and unknown frames.
 
-Nothing is sent. Sources: docs/can_protocol.md; CiA 301 version 4.2, heartbeat protocol.
+Nothing is sent, unless CANopen nodes are to be asked for their identity. Sources:
+docs/can_protocol.md; CiA 301 version 4.2, heartbeat protocol.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from pam_driver.boards.frame_errors import FrameError
+from pam_driver.boards.identifier_clashes import canopen_use
 from pam_driver.boards.pam_board.codec import BoardCodec, Heartbeat
 from pam_driver.bus import ReceivedFrame, open_bus
+from pam_driver.canopen_scan import Identity, ask_nodes
 from pam_driver.identifiers import FD, shown
 from pam_model.command_line import Arguments, Outcome
 
@@ -86,7 +89,11 @@ def record(frames: Iterable[ReceivedFrame], records: dict[int, FrameRecord]) -> 
             known.add(frame)
 
 
-def name_senders(records: Iterable[FrameRecord], codec: BoardCodec) -> list[Heard]:
+def name_senders(
+    records: Iterable[FrameRecord],
+    codec: BoardCodec,
+    nodes: Mapping[int, Identity] | None = None,
+) -> list[Heard]:
     """Who sends each identifier, in the order of the identifiers.
 
     Parameters
@@ -96,6 +103,8 @@ def name_senders(records: Iterable[FrameRecord], codec: BoardCodec) -> list[Hear
     codec : BoardCodec
         Knows the frames of this project's boards. They are named only if the board's heartbeat was
         received too, since CANopen and other devices use the same identifiers.
+    nodes : mapping of int to Identity, optional
+        The CANopen nodes that have told their identity, by node number.
     """
     known = sorted(records, key=lambda one: one.frame_id)
     boards: dict[int, Heartbeat] = {}
@@ -109,7 +118,7 @@ def name_senders(records: Iterable[FrameRecord], codec: BoardCodec) -> list[Hear
     return [
         Heard(
             shown(one.frame_id) + (" FD" if one.frame_id & FD else ""),
-            _sender(one, codec, boards),
+            _sender(one, codec, boards, nodes or {}),
             one.rate,
             len(one.data),
             one.data.hex(" "),
@@ -119,7 +128,12 @@ def name_senders(records: Iterable[FrameRecord], codec: BoardCodec) -> list[Hear
     ]
 
 
-def _sender(one: FrameRecord, codec: BoardCodec, boards: dict[int, Heartbeat]) -> str:
+def _sender(
+    one: FrameRecord,
+    codec: BoardCodec,
+    boards: dict[int, Heartbeat],
+    nodes: Mapping[int, Identity],
+) -> str:
     try:
         number, message = codec.decode(one.frame_id, one.data)
     except FrameError:
@@ -133,7 +147,12 @@ def _sender(one: FrameRecord, codec: BoardCodec, boards: dict[int, Heartbeat]) -
     if one.frame_id in _CANOPEN_HEARTBEAT and len(one.data) == 1:
         state = _CANOPEN_STATES.get(one.data[0] & 0x7F)
         if state is not None:
-            return f"CANopen node {one.frame_id - 0x700}, {state}"
+            node = one.frame_id - 0x700
+            who = f": {nodes[node].text}" if node in nodes else ""
+            return f"CANopen node {node}, {state}{who}"
+    node, use = one.frame_id & 0x7F, canopen_use(one.frame_id)
+    if node in nodes and use.startswith(("TPDO", "EMCY", "SDO answers")):
+        return f"CANopen node {node}, {use}"
     return "unknown"
 
 
@@ -150,18 +169,24 @@ def run(given: Arguments) -> Outcome:
     port = open_bus(interface, channel, extended=None, fd=given.fd, **options)
     records: dict[int, FrameRecord] = {}
     end = time.monotonic() + given.duration
+    nodes: dict[int, Identity] = {}
     try:
+        if given.identify:
+            nodes = ask_nodes(port)
         while (now := time.monotonic()) < end:
             record(port.receive_all(now), records)
             time.sleep(_POLL)
     finally:
         port.close()
-    heard = name_senders(records.values(), BoardCodec.from_dbc())
+    heard = name_senders(records.values(), BoardCodec.from_dbc(), nodes)
     _show(heard)
+    for one in nodes.values():
+        print(f"CANopen node {one.node}: {one.text}")
     nothing = f"no frame was received on {port.name} in {given.duration:g} s"
-    if not heard:
+    if not heard and not nodes:
         print(f"{nothing}: check power, wiring and bitrate")
-    return Outcome({"bus": port.name, "frames": heard}, [] if heard else [nothing])
+    document = {"bus": port.name, "frames": heard, "canopen_nodes": list(nodes.values())}
+    return Outcome(document, [] if heard or nodes else [nothing])
 
 
 def _show(heard: Sequence[Heard]) -> None:
