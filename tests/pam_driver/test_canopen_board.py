@@ -23,9 +23,10 @@ from pam_sim.boards.canopen_twin import SimulatedCanopenDevice
 from support.canopen_device import ELBOW_CANOPEN, ELBOW_REGULATOR
 from support.mapped_device import nested
 
+from .arm_bench import ArmBench
 from .simulated_robot import Robot
 
-NMT_STOP, NMT_START = b"\x02\x05", b"\x01\x05"
+NMT_STOP = b"\x02\x05"
 Change = Callable[[dict[str, Any]], None]
 
 
@@ -399,3 +400,35 @@ def test_what_is_weaker_than_a_valve_board_is_said_in_the_words_of_canopen() -> 
     assert not any("watchdog:" in line for line in lines)
     sensor = weaker_promises(boards["encoder"])
     assert len(sensor) == 1 and sensor[0].startswith("no counter in the measurements")
+
+
+@pytest.mark.parametrize("path", [ELBOW_CANOPEN, ELBOW_REGULATOR], ids=lambda path: path.stem)
+def test_a_robot_of_canopen_devices_follows_a_motion_without_a_false_fault(path: Path) -> None:
+    """The chain of driver, frames, twins and plant, with all checks of the driver on."""
+    arm = ArmBench(load_rig(path))
+    arm.hold([2.5e5, 2.5e5], 1.5)
+    positions = []
+    for tick in range(1500):
+        swing = 0.8e5 * math.sin(2.0 * math.pi * 0.5 * tick * 0.002)
+        arm.wanted = [2.5e5 + swing, 2.5e5 - swing]
+        arm.step(0.002)
+        truth = arm.truth
+        measured = [samples.value for samples in arm.driver.boards["encoder"].angles.values()]
+        assert measured == pytest.approx(truth.positions, abs=0.02)
+        positions.append(truth.positions[0])
+    assert arm.driver.state is SafetyState.ACTIVE, arm.driver.faults
+    assert max(positions) > 0.2 and min(positions) < -0.2
+    assert arm.truth.pressures == pytest.approx(arm.wanted, abs=3e4)
+
+
+def test_a_new_process_of_the_driver_takes_running_devices_over_and_opens_nothing() -> None:
+    robot = moving()
+    robot.start_driver()  # as after kill -9
+    robot.sent.clear()
+    robot.run(0.4)
+    assert (0, NMT_STOP) in [frame[1:] for frame in robot.sent]
+    assert twin(robot).active and vented(robot)
+    assert robot.driver.state in {SafetyState.VENTING, SafetyState.VENTED}
+    assert conditions(robot) == []
+    robot.run(2.0)
+    robot.move()
