@@ -68,6 +68,14 @@ class PlanRequest:
         Reference velocity at these times [rad/s].
     step : float
         Time since the last cycle [s].
+    seen : JointReference
+        Reference at the time at which the position was measured.
+    seen_at : float
+        This time [s].
+    fresh : float
+        Time since the last new position [s]; 0 if it is not new.
+    pressures : (float, float)
+        Measured pressures [Pa].
     """
 
     index: int
@@ -80,6 +88,10 @@ class PlanRequest:
     side_acts_at: Pair
     side_velocities: Pair
     step: float
+    seen: JointReference
+    seen_at: float
+    fresh: float
+    pressures: Pair
 
 
 @dataclass(frozen=True, slots=True)

@@ -323,6 +323,7 @@ class Controller(LoopDesign):
         settings, channel = self.settings, self.channels[index]
         name = channel.joint.name
         position = float(measurement.positions[index])
+        pressures = [float(measurement.pressures[i]) for i in channel.indices]
         gains = settings.gains[name]
         measured_at = measurement.pressure_time - settings.measurement_delay
         seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
@@ -347,6 +348,10 @@ class Controller(LoopDesign):
                 (acts[0], acts[1]),
                 (thens[0].velocity, thens[1].velocity),
                 step,
+                seen,
+                seen_at,
+                fresh,
+                (pressures[0], pressures[1]),
             )
         )
         clipped = list(channel.telemetry.clipped)
@@ -378,8 +383,7 @@ class Controller(LoopDesign):
                 length_rate=radius * plan.velocities[side],
             )
             muscle_index = channel.indices[side]
-            pressure = float(measurement.pressures[muscle_index])
-            command, cut = loop.command(demand, pressure, loop_settings, step)
+            command, cut = loop.command(demand, pressures[side], loop_settings, step)
             commands[muscle_index] = command
             channel.valve_clipped = channel.valve_clipped or cut
         if channel.valve_clipped:

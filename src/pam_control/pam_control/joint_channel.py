@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from pam_control.compensation.history_torque import HistoryTorque
 from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_control.feedback.disturbance_observer import AlignedPressures, DisturbanceObserver
 from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
@@ -95,6 +96,10 @@ class JointChannel:
         )
         self.position_delay = adjusted("position_sensor.delay", None, joint.effects)
         self.pid = Pid()
+        self.observer = DisturbanceObserver(
+            self.dynamics.inertia, self.dynamics.viscous_friction, max(self.pressure_lags)
+        )
+        self.aligned = AlignedPressures(self.position_delay + KEPT_BEFORE_MEASUREMENT)
         self.loops = tuple(
             create_pressure_loop(rig, muscle, gas_space)
             for muscle, gas_space in zip(
@@ -115,6 +120,8 @@ class JointChannel:
     def reset(self) -> None:
         """Reset the state."""
         self.pid.reset()
+        self.observer.reset()
+        self.aligned.reset()
         self.plans.clear()
         self.history.reset()
         self.position = self.position_time = math.nan

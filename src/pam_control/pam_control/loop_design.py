@@ -16,6 +16,8 @@ from pam_control.feedback.margins import (
     Margins,
     checked_margins,
 )
+from pam_control.feedback.observer_design import ObserverCost
+from pam_control.feedback.pid import PidGains
 from pam_control.joint_channel import JointChannel
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
@@ -33,7 +35,11 @@ class Loops:
     def changed_to(self, settings: ControlSettings) -> Loops:
         """Other settings with the same loops."""
         mine = self.settings
-        kept = {"gains": mine.gains, "pressure_gain": mine.pressure_gain}
+        kept = {
+            "gains": mine.gains,
+            "pressure_gain": mine.pressure_gain,
+            "observer": mine.observer,
+        }
         return Loops(settings.replace(**kept, extra_delay=mine.extra_delay), self.margins)
 
 
@@ -66,6 +72,9 @@ class LoopDesign(ABC):
         self.designs = designs or KeptDesigns()
         self.channels = [JointChannel(rig, joint, settings.min_pressure) for joint in rig.joints]
         self.prepared = self._designed_and_checked(settings)
+
+    has_observer = False
+    """Whether the law compensates what a disturbance observer finds."""
 
     @abstractmethod
     def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
@@ -116,16 +125,42 @@ class LoopDesign(ABC):
         for channel in self.channels:
             name = channel.joint.name
             if name not in gains:
-                task = DesignTask(
-                    tuple(self.cases(channel, settings)),
-                    self.timing(channel, settings),
-                    settings.phase_margin,
-                    settings.sensitivity,
-                    settings.derivative_filter,
-                )
                 given = settings.partial_gains.get(name, {})
-                gains[name] = dataclasses.replace(self.designs.pid(name, task), **given)
+                gains[name] = dataclasses.replace(self._found(channel, settings), **given)
+            if self.has_observer and settings.observer and settings.observer_bandwidth > 0.0:
+                gains[name] = dataclasses.replace(gains[name], observer=settings.observer_bandwidth)
         return settings.replace(gains=gains)
+
+    def _task(self, channel: JointChannel, settings: ControlSettings) -> DesignTask:
+        return DesignTask(
+            tuple(self.cases(channel, settings)),
+            self.timing(channel, settings),
+            settings.phase_margin,
+            settings.sensitivity,
+            settings.derivative_filter,
+        )
+
+    def _found(self, channel: JointChannel, settings: ControlSettings) -> PidGains:
+        """Designed gains; without an observer if none keeps the margins."""
+        task, name = self._task(channel, settings), channel.joint.name
+        if self.has_observer and settings.observer and settings.feedforward:
+            with contextlib.suppress(ControlDesignError):
+                observed = dataclasses.replace(task, unknown_delay=settings.extra_delay)
+                return self.designs.pid(name, observed)
+        return self.designs.pid(name, task)
+
+    def _check_observer(self, channel: JointChannel, settings: ControlSettings) -> None:
+        gains = settings.gains[channel.joint.name]
+        if gains.observer == 0.0:
+            return
+        task = self._task(channel, settings)
+        cost = ObserverCost(dataclasses.replace(task, unknown_delay=settings.extra_delay))
+        if not cost.stable(gains):
+            raise ControlDesignError(
+                f"{channel.joint.name}: a disturbance observer of {gains.observer:g} rad/s makes "
+                f"the loop unstable if a measurement is {1e3 * settings.extra_delay:g} ms late or "
+                "the limb is heavier than written"
+            )
 
     def check(self, settings: ControlSettings) -> list[list[Margins]]:
         """Margins of every joint with these settings, the worst operating point first.
@@ -135,6 +170,8 @@ class LoopDesign(ABC):
         ControlDesignError
             When a loop is not safe.
         """
+        for channel in self.channels:
+            self._check_observer(channel, settings)
         return [
             checked_margins(
                 channel.joint.name,
@@ -168,7 +205,11 @@ class LoopDesign(ABC):
         soft: Loops | None = None
         with contextlib.suppress(ControlDesignError):
             asked = settings.replace(
-                extra_delay=settings.safe_delay, pressure_gain=None, gains={}, partial_gains={}
+                extra_delay=settings.safe_delay,
+                pressure_gain=None,
+                gains={},
+                partial_gains={},
+                observer=False,
             )
             designed = self.designed(asked)
             soft = Loops(designed, self.check(designed))

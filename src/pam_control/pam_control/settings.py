@@ -25,6 +25,8 @@ LOOP_FIELDS = (
     "phase_margin",
     "sensitivity",
     "mean_pressure",
+    "observer",
+    "observer_bandwidth",
     "stiffness_grid",
 )
 
@@ -82,6 +84,12 @@ class ControlSettings:
         How long a tracking error may be above the joint's limit [s].
     lowering_time : float
         Time in which ~/lower lets the air out [s].
+    observer : bool
+        Whether the model-based law compensates the torque that its model does not explain.
+    observer_bandwidth : float
+        Bandwidth of this observer [rad/s]; 0: designed.
+    observer_limit : float
+        Largest torque that it compensates [N m].
     stale_after : float
         Age at which a measurement is stale [s].
     stream_timeout, stream_bandwidth : float
@@ -116,6 +124,9 @@ class ControlSettings:
     safe_delay: float = 0.08
     tracking_time: float = 0.3
     lowering_time: float = 3.0
+    observer: bool = True
+    observer_bandwidth: float = 0.0
+    observer_limit: float = 5.0
     stale_after: float = 0.05
     stream_timeout: float = 0.2
     stream_bandwidth: float = 40.0

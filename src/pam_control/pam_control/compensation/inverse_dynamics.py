@@ -70,6 +70,19 @@ class InverseDynamics:
         """Derivative of `gravity` [N m/rad]; positive where gravity acts as a restoring spring."""
         return self.gravity_torque * math.cos(position - self.gravity_angle)
 
+    def static_torque(self, position: float, velocity: float, planned_velocity: float) -> float:
+        """Torque [N m] for a measured motion, without inertia and viscous friction.
+
+        Parameters
+        ----------
+        position, velocity : float
+            Measured [rad], [rad/s].
+        planned_velocity : float
+            Velocity of the reference, whose sign is that of the dry friction [rad/s].
+        """
+        added = sum(law(position, velocity) for law in self.smooth_torques)
+        return self.gravity(position) + self.dry_friction.torque(planned_velocity) - added
+
     def torque(self, reference: JointReference) -> float:
         """Torque [N m] for the motion `reference`."""
         added = sum(law(reference.position, reference.velocity) for law in self.smooth_torques)

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
+from pam_control.feedback.loop_shape import encloses_nothing, least_phase_margin
 from pam_control.feedback.margins import ControlDesignError, LoopCase
 from pam_control.feedback.pid import PidGains
 
@@ -57,6 +58,9 @@ class DesignTask:
         Time constant [s].
     band : (float, float)
         Frequency band of the references [Hz].
+    unknown_delay : float or None
+        With a disturbance observer: the part of the transport delay that is assumed, which may
+        just as well be in one of the measurements alone [s]. None: without an observer.
     """
 
     cases: tuple[LoopCase, ...]
@@ -65,6 +69,7 @@ class DesignTask:
     sensitivity: float
     derivative_filter: float
     band: tuple[float, float] = TRACKING_BAND
+    unknown_delay: float | None = None
 
 
 def design_pressure_gain(timing: LoopTiming, phase_margin: float = PRESSURE_PHASE_MARGIN) -> float:
@@ -139,10 +144,10 @@ class PidCost:
         squared_distance = returned_re * returned_re + squared_im
         squared_size = opened_re * opened_re + squared_im
         excess = max(1.0 / math.sqrt(float(squared_distance.min())) - self._task.sensitivity, 0.0)
-        margin = _least_phase_margin(opened_re, opened_im, squared_size)
+        margin = least_phase_margin(opened_re, opened_im, squared_size)
         excess += max(self._task.phase_margin - margin, 0.0)
         excess += max(1.0 - gains.integral * LONGEST_INTEGRAL_TIME / gains.proportional, 0.0)
-        if not _encloses_nothing(returned_re, opened_im):
+        if not encloses_nothing(returned_re, opened_im):
             return WORSE_THAN_ANY + excess
         squared_sensitivity = 1.0 / squared_distance[:, self._in_band]
         error = math.sqrt(float(squared_sensitivity.mean(axis=1).max()))
@@ -185,39 +190,3 @@ def design_pid(joint: str, task: DesignTask) -> PidGains:
             f"{task.cases[0].loop.pressure_gain:.1f} 1/s)"
         )
     return cost.gains(best.x)
-
-
-def _changes(flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
-    """Flat indices after which a flag changes its value within a row."""
-    changed = flags.ravel()[:-1] != flags.ravel()[1:]
-    changed[flags.shape[1] - 1 :: flags.shape[1]] = False  # from one row to the next
-    return np.flatnonzero(changed)
-
-
-def _encloses_nothing(re: Real, im: Real) -> bool:
-    """Whether no row of 1 + L, from low to high frequency, encircles 0.
-
-    By the Nyquist criterion the phase of 1 + L begins at -90 degrees (the integrator) and must end
-    near 0. A step between two frequencies crosses the negative real axis if the imaginary part
-    changes its sign and the chord passes to the left of 0. A downward crossing counts as one
-    encirclement, an upward crossing takes one back.
-    """
-    place = _changes(im >= 0.0)
-    x, y = re.ravel(), im.ravel()
-    turn = np.where(y[place] >= 0.0, 1.0, -1.0)
-    left = (x[place] * y[place + 1] - x[place + 1] * y[place]) * turn > 0.0
-    turns = np.bincount(place // re.shape[1], turn * left, len(re))
-    return bool(np.all(turns == 0.0) and np.all(re[:, -1] >= 0.0))
-
-
-def _least_phase_margin(re: Real, im: Real, squared_size: Real) -> float:
-    """Least phase margin [rad] over the rows of a loop gain, at the crossings of gain one."""
-    place = _changes(squared_size > 1.0)
-    if not place.size:
-        return math.pi
-    x, y, squared = re.ravel(), im.ravel(), squared_size.ravel()
-    low, high = np.sqrt(squared[place]), np.sqrt(squared[place + 1])
-    weight = (1.0 - low) / (high - low + 1e-300)
-    at_x = x[place] + weight * (x[place + 1] - x[place])
-    at_y = y[place] + weight * (y[place + 1] - y[place])
-    return float(np.min(np.abs(np.arctan2(-at_y, -at_x))))

@@ -30,8 +30,9 @@ from typing import Any
 import numpy as np
 import scipy
 
-from pam_control.feedback import gain_design, linear_joint
+from pam_control.feedback import gain_design, linear_joint, loop_shape, observer_design
 from pam_control.feedback.gain_design import INFEASIBLE, DesignTask, PidCost, design_pid
+from pam_control.feedback.observer_design import ObserverCost, design_with_observer
 from pam_control.feedback.pid import PidGains
 
 LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
@@ -133,7 +134,7 @@ class KeptDesigns:
         if gains is not None:
             self._report.read += 1
         else:
-            gains = design_pid(joint, task)
+            gains = _design(joint, task)
             self._report.designed += 1
             self._write(task, gains)
         self._found[task] = gains
@@ -147,14 +148,15 @@ class KeptDesigns:
             with (self._folder / _name_of(key)).open("rb") as file:
                 text = file.read(LARGEST_FILE)
             kept = json.loads(text)
-            kp, ki, kd = (float(kept["gains"][part]) for part in ("kp", "ki", "kd"))
+            numbers = [float(kept["gains"][part]) for part in ("kp", "ki", "kd", "observer")]
             same, written = kept["key"] == key, float(kept["cost"])
         except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return None
-        if not same or not all(0.0 <= value < LARGEST_GAIN for value in (kp, ki, kd)):
+        if not same or not all(0.0 <= value < LARGEST_GAIN for value in numbers):
             return None
-        gains = PidGains(kp, ki, kd, task.derivative_filter)
-        cost = PidCost(task).of(gains)
+        kp, ki, kd, observer = numbers
+        gains = PidGains(kp, ki, kd, task.derivative_filter, observer)
+        cost = _cost(task, gains)
         reached = cost < INFEASIBLE and math.isclose(cost, written, rel_tol=COST_TOLERANCE)
         return gains if reached else None
 
@@ -163,8 +165,13 @@ class KeptDesigns:
             return
         key = _key_of(task)
         content = {
-            "gains": {"kp": gains.proportional, "ki": gains.integral, "kd": gains.derivative},
-            "cost": PidCost(task).of(gains),
+            "gains": {
+                "kp": gains.proportional,
+                "ki": gains.integral,
+                "kd": gains.derivative,
+                "observer": gains.observer,
+            },
+            "cost": _cost(task, gains),
             "key": key,
         }
         temporary: Path | None = None
@@ -191,6 +198,16 @@ class KeptDesigns:
             path.unlink(missing_ok=True)
 
 
+def _design(joint: str, task: DesignTask) -> PidGains:
+    design = design_pid if task.unknown_delay is None else design_with_observer
+    return design(joint, task)
+
+
+def _cost(task: DesignTask, gains: PidGains) -> float:
+    cost = PidCost(task) if task.unknown_delay is None else ObserverCost(task)
+    return cost.of(gains)
+
+
 def _key_of(task: DesignTask) -> dict[str, Any]:
     """The task and the code as JSON returns them: exact numbers, and lists in place of tuples."""
     key: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(task)))
@@ -207,6 +224,6 @@ def _name_of(key: Mapping[str, Any]) -> str:
 def _code_version() -> str:
     """Digest of the code and library versions that lead from a task to its gains."""
     digest = hashlib.sha256(f"numpy {np.__version__}, scipy {scipy.__version__}".encode())
-    for module in (gain_design, linear_joint):
+    for module in (gain_design, linear_joint, loop_shape, observer_design):
         digest.update(inspect.getsource(module).encode())
     return digest.hexdigest()

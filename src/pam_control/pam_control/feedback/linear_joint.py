@@ -135,6 +135,25 @@ def frequency_response(
     point: OperatingPoint, loop: LoopStructure, timing: LoopTiming, omega: npt.NDArray[np.float64]
 ) -> Complex:
     """Frequency response from w to the measured position, with exact delays [rad per unit of w]."""
+    drive, spring, late = response_parts(point, loop, timing, omega)
+    result: Complex = drive / spring * late
+    return result
+
+
+def response_parts(
+    point: OperatingPoint, loop: LoopStructure, timing: LoopTiming, omega: npt.NDArray[np.float64]
+) -> tuple[Complex, Complex, Complex]:
+    """The factors of `frequency_response`, which is drive / spring * late.
+
+    Returns
+    -------
+    drive : ndarray
+        Torque of the pressures per unit of w, at a fixed position [N m].
+    spring : ndarray
+        Torque per position, of the joint with its pressure loops [N m/rad].
+    late : ndarray
+        Delay of the measured position [-].
+    """
     s = 1j * omega
     H = np.exp(-timing.delay * s) / (timing.residual_lag * s + 1.0)
     k = loop.pressure_gain
@@ -158,8 +177,7 @@ def frequency_response(
         inner = s + k * H
         spring = spring - n * (H * (k * h + feedforward) * late - c * s) / inner
         drive = drive + n * H * k * g / inner
-    result: Complex = drive / spring * late
-    return result
+    return drive, spring, late
 
 
 def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:

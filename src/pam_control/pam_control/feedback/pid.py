@@ -22,12 +22,15 @@ class PidGains:
         In the output's unit per rad, per rad s, and times s per rad.
     derivative_filter : float
         Time constant of the derivative's first-order filter [s].
+    observer : float
+        Bandwidth of the disturbance observer beside the PID [rad/s]; 0: none.
     """
 
     proportional: float
     integral: float
     derivative: float
     derivative_filter: float
+    observer: float = 0.0
 
     @property
     def tracking_time(self) -> float:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.controller import Controller
+from pam_control.feedback.disturbance_observer import ObserverSettings
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
@@ -24,6 +25,8 @@ from pam_control.settings import ControlSettings
 
 class PositionStiffnessController(Controller):
     """The model-based law; see the module's docstring."""
+
+    has_observer = True
 
     def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
         """The loops over the joint's range and the stiffness grid."""
@@ -45,6 +48,8 @@ class PositionStiffnessController(Controller):
         torque = channel.model.torque(*pressures, position)
         if self.settings.feedforward:
             torque -= channel.dynamics.gravity(position)
+            if self.settings.gains[channel.joint.name].observer > 0.0:
+                torque -= channel.observer.start(torque, self.settings.observer_limit)
         limit = self.settings.integral_limit
         channel.pid.reset(max(-limit, min(limit, torque)))
         channel.telemetry.stiffness = stiffness
@@ -61,7 +66,23 @@ class PositionStiffnessController(Controller):
             position = reference.position
         channel.plans.clear()
         torque = channel.model.torque(*channel.desired, channel.inside(position))
-        channel.pid.continue_at(torque - planned, telemetry.error, gains)
+        lost = channel.observer.lost if settings.feedforward and gains.observer > 0.0 else 0.0
+        channel.pid.continue_at(torque - planned - lost, telemetry.error, gains)
+
+    def _lost(self, request: PlanRequest, added: float) -> float:
+        """Torque of the muscles that the model does not explain [N m]; 0 without the observer."""
+        settings, channel, dynamics = self.settings, request.channel, request.channel.dynamics
+        bandwidth = settings.gains[channel.joint.name].observer
+        if bandwidth == 0.0:
+            return 0.0
+        channel.aligned.add(request.measured_at, request.pressures)
+        position, speed = channel.position, channel.velocity
+        muscles = channel.model.torque(
+            *channel.aligned.at(request.seen_at), channel.inside(position)
+        )
+        motion = dynamics.static_torque(position, speed, request.seen.velocity)
+        how = ObserverSettings(bandwidth, settings.derivative_filter, settings.observer_limit)
+        return channel.observer.update(request.fresh, muscles + added, motion, speed, how)
 
     def _plan(self, request: PlanRequest) -> PressurePlan:
         channel = request.channel
@@ -88,6 +109,7 @@ class PositionStiffnessController(Controller):
             )
             wanted_stiffness, added = past.stiffness, past.memory_torque
             torque = channel.dynamics.torque(now) - added + request.output
+            torque += self._lost(request, added)
             position = now.position
             velocities = request.side_velocities
         else:
