@@ -355,7 +355,6 @@ class Controller(LoopDesign):
             )
         )
         clipped = list(channel.telemetry.clipped)
-
         reach = settings.pressure_rate * step
         desired = []
         for wanted, before in zip(plan.reference, channel.desired, strict=True):
@@ -364,7 +363,6 @@ class Controller(LoopDesign):
             if allowed != wanted and "pressure_rate" not in clipped:
                 clipped.append("pressure_rate")
         channel.desired = (desired[0], desired[1])
-
         loop_settings = PressureLoopSettings(
             gain=settings.pressure_gain or 0.0,
             lead_ratio=settings.lead_ratio,
@@ -372,8 +370,7 @@ class Controller(LoopDesign):
         )
         channel.valve_clipped = False
         for side, (loop, muscle) in enumerate(zip(channel.loops, channel.muscles, strict=True)):
-            sign = -1.0 if side == 0 else 1.0
-            radius = sign * channel.model.pulley_radius
+            radius = (-1.0 if side == 0 else 1.0) * channel.model.pulley_radius
             ahead = thens[side].position - seen.position
             demand = PressureDemand(
                 reference=channel.desired[side],
@@ -382,9 +379,8 @@ class Controller(LoopDesign):
                 length=muscle.neutral_length + radius * (position + ahead),
                 length_rate=radius * plan.velocities[side],
             )
-            muscle_index = channel.indices[side]
             command, cut = loop.command(demand, pressures[side], loop_settings, step)
-            commands[muscle_index] = command
+            commands[channel.indices[side]] = command
             channel.valve_clipped = channel.valve_clipped or cut
         if channel.valve_clipped:
             clipped.append("valve")

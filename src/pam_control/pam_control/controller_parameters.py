@@ -65,7 +65,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         ),
         _number(
             "telemetry.rate", 100.0, "Hz", 1.0, 2000.0,
-            "rate of ~/reference and ~/error", fixed=True,
+            "rate of ~/reference, ~/error and ~/disturbance", fixed=True,
         ),
         Parameter(
             "feedforward.enabled", d.feedforward, "-", 0, 0,
@@ -138,6 +138,19 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         _number(
             "stiffness.rate_limit", d.stiffness_rate, "N m/(rad s)", 0.01, 1e5,
             "maximum rate of the stiffness reference",
+        ),
+        Parameter(
+            "disturbance_observer.enabled", d.observer, "-", 0, 0,
+            "compensate the torque that the model does not explain (law model_based)",
+            changeable=True,
+        ),
+        _number(
+            "disturbance_observer.bandwidth", d.observer_bandwidth, "rad/s", 0.0, 500.0,
+            "bandwidth of the disturbance observer; 0: designed",
+        ),
+        _number(
+            "disturbance_observer.limit", d.observer_limit, "N m", 0.0, 1e4,
+            "largest torque that the disturbance observer compensates",
         ),
         _number(
             "pressure_ratio.mean_pressure", d.mean_pressure, "Pa", 1e4, 1e6,
@@ -240,6 +253,9 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         pressure_rate=number("pressure_loop.rate_limit"),
         spool_limit=number("pressure_loop.spool_limit"),
         mean_pressure=number("pressure_ratio.mean_pressure"),
+        observer=bool(values["disturbance_observer.enabled"]),
+        observer_bandwidth=number("disturbance_observer.bandwidth"),
+        observer_limit=number("disturbance_observer.limit"),
         stale_after=number("loop.stale_after"),
         stream_timeout=number("stream.timeout"),
         stream_bandwidth=number("stream.bandwidth"),
@@ -315,6 +331,11 @@ HELP = NodeHelp(
         ),
         Endpoint("~/reference", "sensor_msgs/JointState", "reference of the joints [rad]"),
         Endpoint("~/error", "sensor_msgs/JointState", "reference minus measured position [rad]"),
+        Endpoint(
+            "~/disturbance",
+            "sensor_msgs/JointState",
+            "effort: torque on the joint that its model does not explain [N m]",
+        ),
         Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
     ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,7 +23,7 @@ class ControllerTopics:
     rig : Rig
         Gives the names and their order in every message.
     telemetry_every : int
-        The reference and the error are published once in so many cycles.
+        Reference, error and disturbance are published once in so many cycles.
     """
 
     def __init__(self, node: Any, rig: Rig, telemetry_every: int) -> None:
@@ -33,6 +34,7 @@ class ControllerTopics:
         self._commands = node.create_publisher(JointState, "valve_commands", 1)
         self._reference = node.create_publisher(JointState, "~/reference", 1)
         self._error = node.create_publisher(JointState, "~/error", 1)
+        self._disturbance = node.create_publisher(JointState, "~/disturbance", 1)
 
     def publish(
         self, stamp: Any, commands: Sequence[float], channels: Sequence[JointChannel]
@@ -68,3 +70,12 @@ class ControllerTopics:
         errors.header.stamp = stamp
         errors.position = [each.error for each in telemetry]
         self._error.publish(errors)
+        observed = {
+            name: each.disturbance
+            for name, each in zip(self._rig.joint_names, telemetry, strict=True)
+            if math.isfinite(each.disturbance)
+        }
+        if observed:
+            disturbance = JointState(name=list(observed), effort=list(observed.values()))
+            disturbance.header.stamp = stamp
+            self._disturbance.publish(disturbance)

@@ -62,6 +62,8 @@ class JointTelemetry:
         Values that the desired pressures give [N m], [N m/rad].
     pressures : (float, float)
         Desired gauge pressures [Pa].
+    disturbance : float
+        Torque on the joint that its model does not explain [N m]; NaN without an observer.
     clipped : tuple of str
         What was limited: "torque", "stiffness", "pressure_rate", "valve".
     """
@@ -73,6 +75,7 @@ class JointTelemetry:
     torque_reached: float = math.nan
     stiffness_reached: float = math.nan
     pressures: Pair = (math.nan, math.nan)
+    disturbance: float = math.nan
     clipped: tuple[str, ...] = ()
 
 

@@ -124,7 +124,7 @@ class ControlSettings:
     safe_delay: float = 0.08
     tracking_time: float = 0.3
     lowering_time: float = 3.0
-    observer: bool = True
+    observer: bool = False
     observer_bandwidth: float = 0.0
     observer_limit: float = 5.0
     stale_after: float = 0.05

@@ -70,7 +70,7 @@ POLICY: Mapping[str, Rights] = {
         serves=("~/vent", "~/clear_faults", *_LIFECYCLE_SERVES),
     ),
     "pam_controller": Rights(
-        publishes=("valve_commands", "~/reference", "~/error", "diagnostics"),
+        publishes=("valve_commands", "~/reference", "~/error", "~/disturbance", "diagnostics"),
         subscribes=(
             "~/joint_trajectory", "~/commands", "~/stiffness_commands",
         ),

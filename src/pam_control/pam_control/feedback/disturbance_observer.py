@@ -7,7 +7,8 @@ muscle that is weaker than written. With the momentum p = J qd and the bandwidth
     lost = L/(s + L) (torque of the muscles - B qd - gravity - ...) - L s/(s + L) p
 
 so that no acceleration is needed. The speed and all torques pass a filter, and the result passes
-the same filter again, because the steps of an encoder would make the valves chatter. The control law adds `lost` to the torque that it asks for.
+the same filter again, because the steps of an encoder would make the valves chatter. The control
+law adds `lost` to the torque that it asks for.
 
 Pressures and position are compared at the same time: the pressures are held back by the delay of
 the position that the rig file tells, and the motion is filtered like the pressures if their sensors

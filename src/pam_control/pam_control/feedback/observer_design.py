@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -60,19 +61,20 @@ class ObserverCost:
         self._required = (task.phase_margin, task.sensitivity)
         told = dataclasses.replace(timing, transport_delay=timing.transport_delay - unknown)
         behind = np.exp(-unknown * s)
-        rows: list[tuple[Complex, ...]] = []
-        stated: list[tuple[Complex, ...]] = []
+        rows: list[tuple[Any, ...]] = []
+        stated: list[tuple[Any, ...]] = []
         for case in task.cases:
             point = case.point
             heavy = dataclasses.replace(point, inertia=UNKNOWN_INERTIA * point.inertia)
             model = point.inertia * s * s + point.damping * s + point.spring
             more = (heavy.inertia - point.inertia) * s * s
-            for true, loop_timing, late_q, late_p, changed in (
+            variants: tuple[tuple[Any, ...], ...] = (
                 (point, timing, 1.0, 1.0, 0.0),
                 (point, told, behind, 1.0, 0.0),
                 (point, timing, 1.0, behind, 0.0),
                 (heavy, timing, 1.0, 1.0, more),
-            ):
+            )
+            for true, loop_timing, late_q, late_p, changed in variants:
                 drive, spring, late = response_parts(true, case.loop, loop_timing, OMEGA)
                 seen_q, seen_p = late * late_q, late * late_p
                 mismatch = (model + changed) * seen_p - model * seen_q
@@ -118,12 +120,12 @@ class ObserverCost:
 
     def _pid(self, gains: PidGains) -> Complex:
         slope = gains.derivative * self._s / (gains.derivative_filter * self._s + 1.0)
-        result: Complex = gains.proportional + gains.integral / self._s + slope
+        result: Complex = np.asarray(gains.proportional + gains.integral / self._s + slope)
         return result
 
     def _observer(self, gains: PidGains) -> Complex:
         smooth = (gains.derivative_filter * self._s + 1.0) ** 2
-        result: Complex = gains.observer / (self._s + gains.observer) / smooth
+        result: Complex = np.asarray(gains.observer / (self._s + gains.observer) / smooth)
         return result
 
     def _excess(self, gains: PidGains) -> tuple[float, bool]:
@@ -141,8 +143,8 @@ class ObserverCost:
             distance = (1.0 + re) ** 2 + im * im
             excess += max(1.0 / math.sqrt(float(distance.min())) - sensitivity, 0.0)
             excess += max(margin - least_phase_margin(re, im, re * re + im * im), 0.0)
-        re, im = np.ascontiguousarray(1.0 + opened.real), np.ascontiguousarray(opened.imag)
-        return excess, encloses_nothing(re, im)
+        returned = np.ascontiguousarray(1.0 + opened.real)
+        return excess, encloses_nothing(returned, np.ascontiguousarray(opened.imag))
 
 
 def design_with_observer(joint: str, task: DesignTask) -> PidGains:

@@ -13,6 +13,8 @@ that loop in the same way.
 
 from __future__ import annotations
 
+import math
+
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.controller import Controller
 from pam_control.feedback.disturbance_observer import ObserverSettings
@@ -74,6 +76,7 @@ class PositionStiffnessController(Controller):
         settings, channel, dynamics = self.settings, request.channel, request.channel.dynamics
         bandwidth = settings.gains[channel.joint.name].observer
         if bandwidth == 0.0:
+            channel.telemetry.disturbance = math.nan
             return 0.0
         channel.aligned.add(request.measured_at, request.pressures)
         position, speed = channel.position, channel.velocity
@@ -82,7 +85,9 @@ class PositionStiffnessController(Controller):
         )
         motion = dynamics.static_torque(position, speed, request.seen.velocity)
         how = ObserverSettings(bandwidth, settings.derivative_filter, settings.observer_limit)
-        return channel.observer.update(request.fresh, muscles + added, motion, speed, how)
+        lost = channel.observer.update(request.fresh, muscles + added, motion, speed, how)
+        channel.telemetry.disturbance = -lost
+        return lost
 
     def _plan(self, request: PlanRequest) -> PressurePlan:
         channel = request.channel

@@ -1,0 +1,162 @@
+"""The disturbance observer: what it finds, what it compensates, and that it stays stable."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pam_control.controller_topics import ControllerTopics
+from pam_control.feedback.disturbance_observer import (
+    AlignedPressures,
+    DisturbanceObserver,
+    ObserverSettings,
+)
+from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.feedback.margins import ControlDesignError
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_control.settings import ControlSettings
+
+SETTLE = 2.0
+DESIGNS = KeptDesigns()
+PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
+
+
+def observing(rig, **settings):
+    return PositionStiffnessController(rig, ControlSettings(observer=True, **settings), DESIGNS)
+
+
+def plain(rig):
+    return PositionStiffnessController(rig, ControlSettings(), DESIGNS)
+
+
+def tracked(closed_loop, controller, motion, **options):
+    """RMS error [rad] over the motion."""
+    points, duration = motion
+    loop = closed_loop(controller, **options)
+    loop.run(SETTLE)
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    return loop.run(duration + 0.2).rms(SETTLE)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [PAYLOAD, {"coulomb_friction.torque": 0.5}, {"viscous_friction.extra": 0.3}],
+    ids=str,
+)
+def test_hidden_torques_cost_less_with_the_observer(closed_loop, rig, reaching, hidden):
+    without = tracked(closed_loop, plain(rig), reaching, effects=hidden)
+    observed = tracked(closed_loop, observing(rig), reaching, effects=hidden)
+    assert observed < 0.7 * without
+
+
+def test_a_payload_is_reported_as_its_torque(closed_loop, rig):
+    controller = observing(rig)
+    loop = closed_loop(controller, effects=PAYLOAD)
+    loop.run(SETTLE)
+    points = [TrajectoryPoint(1.0, [0.6], [0.0], [0.0])]
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(3.0)
+    found = controller.channels[0].telemetry.disturbance
+    assert found == pytest.approx(-0.5 * 9.81 * 0.2 * math.sin(0.6), rel=0.1)
+
+
+def test_a_rig_as_written_has_hardly_any_disturbance(closed_loop, rig, reaching):
+    controller = observing(rig)
+    points, duration = reaching
+    loop = closed_loop(controller)
+    loop.run(SETTLE)
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    found = []
+    loop.run(duration, lambda _: found.append(controller.channels[0].telemetry.disturbance))
+    assert np.std(found) < 0.1
+
+
+@pytest.mark.parametrize("way", ["measurement_delay", "command_delay"])
+def test_an_unknown_delay_within_the_design_does_not_make_it_oscillate(
+    closed_loop, rig, reaching, way
+):
+    controller = observing(rig)
+    late = {way: getattr(ControlSettings(), way) + 0.01}
+    assert tracked(closed_loop, controller, reaching, **late) < 0.05
+    assert (controller.guard.softened, controller.guard.stopped) == ("", "")
+
+
+def test_the_output_is_limited(closed_loop, rig):
+    controller = observing(rig, observer_limit=0.2)
+    loop = closed_loop(controller, effects=PAYLOAD)
+    found = []
+    loop.run(1.0, lambda _: found.append(controller.channels[0].telemetry.disturbance))
+    controller.references.stream(["elbow"], [0.5], now=loop.time)
+    loop.run(0.5, lambda _: found.append(controller.channels[0].telemetry.disturbance))
+    assert np.nanmax(np.abs(found)) <= 0.2
+
+
+def test_switching_it_while_a_load_is_held_does_not_move_the_joint(closed_loop, rig):
+    controller = observing(rig)
+    loop = closed_loop(controller, effects=PAYLOAD)
+    loop.run(SETTLE)
+    points = [TrajectoryPoint(1.0, [0.5], [0.0], [0.0])]
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(3.0)
+    before = loop.run(0.2).column(2).mean()
+    controller.change(ControlSettings(observer=False))
+    assert math.isclose(loop.run(1.5).column(2).mean(), before, abs_tol=2e-3)
+    controller.change(ControlSettings(observer=True))
+    assert np.abs(loop.run(1.5).column(2) - before).max() < 0.03
+
+
+def test_more_unknown_delay_means_a_slower_observer(rig):
+    fast, slow = (
+        observing(rig, extra_delay=delay).settings.gains["elbow"].observer for delay in (2e-3, 0.03)
+    )
+    assert 0.0 < slow < fast
+
+
+def test_a_bandwidth_that_an_unknown_delay_makes_unstable_is_refused(rig):
+    with pytest.raises(ControlDesignError, match=r"observer of 500 rad/s.*40 ms"):
+        observing(rig, extra_delay=0.04, observer_bandwidth=500.0)
+
+
+def test_a_delay_of_the_position_that_is_known_is_no_disturbance():
+    """Compared at one time, a fast motion shows nothing; compared as they arrive, it would."""
+    inertia, damping, delay, step = 0.05, 0.25, 0.02, 0.002
+    settings = ObserverSettings(40.0, 1e-6, 5.0)
+
+    def found(known: float) -> float:
+        observer = DisturbanceObserver(inertia, damping, 0.0)
+        pressures, seen = AlignedPressures(0.1), []
+        for cycle in range(1000):
+            now = cycle * step
+            torque = inertia * -36.0 * math.sin(6.0 * now) + damping * 6.0 * math.cos(6.0 * now)
+            pressures.add(now, (torque, 0.0))
+            speed = 6.0 * math.cos(6.0 * (now - delay))
+            muscles, _ = pressures.at(now - known)
+            seen.append(observer.update(step, muscles, 0.0, speed, settings))
+        return float(np.std(seen[500:]))
+
+    assert found(delay) < 0.1 * found(0.0)
+
+
+def test_the_node_publishes_the_disturbance_of_the_joints_that_have_an_observer(rig):
+    sent = {}
+
+    def create_publisher(_, topic, __):
+        return SimpleNamespace(publish=lambda message: sent.__setitem__(topic, message))
+
+    topics = ControllerTopics(SimpleNamespace(create_publisher=create_publisher), rig, 1)
+    channel = plain(rig).channels[0]
+    topics.publish(_stamp(), [0.0, 0.0], [channel])
+    assert "~/disturbance" not in sent
+    channel.telemetry.disturbance = -1.5
+    topics.publish(_stamp(), [0.0, 0.0], [channel])
+    assert list(sent["~/disturbance"].name) == ["elbow"]
+    assert list(sent["~/disturbance"].effort) == [-1.5]
+
+
+def _stamp():
+    time = pytest.importorskip("builtin_interfaces.msg")
+    return time.Time()
