@@ -22,7 +22,7 @@ PUBLIC = {
     "pam_check": set(),
     "pam_control": {
         "ControlOutput", "ControlSettings", "Measurement", "PositionStiffnessController",
-        "PressureRatioPid",
+        "PressureRatioPid", "TrajectoryPoint",
     },
     "pam_demo": set(),
     "pam_driver": {"CanPort", "Driver", "DriverSettings", "open_bus"},

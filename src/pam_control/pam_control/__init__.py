@@ -5,6 +5,7 @@ The public names, without ROS:
 - `PositionStiffnessController`, `PressureRatioPid`: the control laws, stepped periodically.
 - `ControlSettings`: their settings.
 - `Measurement`, `ControlOutput`: input and output of a control step.
+- `TrajectoryPoint`: a point of a trajectory that `references.follow` of a control law takes.
 
 The names are imported when they are first used, so that importing the package takes no time.
 """
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from pam_control.control_step import ControlOutput, Measurement
     from pam_control.laws.position_stiffness import PositionStiffnessController
     from pam_control.laws.pressure_ratio_pid import PressureRatioPid
+    from pam_control.references.trajectory import TrajectoryPoint
     from pam_control.settings import ControlSettings
 
 __version__ = "0.1.0"
@@ -26,6 +28,7 @@ __all__ = [
     "Measurement",
     "PositionStiffnessController",
     "PressureRatioPid",
+    "TrajectoryPoint",
 ]
 
 
@@ -48,6 +51,10 @@ def __getattr__(name: str) -> Any:
             from pam_control import settings
 
             return getattr(settings, name)
+        case "TrajectoryPoint":
+            from pam_control.references import trajectory
+
+            return getattr(trajectory, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
