@@ -33,6 +33,8 @@ from pam_driver.boards.protocol import Frame
 
 _RESETS: Final = frozenset({129, 130})
 _INVALID: Final = 0x8000_0000
+# Below it are the parameters of communication, which are read in every turn and change rarely.
+_APPLICATION: Final = 0x2000
 _NOT_MAPPABLE, _TOO_LONG, _WRONG_STATE = 0x0604_0041, 0x0604_0042, 0x0800_0022
 _NO_OBJECT, _NO_SUB, _READ_ONLY, _WRITE_ONLY = 0x0602_0000, 0x0609_0011, 0x0601_0002, 0x0601_0001
 _WRONG_LENGTH, _TOO_HIGH, _TOO_LOW, _NO_VALUE = 0x0607_0010, 0x0609_0031, 0x0609_0032, 0x060A_0023
@@ -87,6 +89,7 @@ class SimulatedSlave:
         self.values: dict[ObjectName, bytes] = {}
         self._preset, self._boot_time = preset, boot_time
         self._out: list[Frame] = []
+        self._numbers: dict[tuple[int, int], float] = {}
         self._heard_at: float | None = None
         self._lost = False
         self._sdo = SdoServer(0x600 + node, 0x580 + node, self)  # type: ignore[no-untyped-call]
@@ -126,18 +129,27 @@ class SimulatedSlave:
             if entry.min is not None and value < entry.min:
                 raise SdoAbortedError(_TOO_LOW)
             self._check_mapping(index, subindex, value)
+        self._numbers.clear()
         self.values[ObjectName(index, subindex)] = bytes(data)
 
     def number(self, index: int, sub: int = 0) -> float:
         """The value of a number object; 0 if the device does not have it."""
+        known = self._numbers.get((index, sub))
+        if known is not None:
+            return known
         try:
             value = self._entry(index, sub).decode_raw(self.get_data(index, sub))
         except SdoAbortedError:
-            return 0
-        return value if isinstance(value, int | float) else 0
+            value = 0
+        number = value if isinstance(value, int | float) else 0
+        if index < _APPLICATION:
+            self._numbers[index, sub] = number
+        return number
 
     def store(self, name: ObjectName, value: float) -> None:
         """Set the value of an object from inside the device."""
+        if name.index < _APPLICATION:
+            self._numbers.clear()
         self.values[name] = bytes(self._entry(*name).encode_raw(value))
 
     def emergency(self, code: int, register: int, data: bytes = b"") -> None:
@@ -220,6 +232,7 @@ class SimulatedSlave:
     def _reset(self, now: float) -> None:
         self.state, self.failed = BOOT_UP, False
         self.values = {}
+        self._numbers.clear()
         for name, value in self._preset.items():
             self.store(name, value)
         self._started = self._now = now
