@@ -57,7 +57,18 @@ NODES = {
     "monitor": monitor_node.main,
     "play": play_node.main,
 }
-HEAVY = {"numpy", "scipy", "pandas", "numba", "matplotlib", "rclpy", "can", "cantools", "tqdm"}
+HEAVY = {
+    "numpy",
+    "scipy",
+    "pandas",
+    "numba",
+    "matplotlib",
+    "rclpy",
+    "can",
+    "cantools",
+    "tqdm",
+    "canopen",
+}
 LONGEST_HELP = 0.3  # s of processor time, which other programs do not lengthen
 
 

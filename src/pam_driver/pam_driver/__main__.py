@@ -86,6 +86,44 @@ def _declare_monitor(parser: Parser) -> None:
     add("--dbc", type=input_file, metavar="FILE", help="CAN database of boards of kind pam_board")
 
 
+def _set(given: Arguments) -> Outcome:
+    from pam_driver.set_valve import run  # noqa: PLC0415  (python-can)
+
+    return run(given)
+
+
+def _declare_set(parser: Parser) -> None:
+    add = parser.add_argument
+    add("rig_file", type=input_file, metavar="RIG", help="rig file")
+    add("board", metavar="BOARD", help="board of the valve, as the rig file names it")
+    add("channel_name", metavar="CHANNEL", help="channel of the valve")
+    add(
+        "percent",
+        type=number("%"),
+        metavar="PERCENT",
+        help="set point in percent of full scale; a flow valve takes -100 to 100",
+    )
+    add("--interface", help="python-can's interface (default: socketcan)")
+    add("--channel", help="python-can's channel (default: can0)")
+    add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
+    add(
+        "--duration",
+        type=number("s", above=0.0, most=10.0),
+        default=1.0,
+        metavar="S",
+        help="how long the valve follows, at most 10 s (default: %(default)g)",
+    )
+    add(
+        "--limit",
+        type=number("Pa", above=0.0),
+        default=100e3,
+        metavar="PA",
+        help="gauge pressure at which it vents at once (default: %(default)g)",
+    )
+    add("--yes", action="store_true", help="do not ask")
+    add("--dbc", type=input_file, metavar="FILE", help="CAN database of boards of kind pam_board")
+
+
 COMMANDS = (
     Command(
         "check-rig",
@@ -113,6 +151,14 @@ COMMANDS = (
         _monitor,
         bad_news="if a board is missing or something is wrong",
         examples=("python -m pam_driver monitor config/elbow.yaml --channel can0",),
+    ),
+    Command(
+        "set",
+        "give one valve a set point for a moment, after a question; for bringing up a robot",
+        _declare_set,
+        _set,
+        bad_news="if it ended early",
+        examples=("python -m pam_driver set config/elbow_canopen.yaml outputs flexor 10",),
     ),
 )
 
