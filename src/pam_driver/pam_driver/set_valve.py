@@ -199,7 +199,8 @@ def run(given: Arguments) -> Outcome:
     lowest = 0.0 if wire.muscle.valve.kind == "pressure_regulator" else -1.0
     if not lowest <= fraction <= 1.0:
         raise PamError(
-            f"{given.percent:g} %: the valve of {wire.muscle.name} takes {100.0 * lowest:g} to 100 %"
+            f"{given.percent:g} %: the valve of {wire.muscle.name} takes {100.0 * lowest:g} to "
+            "100 %"
         )
     limit = min(given.limit, wire.muscle.max_pressure)
     if not given.yes:
