@@ -6,16 +6,22 @@ import sys
 from collections.abc import Sequence
 
 from pam_model.command_line import run_program
-from pam_model.commands import catalogue, identify, rig_sections
+from pam_model.commands import catalogue, identify, new_rig, rig_sections, size
 
-COMMANDS = (*catalogue.COMMANDS, *identify.COMMANDS, *rig_sections.COMMANDS)
+COMMANDS = (
+    *catalogue.COMMANDS,
+    *identify.COMMANDS,
+    *rig_sections.COMMANDS,
+    *new_rig.COMMANDS,
+    *size.COMMANDS,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
     description = (
-        "Models of pneumatic muscles: list, draw, fit and compare them; design a muscle; "
-        "rig-file sections and URDF."
+        "Models of pneumatic muscles: list, draw, fit and compare them; design a muscle "
+        "or a joint; new rig files, their sections and URDF."
     )
     return run_program("python -m pam_model", description, COMMANDS, arguments)
 

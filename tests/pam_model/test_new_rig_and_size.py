@@ -1,0 +1,110 @@
+"""New rig files from a few numbers, and a joint sized for a task."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+
+from pam_driver.__main__ import main as driver_main
+from pam_model.__main__ import main
+from pam_model.command_line import DONE, MISTAKE
+from pam_model.commands.new_rig import QUESTIONS, ask
+from pam_model.gas.flow import mass_flow
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.plant.parameters import PlantParameters
+from pam_model.plant.simulate import Plant
+from pam_model.rig import load_rig
+
+
+def test_a_new_rig_is_commented_and_check_rig_accepts_it(tmp_path, capsys):
+    path = tmp_path / "arm.yaml"
+    options = ["--joints", "shoulder, elbow", "--pulley-radius", "0.018", "--defaults"]
+    assert main(["new-rig", str(path), *options]) == DONE
+    rig = load_rig(path)
+    assert rig.joint_names == ("shoulder", "elbow")
+    assert rig.joints[1].pulley_radius == 0.018
+    lines = [line for line in path.read_text().splitlines() if line.startswith("      ")]
+    numbers = [line for line in lines if any(digit in line for digit in "0123456789")]
+    told = [line for line in numbers if "#" in line]
+    assert len(told) > 0.7 * len(numbers), "most numbers say what they are"
+    capsys.readouterr()
+    assert driver_main(["check-rig", str(path), "--check"]) == DONE
+    assert "can use this rig" in capsys.readouterr().out
+
+
+def test_a_range_that_the_muscles_cannot_move_is_refused_with_the_pulley_that_fits(
+    tmp_path, capsys
+):
+    path = tmp_path / "arm.yaml"
+    assert main(["new-rig", str(path), "--pulley-radius", "0.2", "--defaults"]) == MISTAKE
+    said = capsys.readouterr().err
+    assert said.startswith("error: pulley_radius = 0.2 m") and said.count("\n") == 1
+    assert not path.exists()
+    most = said.split("pulley of ")[1].split(" m")[0]
+    assert main(["new-rig", str(path), "--pulley-radius", most, "--defaults"]) == DONE
+
+
+@pytest.mark.parametrize("names", ["Elbow", "a,a", "1st", "a b"])
+def test_names_that_ros_does_not_take_are_refused(tmp_path, capsys, names):
+    assert main(["new-rig", str(tmp_path / "arm.yaml"), "--joints", names]) == MISTAKE
+    assert "expected" in capsys.readouterr().err
+
+
+def test_a_question_is_asked_again_until_the_answer_can_be_used(monkeypatch, capsys):
+    radius = next(question for question in QUESTIONS if question.name == "pulley_radius")
+    monkeypatch.setattr("sys.stdin", io.StringIO("thick\n-1\n0.03\n\n"))
+    assert ask(radius) == 0.03
+    said = capsys.readouterr()
+    assert said.err.count("radius of the pulley [m] [0.02]: ") == 3
+    assert "thick: expected a number in m above 0" in said.err
+    assert said.out == ""
+    assert ask(radius) == 0.02  # Enter
+
+
+def sized(tmp_path, capsys, *more: str) -> dict:
+    rig, plot = tmp_path / "sized.yaml", tmp_path / "size.png"
+    task = ["--torque", "5", "--range", "0.9", "--speed", "3", "--pressure", "5e5"]
+    files = ["--rig", str(rig), "--plot", str(plot)]
+    assert main(["size", *task, *files, "--json", *more]) == DONE
+    assert plot.stat().st_size > 5_000
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_sized_joint_gives_its_torque_at_every_angle_and_no_more_than_needed(tmp_path, capsys):
+    found = sized(tmp_path, capsys)
+    rig = load_rig(tmp_path / "sized.yaml")
+    joint = AntagonisticJoint.from_rig(rig, "joint")
+    angles = np.linspace(-0.9, 0.9, 19)
+    most = [joint.torque(5e5, 0.0, float(angle)) for angle in angles]
+    assert min(most) == pytest.approx(1.3 * 5.0, rel=0.02), "the task and its margin"
+    assert found["curves"]["highest_torque"][0] == pytest.approx(most[0])
+    assert driver_main(["check-rig", str(tmp_path / "sized.yaml"), "--check"]) == DONE
+
+
+def test_the_valve_of_a_sized_joint_moves_it_at_the_speed_asked_for(tmp_path, capsys):
+    """The plant, which knows nothing of the sizing, crosses the range with the valves open."""
+    found = sized(tmp_path, capsys, "--inertia", "0.005")
+    rig = load_rig(tmp_path / "sized.yaml")
+    plant = Plant(PlantParameters.from_rig(rig))
+    for _ in range(1500):  # to the lower end: only the antagonist has air
+        position, *_ = plant.step((-1.0, 1.0), 2e-3)
+    assert position < -0.8
+    times = {}
+    for step in range(1500):
+        position, *_ = plant.step((1.0, -1.0), 2e-3)
+        for mark in (-0.6, 0.6):
+            if position > mark:
+                times.setdefault(mark, step * 2e-3)
+    speed = 1.2 / (times[0.6] - times[-0.6])
+    assert speed > 0.7 * 3.0
+    half = mass_flow(found["sonic_conductance"], 0.3, 2.5e5 + 101325.0, 101325.0)
+    assert half >= 0.99 * found["peak_flow"]
+
+
+def test_a_task_for_which_no_muscle_can_be_built_is_refused(tmp_path, capsys):
+    task = ["--torque", "1e6", "--range", "1", "--speed", "3", "--pressure", "5e5"]
+    assert main(["size", *task]) == MISTAKE
+    assert "more than 1 m diameter" in capsys.readouterr().err
