@@ -33,8 +33,9 @@ ROS = {
     "launch_ros", "lifecycle_msgs", "rcl_interfaces", "rclpy", "sensor_msgs", "std_msgs",
     "std_srvs", "trajectory_msgs",
 }  # fmt: skip
-# Ubuntu 24.04 has no numba: every package works, slower, without it
-OPTIONAL = {"numba"}
+# rosdep has no keys for these: without numba every package works, slower; without Dask only the
+# command `fleet` does not, and says so
+OPTIONAL = {"numba", "dask", "distributed"}
 # declared although no file imports them
 USED_OTHERWISE = {
     ("pam_driver", "python3-msgpack"): "python-can's interface udp_multicast needs it",

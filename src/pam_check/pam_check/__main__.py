@@ -5,7 +5,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from pam_check.commands import blind, boards, control, endurance, faults, fuzz, security, states
+from pam_check.commands import (
+    blind,
+    boards,
+    control,
+    endurance,
+    faults,
+    fleet,
+    fuzz,
+    security,
+    states,
+)
 from pam_model.command_line import run_program
 
 COMMANDS = (
@@ -17,6 +27,7 @@ COMMANDS = (
     *security.COMMANDS,
     *control.COMMANDS,
     *blind.COMMANDS,
+    *fleet.COMMANDS,
 )
 
 

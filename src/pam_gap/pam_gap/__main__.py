@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
-from pam_model.argument_types import count, input_file, input_path, number, output_folder
+from pam_model.argument_types import (
+    count,
+    input_file,
+    input_folder,
+    input_path,
+    named_number,
+    number,
+    output_folder,
+)
 from pam_model.command_line import (
     Arguments,
     Command,
@@ -88,6 +97,71 @@ def _declare_diagnose(parser: Parser) -> None:
     )
 
 
+def _fleet(given: Arguments) -> Outcome:
+    from pam_gap.fleet.fleet import run  # noqa: PLC0415  (scipy, numba, Dask)
+
+    return run(given)
+
+
+def _declare_fleet(parser: Parser) -> None:
+    parser.add_argument(
+        "folder", type=input_folder, metavar="FOLDER", help="folder of the recordings, of any depth"
+    )
+    rigs = parser.add_mutually_exclusive_group(required=True)
+    rigs.add_argument("--rig", type=input_file, metavar="FILE", help="rig file of all recordings")
+    rigs.add_argument(
+        "--rigs",
+        type=input_file,
+        metavar="TABLE",
+        help="CSV with the columns recording, rig and, where wanted, robot and time",
+    )
+    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    parser.add_argument(
+        "--workers",
+        type=count(),
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes on this machine, one thread each (default: one per processor)",
+    )
+    parser.add_argument(
+        "--scheduler",
+        default="",
+        metavar="ADDRESS",
+        help="an existing Dask scheduler, whose workers see the same files",
+    )
+    parser.add_argument(
+        "--limit",
+        type=named_number,
+        action="append",
+        default=[],
+        metavar="EFFECT.PARAMETER=VALUE",
+        help="value that is too much, to tell when it is reached; may be given several times",
+    )
+    parser.add_argument(
+        "--map", type=input_file, metavar="FILE", help="names and units of the columns of tables"
+    )
+    parser.add_argument(
+        "--no-progress", action="store_true", help="show no progress bar, not even on a terminal"
+    )
+
+
+def _compare(given: Arguments) -> Outcome:
+    from pam_gap.answer.compare_page import run  # noqa: PLC0415  (scipy, matplotlib)
+
+    return run(given)
+
+
+def _declare_compare(parser: Parser) -> None:
+    parser.add_argument(
+        "diagnoses",
+        nargs="+",
+        type=input_path,
+        metavar="DIAGNOSIS",
+        help="folders of `diagnose` or diagnosis.json files; the first is the reference",
+    )
+    parser.add_argument("--out", type=output_folder, required=True, help="folder for compare.html")
+
+
 def _effects(given: Arguments) -> Outcome:
     from pam_gap.answer.effect_pages import run  # noqa: PLC0415  (matplotlib, numba)
 
@@ -138,6 +212,25 @@ DIAGNOSE = Command(
 )
 COMMANDS = (
     DIAGNOSE,
+    Command(
+        "compare",
+        "put diagnoses of one rig side by side: what changed, and whether it is more than noise",
+        _declare_compare,
+        _compare,
+        bad_news="if something changed by more than noise",
+        examples=("python -m pam_gap compare out/before out/after --out out/compare",),
+    ),
+    Command(
+        "fleet",
+        "diagnose many recordings in parallel, and find what changed over weeks",
+        _declare_fleet,
+        _fleet,
+        bad_news="if an effect changed or a recording failed",
+        examples=(
+            "python -m pam_gap fleet RECORDINGS --rig RIG.yaml --out OUT --workers 4",
+            "python -m pam_gap fleet RECORDINGS --rigs TABLE.csv --out OUT",
+        ),
+    ),
     Command("effects", "write the page of effects", _declare_effects, _effects),
     Command("rules", "write the page of constants", _declare_rules, _rules),
     NodeCommand("monitor", "watch the gap on live topics (a ROS node)", _monitor),

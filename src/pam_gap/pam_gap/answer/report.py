@@ -14,6 +14,7 @@ from typing import Any
 import jinja2
 import matplotlib as mpl
 
+from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS, VERDICT_WORDS
 from pam_gap.answer.report_figures import (
     RETUNED,
     WITH_ANSWER,
@@ -66,28 +67,9 @@ _PAGE = """<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{{ d.title }}</title>
 <style>
- :root { color-scheme: light dark; --ink: #1c1c1c; --quiet: #555; --paper: #fff; --box: #f4f4f4;
-         --line: #ccc; }
- @media (prefers-color-scheme: dark) {
-  :root { --ink: #eee; --quiet: #b5b5b5; --paper: #16181b; --box: #24272b; --line: #4a4f55; } }
- body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
-        color: var(--ink); background: var(--paper); overflow-wrap: anywhere; }
- .verdict { border-left: .5rem solid {{ colour }}; background: var(--box); padding: 1rem 1.2rem;
-            font-size: 1.25rem; }
- .verdict b { display: block; font-size: .95rem; letter-spacing: .03em; }
- .verdict small { display: block; font-size: .95rem; color: var(--quiet); margin-top: .4rem; }
- h2 { margin-top: 2.2rem; border-bottom: 1px solid var(--line); }
- .wide { overflow-x: auto; }
- table { border-collapse: collapse; font-size: .92rem; } td, th { padding: .2rem .8rem .2rem 0;
- text-align: left; vertical-align: top; overflow-wrap: normal; }
- .n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
- img { max-width: 100%; min-width: 38rem; background: #fff; border-radius: .3rem; }
- code { background: var(--box); padding: 0 .25rem; }
- .quiet { color: var(--quiet); }
- @media print { body { margin: 0; } img { min-width: 0; } h2 { break-after: avoid; } }
-</style></head><body>
+{{ style | safe }}</style></head><body>
 <h1>{{ d.title }}</h1>
-<div class="verdict"><b>{{ word }}</b>{{ d.verdict_sentence }}
+<div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>{{ d.verdict_sentence }}
 {% if closed %}<small>{{ closed }}</small>{% endif %}</div>
 
 {% if headline %}<div class="wide"><img alt="Error of the prediction of {{ headline_channel }} over
@@ -172,21 +154,6 @@ in this recording, so that nothing is said about them:
 </body></html>
 """
 
-_COLOURS = {
-    "named": "#00798c",
-    "ambiguous": "#b7791f",
-    "unknown": "#c2410c",
-    "none": "#2f855a",
-    "not_identifiable": "#6b7280",
-}
-_WORDS = {
-    "named": "Cause found",
-    "ambiguous": "Several causes possible",
-    "unknown": "Cause unknown",
-    "none": "No cause needed",
-    "not_identifiable": "Not enough in the recording",
-}
-
 
 def _closed_sentence(closed: Mapping[str, float] | None) -> str:
     if not closed:
@@ -270,9 +237,10 @@ def render(data: ReportData) -> str:
     named = list(diagnosis["effects"])
     return environment.from_string(_PAGE).render(
         d=data,
+        style=STYLE,
         diagnosis=diagnosis,
-        colour=_COLOURS.get(verdict, "#6b7280"),
-        word=_WORDS.get(verdict, verdict),
+        colour=VERDICT_COLOURS.get(verdict, "#6b7280"),
+        word=VERDICT_WORDS.get(verdict, verdict),
         closed=_closed_sentence(diagnosis.get("closed")) if named else "",
         headline=draw_error(first) if first is not None else "",
         headline_channel=first.channel if first is not None else "",

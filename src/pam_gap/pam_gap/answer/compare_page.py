@@ -1,0 +1,236 @@
+"""`python -m pam_gap compare`: the page, the table in the terminal, and the JSON."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+import numpy as np
+from matplotlib import pyplot as plt
+
+from pam_gap.answer.compare import GapRow, JointComparison, Row, compare, read_answers
+from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
+from pam_gap.answer.user_units import plain, told, user_unit
+from pam_model.command_line import Arguments, Outcome
+
+PAGE = "compare.html"
+_COLOURS = ("#c2410c", "#00798c", "#6b46c1", "#4a5568", "#b7791f")
+HOW = (
+    "A change is more than noise if it exceeds 1.96 standard deviations (z-test of the difference, "
+    "5 %). Standard deviations follow from the halves of the 90 % intervals that face each other."
+)
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Comparison of diagnoses</title>
+<style>{{ style | safe }}</style></head><body>
+<h1>Comparison of {{ names | length }} diagnoses</h1>
+<p>{% for name in names %}<b>{{ letters[loop.index0] }}</b>: {{ name }}<br>{% endfor %}</p>
+{% for joint in joints %}
+<h2>{{ joint.name }}</h2>
+<div class="verdict" style="--verdict: {{ '#c2410c' if joint.changes else '#2f855a' }}">
+<b>{{ 'Changed' if joint.changes else 'No change beyond noise' }}</b>
+{% for text in joint.changes %}{{ text }}<br>{% else %}All diagnoses agree within their intervals.
+{% endfor %}</div>
+<h3>Verdicts</h3>
+{% for answer in joint.answers %}<p><b>{{ letters[loop.index0] }}: {{ answer.word }}.</b>
+{{ answer.sentence }}</p>{% endfor %}
+{% if joint.picture %}<h3>Size of the gap</h3>
+<div class="wide"><img alt="{{ joint.alt }}" src="{{ joint.picture }}"></div>
+<div class="wide"><table>
+<tr><th>channel</th><th>error</th>
+{% for _ in names %}<th class="n">{{ letters[loop.index0] }}</th>{% endfor %}</tr>
+{% for row in joint.gaps %}<tr><td>{{ row.channel }}</td><td>{{ row.kind }}</td>
+{% for cell in row.cells %}<td class="n">{{ cell }}</td>{% endfor %}</tr>{% endfor %}
+</table></div>
+<p class="quiet">RMS errors of predictions on held-out data, without the part that noise causes,
+with
+the rig file of each diagnosis. They have no intervals, and depend on the motion, too.</p>{%
+endif %}
+{% if joint.rows %}<h3>Parameters</h3>
+<div class="wide"><table>
+<tr><th>effect</th><th>parameter</th>
+{% for _ in names %}<th class="n">{{ letters[loop.index0] }}</th>{% endfor %}
+{% for _ in names[1:] %}<th>{{ letters[loop.index] }} against A</th>{% endfor %}</tr>
+{% for row in joint.rows %}<tr><td>{{ row.effect }}</td><td>{{ row.parameter }}</td>
+{% for cell in row.cells %}<td class="n">{{ cell }}</td>{% endfor %}
+{% for d in row.differences %}<td>{% if d.sure %}<b>{{ d.words }}</b>{% else %}{{ d.words }}
+{% endif %}</td>{% endfor %}</tr>{% endfor %}
+</table></div>
+<p class="quiet">Values with their 90 % intervals. {{ how }}</p>{% endif %}
+{% endfor %}
+</body></html>
+"""
+
+
+def _cell(value: Mapping[str, float] | None, unit: str) -> str:
+    if value is None:
+        return "not named"
+    size = max(abs(value[key]) for key in ("value", "low", "high"))
+    name, factor = user_unit(size, unit)
+    low, here, high = (plain(factor * value[key], 3) for key in ("low", "value", "high"))
+    return f"{here} ({low} to {high})" + ("" if name in ("", "-") else f" {name}")
+
+
+def _letter(place: int) -> str:
+    return chr(ord("A") + place) if place < 26 else str(place + 1)
+
+
+def draw_gaps(gaps: Sequence[GapRow]) -> str:
+    """Draw the error of each channel as written and with the answer; return a data URL."""
+    figure, axes = plt.subplots(
+        1, len(gaps), figsize=(max(3.2 * len(gaps), 5.0), 2.8), layout="constrained", squeeze=False
+    )
+    for axis, row in zip(axes[0], gaps, strict=True):
+        shown = [s for s in row.sizes if s is not None]
+        unit, factor = user_unit(max(max(s["before"], s["after"]) for s in shown), row.unit)
+        for key, offset, colour, label in (
+            ("before", -0.2, _COLOURS[0], "rig file as written"),
+            ("after", 0.2, _COLOURS[1], "with the answer"),
+        ):
+            heights = [math.nan if s is None else factor * s[key] for s in row.sizes]
+            axis.bar(np.arange(len(heights)) + offset, heights, 0.36, color=colour, label=label)
+        axis.set_xticks(range(len(row.sizes)), [_letter(k) for k in range(len(row.sizes))])
+        axis.set_ylabel(f"RMS error [{unit}]")
+        axis.set_title(row.channel, fontsize=8)
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    plt.close(figure)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _gap_cells(row: GapRow) -> list[dict[str, Any]]:
+    return [
+        {
+            "channel": row.channel,
+            "kind": words,
+            "cells": ["-" if s is None else told(s[key], row.unit) for s in row.sizes],
+        }
+        for key, words in (
+            ("before", "as written"), ("retuned", "re-tuned"), ("after", "with the answer"),
+        )
+    ]  # fmt: skip
+
+
+def _alt(joint: JointComparison) -> str:
+    parts = []
+    for row in joint.gaps:
+        sizes = [
+            f"{_letter(k)} {told(s['before'], row.unit)} as written, "
+            f"{told(s['after'], row.unit)} with the answer"
+            for k, s in enumerate(row.sizes) if s is not None
+        ]  # fmt: skip
+        parts.append(f"{row.channel}: {'; '.join(sizes)}")
+    return f"Size of the gap of each channel. {'. '.join(parts)}."
+
+
+def render(joints: Sequence[JointComparison], names: Sequence[str]) -> str:
+    """Return the page as text; `names`: what the user called each diagnosis."""
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    return environment.from_string(_PAGE).render(
+        style=STYLE,
+        names=list(names),
+        letters=[_letter(k) for k in range(len(names))],
+        how=HOW,
+        joints=[
+            {
+                "name": joint.joint,
+                "changes": joint.changes,
+                "answers": [
+                    {
+                        "word": VERDICT_WORDS.get(a.content["verdict"], a.content["verdict"]),
+                        "sentence": a.content.get("sentence", ""),
+                    }
+                    for a in joint.answers
+                ],
+                "picture": draw_gaps(joint.gaps) if joint.gaps else "",
+                "alt": _alt(joint),
+                "gaps": [cells for row in joint.gaps for cells in _gap_cells(row)],
+                "rows": [_row(row) for row in joint.parameters],
+            }
+            for joint in joints
+        ],
+    )
+
+
+def _row(row: Row) -> dict[str, Any]:
+    return {
+        "effect": row.effect.replace("_", " "),
+        "parameter": row.parameter,
+        "cells": [_cell(value, row.unit) for value in row.values],
+        "differences": row.differences,
+    }
+
+
+def print_table(joints: Sequence[JointComparison]) -> None:
+    """Print the comparison for a terminal."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    console = Console(highlight=False)
+    for joint in joints:
+        letters = [_letter(k) for k in range(len(joint.answers))]
+        table = Table(title=joint.joint, title_justify="left")
+        table.add_column("")
+        for letter in letters:
+            table.add_column(letter)
+        for letter in letters[1:]:
+            table.add_column(f"{letter} against A")
+        blank = [""] * (len(letters) - 1)
+        table.add_row("verdict", *(str(a.content["verdict"]) for a in joint.answers), *blank)
+        for gap in joint.gaps:
+            for cells in _gap_cells(gap):
+                if cells["kind"] != "re-tuned":
+                    table.add_row(f"{gap.channel}, {cells['kind']}", *cells["cells"], *blank)
+        for row in joint.parameters:
+            table.add_row(
+                f"{row.effect.replace('_', ' ')}, {row.parameter}",
+                *(_cell(value, row.unit) for value in row.values),
+                *(d.words for d in row.differences),
+            )
+        console.print(table)
+        for text in joint.changes or ("No change beyond noise.",):
+            print(f"{joint.joint}: {text}")
+
+
+def _document(joints: Sequence[JointComparison]) -> list[dict[str, Any]]:
+    return [
+        {
+            "joint": joint.joint,
+            "diagnoses": [
+                {
+                    "file": a.name,
+                    "verdict": a.content["verdict"],
+                    "effects": a.content["effects"],
+                    "closed": a.content.get("closed"),
+                }
+                for a in joint.answers
+            ],
+            "parameters": joint.parameters,
+            "gaps": joint.gaps,
+            "changes": joint.changes,
+        }
+        for joint in joints
+    ]
+
+
+def run(given: Arguments) -> Outcome:
+    """Compare diagnoses; the command of `pam_gap.__main__`."""
+    joints = compare([read_answers(path) for path in given.diagnoses])
+    out = Path(given.out)
+    out.mkdir(parents=True, exist_ok=True)
+    with mpl.rc_context({"font.size": 9}):
+        page = render(joints, [str(path) for path in given.diagnoses])
+    (out / PAGE).write_text(page, encoding="utf-8")
+    print_table(joints)
+    print(f"written: {out / PAGE}")
+    changes = [f"{joint.joint}: {text}" for joint in joints for text in joint.changes]
+    return Outcome({"out": out, "joints": _document(joints)}, changes)

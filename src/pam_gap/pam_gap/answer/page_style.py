@@ -1,0 +1,41 @@
+"""The look that all pages share: on a desk, on a phone, on paper, in light and dark."""
+
+from __future__ import annotations
+
+STYLE = """
+ :root { color-scheme: light dark; --ink: #1c1c1c; --quiet: #555; --paper: #fff; --box: #f4f4f4;
+         --line: #ccc; }
+ @media (prefers-color-scheme: dark) {
+  :root { --ink: #eee; --quiet: #b5b5b5; --paper: #16181b; --box: #24272b; --line: #4a4f55; } }
+ body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
+        color: var(--ink); background: var(--paper); overflow-wrap: anywhere; }
+ .verdict { border-left: .5rem solid var(--verdict, #6b7280); background: var(--box);
+            padding: 1rem 1.2rem; font-size: 1.25rem; }
+ .verdict b { display: block; font-size: .95rem; letter-spacing: .03em; }
+ .verdict small { display: block; font-size: .95rem; color: var(--quiet); margin-top: .4rem; }
+ h2 { margin-top: 2.2rem; border-bottom: 1px solid var(--line); }
+ .wide { overflow-x: auto; }
+ table { border-collapse: collapse; font-size: .92rem; } td, th { padding: .2rem .8rem .2rem 0;
+ text-align: left; vertical-align: top; overflow-wrap: normal; }
+ .n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+ img { max-width: 100%; min-width: 38rem; background: #fff; border-radius: .3rem; }
+ code { background: var(--box); padding: 0 .25rem; }
+ .quiet { color: var(--quiet); }
+ @media print { body { margin: 0; } img { min-width: 0; } h2 { break-after: avoid; } }
+"""
+"""Style sheet; `--verdict` is the colour of the bar beside the first sentence."""
+
+VERDICT_COLOURS = {
+    "named": "#00798c",
+    "ambiguous": "#b7791f",
+    "unknown": "#c2410c",
+    "none": "#2f855a",
+    "not_identifiable": "#6b7280",
+}
+VERDICT_WORDS = {
+    "named": "Cause found",
+    "ambiguous": "Several causes possible",
+    "unknown": "Cause unknown",
+    "none": "No cause needed",
+    "not_identifiable": "Not enough in the recording",
+}

@@ -1,0 +1,1 @@
+"""Many recordings over weeks: diagnosed in parallel, tracked, and searched for changes."""

@@ -1,0 +1,305 @@
+"""`python -m pam_gap fleet`: many recordings diagnosed in parallel, and what changed over weeks.
+
+Each recording is diagnosed (`diagnose_job`). Then the effects that several recordings of a joint
+show are fitted on all of them (`tracking`), and steps and slopes are sought (`change_points`).
+Every result is kept in a folder as soon as it exists, so that a run can be repeated or resumed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pam_gap.fleet.diagnose_job import Task, diagnose_job, folder_name, kept_result, key_of
+from pam_gap.fleet.fleet_page import write_page
+from pam_gap.fleet.jobs import Job, many_rigs, one_rig
+from pam_gap.fleet.recording_time import time_of
+from pam_gap.fleet.series import Point, Series, as_json, limit_for, make_series, soonest
+from pam_gap.fleet.tables import FOLLOWED, found_rows, recording_rows, write_tables
+from pam_gap.fleet.tracking import TrackTask, effects_to_follow, follow, typical_values
+from pam_gap.fleet.workers import cluster, run_all
+from pam_gap.rules import DEFAULT, Rules
+from pam_model.command_line import Arguments, Outcome, plain, progress
+from pam_model.errors import PamError
+
+DOCUMENT, PAGE, RESULTS = "fleet.json", "fleet.html", "recordings"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What is analysed, and how.
+
+    Attributes
+    ----------
+    folder, out : Path
+        Folder of the recordings, and for the results.
+    rig, table : Path or None
+        Rig file of all recordings, or table that names the rig of each; one of them.
+    workers : int
+        Processes of the local cluster.
+    scheduler : str
+        Address of an existing Dask scheduler; empty for a local cluster.
+    limits : mapping
+        "effect.parameter" -> value that counts as too much.
+    rules : Rules
+        Hand-set constants.
+    map_path : Path or None
+        Map file for tables with other names or units.
+    show_progress : bool
+        Show a progress bar where standard error is a terminal.
+    """
+
+    folder: Path
+    out: Path
+    rig: Path | None = None
+    table: Path | None = None
+    workers: int = 1
+    scheduler: str = ""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    rules: Rules = DEFAULT
+    map_path: Path | None = None
+    show_progress: bool = False
+
+
+def _jobs(settings: Settings) -> list[Job]:
+    if settings.table is not None:
+        return many_rigs(settings.folder, settings.table)
+    if settings.rig is None:
+        raise PamError("no rig file given; expected --rig or --rigs")
+    return one_rig(settings.folder, settings.rig, [settings.out])
+
+
+def _failed(task: Task, failure: str) -> dict[str, Any]:
+    """The result of a recording that could not be diagnosed for a reason outside of it."""
+    when = time_of(task.job.recording, task.job.stated_time)
+    return {
+        "key": {}, "time": when.seconds, "time_from": when.source, "joints": [], "seconds": 0.0,
+        "failure": failure,
+    }  # fmt: skip
+
+
+def _kept(task: Task) -> dict[str, Any] | None:
+    try:
+        return kept_result(task, key_of(task))
+    except PamError:  # the recording cannot be read; its diagnosis says so
+        return None
+
+
+def diagnose_all(
+    client: Any,
+    tasks: Sequence[Task],
+    settings: Settings,
+    diagnose: Callable[[Task], dict[str, Any]] = diagnose_job,
+) -> tuple[list[dict[str, Any]], int]:
+    """Diagnose what is not kept; return the results in the order of the tasks, and how many were.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        From `workers.cluster`.
+    tasks : sequence of Task
+        The recordings.
+    settings : Settings
+        For the progress bar.
+    diagnose : callable
+        Diagnoses one task on a worker.
+    """
+    results: list[dict[str, Any] | None] = [_kept(task) for task in tasks]
+    places = [k for k, result in enumerate(results) if result is None]
+    with progress(max(len(places), 1), "diagnoses", wanted=settings.show_progress) as bar:
+        for done, end in enumerate(run_all(client, diagnose, [tasks[k] for k in places]), start=1):
+            place = places[end.number]
+            results[place] = end.result or _failed(tasks[place], end.failure)
+            bar.show(done)
+    return [result for result in results if result is not None], len(places)
+
+
+def _link(task: Task, row: Mapping[str, Any], joints: int) -> str:
+    """Address of the report of one joint, from the page of the fleet; empty after a failure."""
+    if row["failure"] or not row["joint"]:
+        return ""
+    folder = f"{RESULTS}/{task.folder.name}"
+    return f"{folder}/report.html" if joints == 1 else f"{folder}/{row['joint']}/report.html"
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """The effects of one joint that are fitted on all its recordings."""
+
+    robot: str
+    joint: str
+    labels: tuple[str, ...]
+    rows: tuple[tuple[str, float, Mapping[str, Any]], ...]
+    """Recording, time, and a row of `tracking.follow`."""
+    failures: tuple[str, ...]
+
+
+def _track_key(task: TrackTask, result: Mapping[str, Any]) -> str:
+    text = json.dumps([result["key"], task.joint, task.labels], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def follow_all(
+    client: Any, tasks: Sequence[Task], results: Sequence[Mapping[str, Any]], settings: Settings
+) -> list[Followed]:
+    """Fit the effects of every joint on all its recordings."""
+    joints: dict[tuple[str, str], list[tuple[Task, Mapping[str, Any], Mapping[str, Any]]]] = {}
+    for task, result in zip(tasks, results, strict=True):
+        for answer in result["joints"]:
+            where = (task.job.robot, str(answer["joint"]))
+            joints.setdefault(where, []).append((task, result, answer))
+    work: list[TrackTask] = []
+    keeps: list[Path] = []
+    origins: list[tuple[tuple[str, str], str, float]] = []
+    labels_of: dict[tuple[str, str], tuple[str, ...]] = {}
+    for where, entries in joints.items():
+        answers = [answer for _, _, answer in entries]
+        labels = labels_of[where] = effects_to_follow(answers)
+        typical = typical_values(answers, labels)
+        for task, result, answer in entries if labels else ():
+            if answer["verdict"] == "not_identifiable":
+                continue
+            one = TrackTask(
+                task.job.recording, task.job.rig, where[1], labels, typical, settings.rules,
+                settings.map_path,
+            )  # fmt: skip
+            work.append(one)
+            keeps.append(task.folder / f"followed_{_track_key(one, result)}.json")
+            origins.append((where, task.job.name, float(result["time"])))
+    rows: dict[tuple[str, str], list[tuple[str, float, Mapping[str, Any]]]] = {}
+    failures: dict[tuple[str, str], list[str]] = {}
+    ended: list[list[dict[str, Any]] | None] = [_read_rows(path) for path in keeps]
+    left = [k for k, found in enumerate(ended) if found is None]
+    with progress(max(len(left), 1), "following", wanted=settings.show_progress) as bar:
+        for done, end in enumerate(run_all(client, follow, [work[k] for k in left]), start=1):
+            place = left[end.number]
+            if end.failure:
+                where, name, _ = origins[place]
+                failures.setdefault(where, []).append(f"{name}: {end.failure}")
+            else:
+                ended[place] = plain(end.result)
+                keeps[place].write_text(json.dumps(ended[place]) + "\n", encoding="utf-8")
+            bar.show(done)
+    for (where, name, time), found in zip(origins, ended, strict=True):
+        rows.setdefault(where, []).extend((name, time, row) for row in found or ())
+    return [
+        Followed(*where, labels, tuple(rows.get(where, ())), tuple(failures.get(where, ())))
+        for where, labels in labels_of.items()
+    ]
+
+
+def _read_rows(path: Path) -> list[dict[str, Any]] | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, list) else None
+
+
+def series_of(followed: Sequence[Followed], limits: Mapping[str, float]) -> list[Series]:
+    """The series of all magnitudes; parameters that only shape an effect are left out."""
+    made: list[Series] = []
+    for joint in followed:
+        points: dict[tuple[str, str], list[Point]] = {}
+        units: dict[tuple[str, str], str] = {}
+        for name, time, row in joint.rows:
+            if row["is_shape"]:
+                continue
+            which = (str(row["effect"]), str(row["parameter"]))
+            units[which] = str(row["unit"])
+            points.setdefault(which, []).append(
+                Point(name, time, row["value"], row["low"], row["high"])
+            )
+        made += [
+            make_series((joint.robot, joint.joint, *which), units[which], found,
+                        limit_for(*which, limits))
+            for which, found in points.items()
+        ]  # fmt: skip
+    return made
+
+
+def analyse_fleet(
+    settings: Settings,
+    diagnose: Callable[[Task], dict[str, Any]] = diagnose_job,
+) -> dict[str, Any]:
+    """Diagnose a fleet, look for changes, and write tables, fleet.json and fleet.html.
+
+    Raises
+    ------
+    PamError
+        For a folder, table, rig file or scheduler that cannot be used.
+    """
+    jobs = _jobs(settings)
+    kept_in = settings.out.resolve() / RESULTS
+    tasks = [
+        Task(job, kept_in / folder_name(job.name), settings.rules, settings.map_path)
+        for job in jobs
+    ]
+    kept_in.mkdir(parents=True, exist_ok=True)
+    for unfinished in kept_in.glob("*.part"):  # of a worker that died
+        shutil.rmtree(unfinished, ignore_errors=True)
+    with cluster(settings.workers, settings.scheduler) as client:
+        results, new = diagnose_all(client, tasks, settings, diagnose)
+        followed = follow_all(client, tasks, results, settings)
+    series = series_of(followed, settings.limits)
+    recordings = [
+        row | {"link": _link(task, row, len(result["joints"]))}
+        for task, result in zip(tasks, results, strict=True)
+        for row in recording_rows(task.job.name, task.job.robot, result)
+    ]
+    parameters = [
+        row
+        for task, result in zip(tasks, results, strict=True)
+        for row in found_rows(task.job.name, task.job.robot, result)
+    ]
+    parameters += [
+        {"recording": name, "robot": f.robot, "joint": f.joint, "time": time, "source": FOLLOWED}
+        | {k: row[k] for k in ("effect", "parameter", "value", "low", "high", "unit")}
+        for f in followed
+        for name, time, row in f.rows
+    ]
+    write_tables(settings.out, recordings, parameters)
+    document: dict[str, Any] = plain(
+        {
+            "recordings": sorted(recordings, key=lambda row: row["time"]),
+            "diagnosed_now": new,
+            "followed": [replace(f, rows=()) for f in followed],
+            "series": [as_json(s) for s in series],
+            "next": [
+                {"robot": s.robot, "joint": s.joint, "what": s.name, "weeks": weeks, "aim": aim}
+                for s, weeks, aim in soonest(series)
+            ],
+        }
+    )
+    (settings.out / DOCUMENT).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    write_page(document, series, settings.out / PAGE)
+    return document
+
+
+def run(given: Arguments) -> Outcome:
+    """Analyse a fleet and print what changed; the command of `pam_gap.__main__`."""
+    document = analyse_fleet(
+        Settings(
+            given.folder, given.out, rig=given.rig, table=given.rigs, workers=given.workers,
+            scheduler=given.scheduler, limits=dict(given.limit), map_path=given.map,
+            show_progress=not given.no_progress,
+        )
+    )  # fmt: skip
+    rows = document["recordings"]
+    failed = [row for row in rows if row["failure"]]
+    names = {row["recording"] for row in rows}
+    print(f"{len(names)} recordings, {document['diagnosed_now']} diagnosed now, "
+          f"{len(failed)} failed")  # fmt: skip
+    for row in failed:
+        print(f"{row['recording']}: {row['failure']}")
+    sentences = [text for series in document["series"] for text in series["sentences"]]
+    for text in sentences:
+        print(text)
+    print(f"written: {Path(given.out) / PAGE}")
+    changed = [t for s in document["series"] if s["changes"] for t in s["sentences"]]
+    return Outcome(document, changed + [f"{r['recording']}: {r['failure']}" for r in failed])

@@ -1,0 +1,217 @@
+"""The page of a fleet: what changed, what needs repair next, every recording and its verdict."""
+
+from __future__ import annotations
+
+import base64
+import io
+import itertools
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+import matplotlib.dates as mdates
+import numpy as np
+from matplotlib import pyplot as plt
+
+from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
+from pam_gap.answer.user_units import told, user_unit
+from pam_gap.fleet.change_points import SLOPE, STEP
+from pam_gap.fleet.series import Series, day
+
+VALUE, MODEL, CHANGE = "#00798c", "0.15", "#c2410c"
+SOURCES = {
+    "stamps": "stamps of the recording",
+    "table": "table of rigs",
+    "file": "time of the file",
+}
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Fleet</title>
+<style>{{ style | safe }}</style></head><body>
+<h1>Fleet: {{ count }} recordings</h1>
+<div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>
+{% for text in changed %}{{ text }}<br>{% else %}{{ nothing }}{% endfor %}
+<small>{{ span }}</small></div>
+
+{% if document.next %}<h2>What will need repair next</h2>
+<div class="wide"><table>
+<tr><th>robot</th><th>joint</th><th>what grows</th><th class="n">weeks left</th>
+<th>until it</th></tr>
+{% for row in document.next %}<tr><td>{{ row.robot }}</td><td>{{ row.joint }}</td>
+<td>{{ row.what }}</td><td class="n">{{ '%.0f' % row.weeks }}</td><td>{{ row.aim }}</td></tr>
+{% endfor %}</table></div>
+<p class="quiet">At the present rate. Name what is too much with
+--limit EFFECT.PARAMETER=VALUE; without a limit, the time until the value has doubled is
+told.</p>{% endif %}
+
+{% for group in groups %}<h2>{{ group.title }}</h2>
+{% if not group.plots %}<p>No effect was found in several recordings, so that none is followed.</p>
+{% endif %}
+{% for plot in group.plots %}<div class="wide">
+<img alt="{{ plot.alt }}" src="{{ plot.picture }}"></div>
+{% for text in plot.sentences %}<p>{{ text }}</p>{% endfor %}{% endfor %}
+{% for text in group.failures %}<p class="quiet">Not fitted: {{ text }}</p>{% endfor %}{% endfor %}
+{% if groups %}<p class="quiet">The effects that several recordings show are fitted on every
+recording of a joint, also where the verdict was another one. Bars: 90 % intervals of single
+recordings. Line: a
+constant with steps and slopes where the Bayesian information criterion asks for them. Dashed: the
+date of a change; orange: its 90 % interval.</p>{% endif %}
+
+{% if failed %}<h2>Recordings that failed</h2>
+<div class="wide"><table><tr><th>recording</th><th>reason</th></tr>
+{% for row in failed %}<tr><td>{{ row.recording }}</td><td>{{ row.failure }}</td></tr>{% endfor %}
+</table></div>{% endif %}
+
+<h2>All recordings</h2>
+<div class="wide"><table>
+<tr><th>date (UTC)</th><th>recording</th><th>robot</th><th>joint</th><th>verdict</th>
+<th>effects</th></tr>
+{% for row in rows %}<tr><td class="n">{{ row.date }}</td>
+<td>{% if row.link %}<a href="{{ row.link }}">{{ row.recording }}</a>{% else %}{{ row.recording }}
+{% endif %}</td><td>{{ row.robot }}</td><td>{{ row.joint }}</td><td>{{ row.word }}</td>
+<td>{{ row.effects }}</td></tr>
+{% endfor %}</table></div>
+<p class="quiet">{{ sources }}</p>
+</body></html>
+"""
+
+
+def draw_series(series: Series) -> str:
+    """Draw values with intervals, the model and its changes; return the picture as a data URL."""
+    figure, axis = plt.subplots(figsize=(9.5, 3.0), layout="constrained")
+    points, course = series.points, series.course
+    unit, factor = user_unit(max(abs(p.value) for p in points), series.unit)
+    dates: Any = [datetime.fromtimestamp(p.time, UTC) for p in points]
+    value = factor * np.array([p.value for p in points])
+    reach = np.abs(factor * np.array([[p.low, p.high] for p in points]).T - value)
+    for change in course.changes:
+        ends: Any = [datetime.fromtimestamp(t, UTC) for t in (change.earliest, change.latest)]
+        if not change.from_start:
+            axis.axvspan(*ends, color=CHANGE, alpha=0.15, lw=0)
+            middle: Any = datetime.fromtimestamp(change.time, UTC)
+            axis.axvline(middle, color=CHANGE, ls="--", lw=1.2)
+    axis.errorbar(dates, value, yerr=reach, fmt="o", color=VALUE, ms=4, lw=1, label="one recording")
+    breaks = [0, *sorted(
+        int(np.searchsorted([p.time for p in points], c.time))
+        for c in course.changes if c.kind == STEP
+    ), len(points)]  # fmt: skip
+    for k, (first, last) in enumerate(itertools.pairwise(breaks)):
+        axis.plot(
+            dates[first:last], factor * course.curve[first:last], color=MODEL, lw=1.5,
+            label="steps and slopes" if k == 0 else None,
+        )  # fmt: skip
+    if series.limit is not None:
+        axis.axhline(factor * series.limit, color=CHANGE, lw=1, label="limit")
+    axis.set_ylabel(series.name.partition(", ")[2] + ("" if unit == "-" else f" [{unit}]"))
+    dates_of: Any = mdates  # untyped
+    axis.xaxis.set_major_formatter(dates_of.ConciseDateFormatter(axis.xaxis.get_major_locator()))
+    axis.set_title(f"{series.name} ({series.joint})", fontsize=10, loc="left")
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    axis.grid(axis="y", color="0.92")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    plt.close(figure)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _alt(series: Series, sentences: Sequence[str]) -> str:
+    values = [p.value for p in series.points]
+    span = f"{told(min(values), series.unit)} to {told(max(values), series.unit)}"
+    return (
+        f"{series.name} of {series.joint} over time, {len(values)} recordings from {span}. "
+        f"{' '.join(sentences)}"
+    )
+
+
+def _groups(document: Mapping[str, Any], series: Sequence[Series]) -> list[dict[str, Any]]:
+    groups = []
+    for followed in document["followed"]:
+        where = (followed["robot"], followed["joint"])
+        plots = [
+            {
+                "picture": draw_series(one),
+                "sentences": entry["sentences"],
+                "alt": _alt(one, entry["sentences"]),
+            }
+            for one, entry in zip(series, document["series"], strict=True)
+            if (one.robot, one.joint) == where
+        ]
+        groups.append(
+            {
+                "title": f"{where[1]} of {where[0]}",
+                "plots": plots,
+                "failures": followed["failures"],
+            }
+        )
+    return groups
+
+
+def _span(rows: Sequence[Mapping[str, Any]]) -> str:
+    times = [row["time"] for row in rows]
+    if not times:
+        return ""
+    return f"Recorded from {day(min(times))} to {day(max(times))}."
+
+
+def _sources(rows: Sequence[Mapping[str, Any]]) -> str:
+    used = {str(row["time_from"]) for row in rows}
+    told_ = [
+        f"{sum(row['time_from'] == key for row in rows)} from the {words}"
+        for key, words in SOURCES.items()
+        if key in used
+    ]
+    return f"Dates: {', '.join(told_)}."
+
+
+def render(document: Mapping[str, Any], series: Sequence[Series]) -> str:
+    """Return the page as text.
+
+    Parameters
+    ----------
+    document : mapping
+        The content of fleet.json.
+    series : sequence of Series
+        The series of the document, in the same order.
+    """
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    rows = document["recordings"]
+    failed = [row for row in rows if row["failure"]]
+    changed = [text for s in document["series"] if s["changes"] for text in s["sentences"]]
+    grows = any(c.kind == SLOPE for s in series for c in s.course.changes)
+    colour = "#c2410c" if grows else "#00798c" if changed else "#2f855a"
+    return environment.from_string(_PAGE).render(
+        document=document,
+        style=STYLE,
+        colour=colour,
+        word="Something changes" if changed else "No change found",
+        nothing="No followed effect changed by more than its recordings differ.",
+        changed=changed,
+        count=len({row["recording"] for row in rows}),
+        span=_span(rows),
+        groups=_groups(document, series),
+        failed=failed,
+        rows=[
+            {
+                "date": f"{datetime.fromtimestamp(row['time'], UTC):%Y-%m-%d %H:%M}",
+                "recording": row["recording"],
+                "robot": row["robot"],
+                "joint": row["joint"],
+                "effects": row["effects"].replace("_", " "),
+                "word": VERDICT_WORDS.get(row["verdict"], "failed"),
+                "link": row["link"],
+            }
+            for row in rows
+        ],
+        sources=_sources(rows),
+    )
+
+
+def write_page(document: Mapping[str, Any], series: Sequence[Series], path: Path) -> None:
+    """Write the page to `path`."""
+    with mpl.rc_context({"font.size": 9}):
+        path.write_text(render(document, series), encoding="utf-8")

@@ -1,0 +1,93 @@
+"""When a recording was made: by its stamps, by the table of rigs, or by the time of its file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from rosbags.highlevel import AnyReader
+
+from pam_gap.recordings.import_rosbag import is_rosbag
+from pam_model.errors import PamError
+
+EARLIEST = datetime(2000, 1, 1, tzinfo=UTC).timestamp()
+"""A stamp before this is no date but the time since some start [s]."""
+STAMPS, TABLE, FILE = "stamps", "table", "file"
+"""The sources of a time, best first."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingTime:
+    """When a recording was made.
+
+    Attributes
+    ----------
+    seconds : float
+        Unix time [s].
+    source : str
+        `STAMPS`, `TABLE` or `FILE`.
+    """
+
+    seconds: float
+    source: str
+
+
+def read_date(text: str, where: str) -> float:
+    """Unix time [s] of a date or a date with time, ISO 8601; UTC if it names no time zone.
+
+    Raises
+    ------
+    PamError
+        When the text is no date; `where` says where it stands.
+    """
+    try:
+        found = datetime.fromisoformat(text.strip())
+    except ValueError:
+        raise PamError(f"{where}: {text!r} is no date; expected ISO 8601, as 2026-03-31") from None
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+
+
+def first_stamp(path: Path) -> float | None:
+    """The first stamp of a bag or table as Unix time [s]; None if it is no date or unreadable.
+
+    Whatever is wrong with the recording is reported when it is diagnosed.
+    """
+    try:
+        if is_rosbag(path):
+            with AnyReader([path]) as reader:
+                stamp = 1e-9 * reader.start_time
+        elif path.suffix.lower() in (".parquet", ".pq"):
+            stamp = float(pd.read_parquet(path, columns=["time"])["time"].iloc[0])
+        elif ".csv" in path.name.lower():
+            table = pd.read_csv(path, comment="#", nrows=1, skipinitialspace=True)
+            stamp = float(table["time"].iloc[0])
+        elif path.suffix.lower() == ".npz":
+            with np.load(path, allow_pickle=False) as file:
+                stamp = float(np.ravel(file["time"])[0])
+        else:
+            return None
+    except Exception:  # each reader reports damage with exceptions of its own
+        return None
+    return stamp if np.isfinite(stamp) and stamp >= EARLIEST else None
+
+
+def time_of(path: Path, stated: float | None = None) -> RecordingTime:
+    """When a recording was made.
+
+    Parameters
+    ----------
+    path : Path
+        A bag or a table.
+    stated : float, optional
+        Unix time in the table of rigs, which counts if the stamps are no dates.
+    """
+    stamp = first_stamp(path)
+    if stamp is not None:
+        return RecordingTime(stamp, STAMPS)
+    if stated is not None:
+        return RecordingTime(stated, TABLE)
+    files = [p for p in path.rglob("*") if p.is_file()] if path.is_dir() else []
+    return RecordingTime(max(p.stat().st_mtime for p in [*files, path]), FILE)
