@@ -67,7 +67,7 @@ def test_a_question_is_asked_again_until_the_answer_can_be_used(monkeypatch, cap
 def sized(tmp_path, capsys, *more: str) -> dict:
     rig, plot = tmp_path / "sized.yaml", tmp_path / "size.png"
     task = ["--torque", "5", "--range", "0.9", "--speed", "3", "--pressure", "5e5"]
-    files = ["--rig", str(rig), "--plot", str(plot)]
+    files = ["--write-rig", str(rig), "--plot", str(plot)]
     assert main(["size", *task, *files, "--json", *more]) == DONE
     assert plot.stat().st_size > 5_000
     return json.loads(capsys.readouterr().out)

@@ -91,6 +91,8 @@ def wrong_values(kind: str, folder: Path) -> list[str]:
     return {
         "count": ["-1", "1.5", "many", ""],
         "number": ["nan", "many", ""],
+        "names": ["Elbow", "a,a", "1st", ""],
+        "one_of": ["none of them", ""],
         "named_number": ["x=abc", "x"],
         "input_path": [str(missing)],
         "input_file": [str(missing), str(folder)],

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -63,6 +64,29 @@ def number(
         ):
             raise argparse.ArgumentTypeError(f"{text}: expected {wanted}")
         return value
+
+    return read
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Names as ROS takes them, separated by commas, each once."""
+    found = tuple(name.strip() for name in text.split(","))
+    if len(set(found)) != len(found) or not all(
+        re.fullmatch("[a-z][a-z0-9_]*", name) for name in found
+    ):
+        raise argparse.ArgumentTypeError(
+            f"{text}: expected names of small letters, digits and _, separated by commas, each once"
+        )
+    return found
+
+
+def one_of(*values: str) -> Callable[[str], str]:
+    """One of these words."""
+
+    def read(text: str) -> str:
+        if text not in values:
+            raise argparse.ArgumentTypeError(f"{text}: expected {' or '.join(values)}")
+        return text
 
     return read
 

@@ -3,36 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
 import sys
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from pam_model.argument_types import make_parents, number, output_file
+from pam_model.argument_types import make_parents, names, number, one_of, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser
 
 FLOW, REGULATOR = "flow", "pressure_regulator"
-
-
-def _names(text: str) -> tuple[str, ...]:
-    """Names of joints, separated by commas."""
-    names = tuple(name.strip() for name in text.split(","))
-    for name in names:
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-            raise ArgumentTypeError(
-                f"{name!r}: expected names of small letters, digits and _, separated by commas"
-            )
-    if len(set(names)) != len(names):
-        raise ArgumentTypeError(f"{text}: expected every joint once")
-    return names
-
-
-def _kind(text: str) -> str:
-    """A kind of valve."""
-    if text not in {FLOW, REGULATOR}:
-        raise ArgumentTypeError(f"{text}: expected {FLOW} or {REGULATOR}")
-    return text
 
 
 class Question(NamedTuple):
@@ -45,7 +24,7 @@ class Question(NamedTuple):
 
 
 QUESTIONS = (
-    Question("joints", "names of the joints, separated by commas", "joint", _names),
+    Question("joints", "names of the joints, separated by commas", "joint", names),
     Question("diameter", "braid diameter of a muscle at rest [m]", "0.014", number("m", above=0)),
     Question("length", "length between its fittings at rest [m]", "0.25", number("m", above=0)),
     Question("angle", "angle between thread and axis at rest [deg]", "25", number("deg", above=0)),
@@ -64,7 +43,7 @@ QUESTIONS = (
         "supply_pressure", "pressure before the valves [Pa gauge]", "600000",
         number("Pa", above=1e4),
     ),
-    Question("valve", f"kind of valve, {FLOW} or {REGULATOR}", FLOW, _kind),
+    Question("valve", f"kind of valve, {FLOW} or {REGULATOR}", FLOW, one_of(FLOW, REGULATOR)),
     Question(
         "sonic_conductance", "sonic conductance C of a valve [m^3/(s Pa)]", "4e-9",
         number("m^3/(s Pa)", above=0),

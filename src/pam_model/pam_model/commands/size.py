@@ -31,7 +31,7 @@ def _declare(parser: Parser) -> None:
         help="for the rig file [kg m^2] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument("--plot", type=output_file, metavar="FILE", help="torque and stiffness")
-    parser.add_argument("--rig", type=output_file, metavar="FILE", help="write a rig file")
+    parser.add_argument("--write-rig", type=output_file, metavar="FILE", help="write a rig file")
 
 
 def _run(chosen: Arguments) -> Outcome:
@@ -59,9 +59,9 @@ def _run(chosen: Arguments) -> Outcome:
         from pam_model.identify.show import save_figure  # noqa: PLC0415  (matplotlib)
 
         print(save_figure(_draw(curves, chosen.torque), make_parents(chosen.plot)))
-    if chosen.rig:
-        make_parents(chosen.rig).write_text(text, encoding="utf-8")
-        print(f"written: {chosen.rig}")
+    if chosen.write_rig:
+        make_parents(chosen.write_rig).write_text(text, encoding="utf-8")
+        print(f"written: {chosen.write_rig}")
     return Outcome({**found.as_dict(), "curves": curves})
 
 
