@@ -105,3 +105,27 @@ def test_the_command_prints_one_result_per_effect_and_motion(capsys):
 def test_an_unknown_effect_is_one_line_and_exit_code_2(capsys):
     assert main(["rough-control", "--effects", "gremlins"]) == 2
     assert "--effects gremlins" in capsys.readouterr().err
+
+
+def test_a_hidden_tube_does_not_make_the_valves_chatter(rough):
+    """The sensor at the valve sees the tube alone, whose pressure changes ten times as fast."""
+    for result in rough.run("tube_restriction", None, 0):
+        assert result.controller.activity < 20.0
+        assert result.controller.clipped < 0.01
+
+
+@pytest.mark.parametrize("effect", ["command_delay", "pressure_lag", "position_delay"])
+def test_a_hidden_delay_is_no_limit_cycle(rough, effect):
+    for result in rough.run(effect, None, 0):
+        assert not result.controller.cycles
+        assert result.controller.softened == ""
+
+
+@pytest.mark.parametrize("effect", ["hysteresis", "payload", "coulomb_friction", "pressure_lag"])
+def test_the_disturbance_observer_serves_on_the_independent_plant(rough, effect):
+    observing = RoughControl(rough.rig, TOLD.replace(observer=True), 5)
+    for without, observed in zip(
+        rough.run(effect, None, 0), observing.run(effect, None, 0), strict=True
+    ):
+        assert observed.controller.rms < 0.75 * without.controller.rms
+        assert not observed.controller.stopped

@@ -141,6 +141,9 @@ class ControllerHealth:
             "stiffness now [N m/rad]": telemetry.stiffness_reached,
             "least stiffness [N m/rad]": low,
             "greatest stiffness [N m/rad]": high,
+            "least share of the pressure loops' gain [-]": min(
+                loop.gain_factor for loop in channel.loops
+            ),
             "phase margin [rad]": worst.phase_margin,
             "gain margin [-]": worst.gain_margin,
             "modulus margin [-]": worst.modulus_margin,

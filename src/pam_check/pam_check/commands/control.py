@@ -17,6 +17,9 @@ def _declare_rough_control(parser: Parser) -> None:
         help='effects to hide, or "nothing" (default: nothing, then each effect)',
     )
     parser.add_argument(
+        "--observer", action="store_true", help="let the controller use its disturbance observer"
+    )
+    parser.add_argument(
         "--tries",
         type=count(0),
         default=30,

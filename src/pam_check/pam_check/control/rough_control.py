@@ -230,7 +230,9 @@ def run(given: Arguments) -> Outcome:
         For a rig, an effect or a file that cannot be used.
     """
     effects = _chosen(given.effects)
-    rough = RoughControl(load_rig(chosen_rig(given)), TOLD, given.seed, given.tune_pressure_loops)
+    settings = TOLD.replace(observer=given.observer)
+    rig = load_rig(chosen_rig(given))
+    rough = RoughControl(rig, settings, given.seed, given.tune_pressure_loops)
     baselines = Baselines(given.tuned) if given.tries else None
     results: list[RoughResult] = []
     print(HEADER)

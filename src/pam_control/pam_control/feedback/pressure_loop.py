@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from pam_control.compensation.valve_inverse import ValveInverse
+from pam_control.feedback.pressure_watch import PressureWatch
 from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import Leak
 from pam_model.gas import flow_for_pressure_rate, reference_density, valve_opening
@@ -76,6 +77,11 @@ def valve_time_constant(muscle: Muscle) -> float:
 class PressureLoop(Protocol):
     """One muscle's valve command."""
 
+    @property
+    def gain_factor(self) -> float:
+        """Share of the gain that is in use [-]."""
+        ...
+
     def reset(self) -> None:
         """Reset the state."""
         ...
@@ -117,6 +123,7 @@ class FlowValveLoop:
         low, high = self._model.length_bounds
         self._lengths = (low + LENGTH_EDGE, high - LENGTH_EDGE)
         self._valve = muscle.valve
+        self._watch = PressureWatch(muscle.max_pressure)
         self._inverse = ValveInverse.from_muscle(muscle)
         self._leaks = tuple(
             (slot.law, values) for _, slot, values in switched_on(Leak, muscle.effects)
@@ -132,14 +139,21 @@ class FlowValveLoop:
         self._lagged = 0.0
 
     def reset(self) -> None:
-        """Reset the lead compensator."""
+        """Reset the lead compensator and the watch."""
         self._opening = math.nan
+        self._watch.reset()
+
+    @property
+    def gain_factor(self) -> float:
+        """Share of the gain that is in use [-]; below 1 after chatter."""
+        return self._watch.factor
 
     def command(
         self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
     ) -> tuple[float, bool]:
         """Spool command, and whether the valve is too small for the desired pressure rate."""
-        rate = demand.rate + settings.gain * (demand.reference - pressure)
+        error = demand.reference - pressure
+        rate = demand.rate + settings.gain * self._watch.update(error, step) * error
         absolute = max(pressure + demand.ahead + self._ambient, self._ambient)
         length = max(self._lengths[0], min(self._lengths[1], demand.length))
         volume = self._model.volume(length) + self._dead_volume
@@ -198,6 +212,11 @@ class RegulatorLoop:
     def __init__(self, rig: Rig, muscle: Muscle) -> None:
         full_scale = muscle.valve.full_scale or math.inf
         self._limit = min(full_scale, muscle.max_pressure, rig.supply_gauge_pressure)
+
+    @property
+    def gain_factor(self) -> float:
+        """A regulator closes its own loop."""
+        return 1.0
 
     def reset(self) -> None:
         """There is no state to reset."""
