@@ -26,6 +26,7 @@ from pam_control.lowering import Lowering, LoweringPhase
 from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
+from pam_control.references.valve_limits import drivable_motion
 from pam_control.settings import ControlSettings
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
@@ -59,10 +60,8 @@ class Controller(LoopDesign):
         self.references = ReferenceGenerator(
             {joint.name: joint.position_limits for joint in rig.joints},
             {
-                joint.name: MotionLimits(
-                    REFERENCE_SHARE * joint.max_velocity, joint.max_acceleration
-                )
-                for joint in rig.joints
+                channel.joint.name: self._motion_limits(channel, settings.default_stiffness)
+                for channel in self.channels
             },
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
         )
@@ -73,6 +72,15 @@ class Controller(LoopDesign):
         self.guard = LoopGuard(self.channels)
         self.lowering = Lowering(self.channels)
         self.use(self.prepared)
+
+    def _motion_limits(self, channel: JointChannel, stiffness: float) -> MotionLimits:
+        """The limits of the rig file, and what the valves can drive at this stiffness."""
+        joint, valves = channel.joint, drivable_motion(self.rig, channel, stiffness)
+        return MotionLimits(
+            REFERENCE_SHARE * joint.max_velocity,
+            min(joint.max_acceleration, valves.acceleration),
+            valves.velocity,
+        )
 
     # --- settings ---------------------------------------------------------------------------------
 

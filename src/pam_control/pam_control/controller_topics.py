@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import secrets
 from collections.abc import Sequence
 from typing import Any
 
@@ -31,6 +32,8 @@ class ControllerTopics:
         self._format = ValveCommandFormat(rig.valve_kinds)
         self._telemetry_every = telemetry_every
         self._cycles = 0
+        # the driver recognises two publishers by it, also two controllers of one name
+        self._source = f"{node.get_fully_qualified_name()}#{secrets.token_hex(3)}"
         self._commands = node.create_publisher(JointState, "valve_commands", 1)
         self._reference = node.create_publisher(JointState, "~/reference", 1)
         self._error = node.create_publisher(JointState, "~/error", 1)
@@ -52,6 +55,7 @@ class ControllerTopics:
         """
         message = JointState(name=list(self._rig.muscle_names))
         message.header.stamp = stamp
+        message.header.frame_id = self._source
         message.position, message.effort = self._format.pack(commands)
         self._commands.publish(message)
         self._cycles += 1

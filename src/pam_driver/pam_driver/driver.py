@@ -25,7 +25,7 @@ from pam_driver.safety.lowering import Lowering
 from pam_driver.safety.people_inputs import PeopleInputs
 from pam_driver.safety.start_up_check import StartUpCheck
 from pam_driver.safety.states import FAULTY, OUTPUTS, SafetyEvent, SafetyState, next_state
-from pam_driver.safety.stop_categories import can_lower
+from pam_driver.safety.stop_categories import can_lower, longest_lowering
 from pam_driver.snapshot import Snapshot, take_snapshot
 from pam_model.errors import PamError
 from pam_model.rig import Rig
@@ -167,6 +167,7 @@ class Driver:
             If it is refused; the previous command stays in use until it is too old.
         """
         with self._lock:
+            self.intake.hear(command.source, now)
             if self.state in FAULTY:
                 self.intake.refuse("not_active", "a fault is latched; clear it, then activate")
             if self.state is SafetyState.CHECKING:
@@ -360,8 +361,8 @@ class Driver:
 
     def _lowered(self, now: float) -> bool:
         """Whether all muscles are empty, or the time for lowering is over."""
-        over = now - self._lowering_since >= self._settings.lowering_timeout
-        return over or self._exhausts.empty
+        longest = min(self._settings.lowering_timeout, longest_lowering(self.faults))
+        return now - self._lowering_since >= longest or self._exhausts.empty
 
     def _event(self, event: SafetyEvent, now: float) -> None:
         """Change the state as the table says; the command is discarded when `ACTIVE` ends."""
@@ -424,6 +425,7 @@ class Driver:
             self.intake.last_rejection,
         )
         yield from self._judge.conditions(motion, now)
+        yield from self.intake.conditions(now)
         yield from self._exhausts.conditions(now)
         yield from self.people.conditions(now)
 

@@ -257,8 +257,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         seconds = stamp.sec + 1e-9 * stamp.nanosec
         # a stamp of zero means "now", as in other ROS interfaces
         age = time.time() - seconds if seconds else 0.0
+        source = message.header.frame_id
         command = NamedCommand(
-            message.name, message.position, message.velocity, message.effort, age
+            message.name, message.position, message.velocity, message.effort, age, source
         )
         try:
             driver.set_commands(command, time.monotonic())

@@ -129,7 +129,7 @@ class FaultJudge:
         )
 
     def watch_motion(self, readings: Readings, command_age: float, now: float) -> None:
-        """Take the speeds and the delays of one cycle.
+        """Take the motion and the delays of one cycle.
 
         Parameters
         ----------
@@ -141,7 +141,8 @@ class FaultJudge:
             Monotonic time [s].
         """
         boards = self._boards
-        self._speeds.update(readings.velocities, now)
+        times = [samples[channel].time for samples, channel in boards.angles]
+        self._speeds.update(*readings, times, now)
         oldest = min(
             (samples[channel].time for samples, channel in (*boards.pressures, *boards.angles)),
             default=now,

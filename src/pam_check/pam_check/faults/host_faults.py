@@ -218,7 +218,7 @@ def _second_publisher(chain: FaultChain, values: Values, draw: random.Random) ->
         values = _values_of(chain, command)
         for place, kind in enumerate(chain.rig.valve_kinds.values()):
             values[place] = drawn[place] if kind == FLOW else abs(drawn[place]) * values[place]
-        return _with_values(chain, command, values)
+        return _with_values(chain, command, values)._replace(source="another node")
 
     chain.edit = lambda command: [command, other(command)] if chain.now < end else [command]
 

@@ -26,6 +26,7 @@ LONGEST_STEP = 0.02  # s
 ROUNDING = 1.01  # a reference that was scaled to its limit exceeds it by less
 MATCH_SHARE = 0.05  # of the largest change of position in one step; taken as no difference
 KEPT_AT_LEAST = 0.2  # s
+LEAST_SHARE = 0.05  # of the acceleration limit, which every speed leaves
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +39,19 @@ class MotionLimits:
         [rad/s].
     acceleration : float
         [rad/s^2].
+    fastest : float
+        Speed at which the joint cannot become faster [rad/s]: the acceleration that makes it faster
+        falls linearly with the speed, see `valve_limits`.
     """
 
     velocity: float
     acceleration: float
+    fastest: float = math.inf
+
+    def speeding_up(self, velocity: float) -> float:
+        """Largest acceleration that makes a joint with this velocity [rad/s] faster [rad/s^2]."""
+        share = 1.0 - abs(velocity) / self.fastest
+        return self.acceleration * max(share, LEAST_SHARE)
 
     def stopping_distance(self, velocity: float) -> float:
         """Way [rad] on which a reference with this velocity [rad/s] stops, with its sign."""
@@ -117,8 +127,12 @@ class MotionLimiter:
             -limits.velocity, -_braking_speed(brake, now.position - lower, -now.velocity, step)
         )
         wanted = max(lowest, min(highest, wanted))
-        reach = limits.acceleration
-        acceleration = max(-reach, min(reach, (wanted - now.velocity) / step))
+        most, reach = limits.acceleration, limits.speeding_up(now.velocity)
+        acceleration = (wanted - now.velocity) / step
+        acceleration = max(
+            -most if now.velocity > 0.0 else -reach,
+            min(most if now.velocity < 0.0 else reach, acceleration),
+        )
         velocity = now.velocity + acceleration * step
         position = now.position + 0.5 * (now.velocity + velocity) * step
         if not lower <= position <= upper:
@@ -132,10 +146,12 @@ class MotionLimiter:
         brake = BRAKING_SHARE * limits.acceleration
         room = upper - target.position if target.velocity > 0.0 else target.position - lower
         change = limits.acceleration * step
+        faster = target.velocity * target.acceleration > 0.0
+        most = limits.speeding_up(target.velocity) if faster else limits.acceleration
         way = 0.5 * (now.velocity + target.velocity) * step
         return (
             abs(target.velocity) <= ROUNDING * limits.velocity
-            and abs(target.acceleration) <= ROUNDING * limits.acceleration
+            and abs(target.acceleration) <= ROUNDING * most
             and abs(target.velocity)
             <= _braking_speed(brake, room, abs(target.velocity), step) + change
             and abs(target.velocity - now.velocity) <= ROUNDING * change

@@ -1,4 +1,19 @@
-"""Whether a joint is measured to be faster than its rig file permits."""
+"""Whether a joint is too fast, or would become too fast although the driver stops now.
+
+The air in the muscles is a spring: it drives the joint on when the valves have shut. A joint with
+the speed v and the acceleration a, on a spring with the natural frequency w, is fastest where the
+acceleration vanishes; its energy there gives the peak speed
+
+    v_peak = sqrt(v^2 + (a/w)^2),    w^2 = K/J
+
+which friction only makes smaller. Until a stop acts, a may grow by the factor `_GROWTH`. K is the stiffness of joint and gravity with shut valves: the
+muscle models give it at the measured pressures, with the gas compressed polytropically. A valve
+that is a pressure regulator holds its pressure, so that only the muscle's own stiffness counts.
+The acceleration is measured, so that payloads and friction are contained in it.
+
+Close to its position limits a joint may meet an end stop, which is no spring: there only the
+measured speed counts.
+"""
 
 from __future__ import annotations
 
@@ -7,39 +22,150 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from pam_driver.boards.protocol import Condition
-from pam_model.rig import Rig
+from pam_driver.joint_velocity import JointVelocity
+from pam_model.effects import adjusted
+from pam_model.errors import PamError
+from pam_model.joints.effective_force_model import effective_force_model
+from pam_model.joints.sensor_correction import SensorCorrection
+from pam_model.rig import Joint, Muscle, Rig
 
-# The speed must stay above the limit for so long: a single outlier of the encoder that is too small
-# to be a fault of its own (`position_jump`) leaves the velocity's low pass after 8 ms.
+# The speed must stay above the limit for so long, in one direction: a single outlier of the encoder
+# that is too small to be a fault of its own (`position_jump`) leaves the low pass after 8 ms.
 LASTS: Final = 0.008  # s
+END_STOP: Final = 0.03  # rad; closer to a limit, the end stop may carry torque
+# The torque may grow by so much until the valves of a stop act, some 20 ms after it was measured.
+_GROWTH: Final = 1.25
+_BANDWIDTH: Final = 40.0  # Hz, of the measured acceleration
+_LONGEST_GAP: Final = 0.05  # s between samples; after a longer one the acceleration is unknown
+_STRETCH: Final = 1e-5  # m, of the difference quotient of force and length
+
+
+class _Spring:
+    """One muscle whose valve is shut, as a spring."""
+
+    def __init__(self, rig: Rig, muscle: Muscle) -> None:
+        self._model = effective_force_model(rig, muscle.name)
+        self._dead_volume = max(0.0, adjusted("dead_volume", muscle.dead_volume, muscle.effects))
+        self._ambient = rig.gas.ambient_pressure
+        holds_pressure = muscle.valve.kind != "flow"
+        self._exponent = 0.0 if holds_pressure else rig.gas.polytropic_exponent
+
+    def stiffness(self, pressure: float, length: float) -> float:
+        """Change of the force with the length [N/m].
+
+        Raises
+        ------
+        PamError
+            If the force model is not defined at this length.
+        """
+        pressure, longer = max(pressure, 0.0), length + _STRETCH
+        volume = float(self._model.volume(length)) + self._dead_volume
+        change = float(self._model.volume(longer)) + self._dead_volume - volume
+        after = pressure - self._exponent * (pressure + self._ambient) * change / volume
+        force = float(self._model.force(pressure, length))
+        return (float(self._model.force(max(after, 0.0), longer)) - force) / _STRETCH
+
+
+class _JointOnAir:
+    """One joint: the speed to which its air can drive it."""
+
+    def __init__(self, rig: Rig, joint: Joint) -> None:
+        self.joint = joint
+        self.muscles = tuple(rig.muscle_names.index(name) for name in joint.muscles)
+        self._springs = tuple(_Spring(rig, rig.muscle(name)) for name in joint.muscles)
+        self._neutral = tuple(rig.muscle(name).neutral_length for name in joint.muscles)
+        effects = joint.effects
+        self._radius = adjusted("joint.pulley_radius", joint.pulley_radius, effects)
+        self._inertia = adjusted("joint.inertia", joint.inertia, effects)
+        self._gravity = adjusted("joint.gravity_torque", joint.gravity_torque, effects)
+        self._acceleration = JointVelocity(_BANDWIDTH, _LONGEST_GAP)
+
+    def accelerates(self, velocity: float, time: float) -> float:
+        """The acceleration [rad/s^2] after a velocity [rad/s] measured at a time [s]."""
+        if not math.isfinite(velocity):
+            self._acceleration.reset()
+            return 0.0
+        return self._acceleration.update(velocity, time)
+
+    def driven_speed(self, acceleration: float, pressures: Sequence[float], q: float) -> float:
+        """The speed that the present torque can add [rad/s]; 0 where there is no spring."""
+        low, high = self.joint.position_limits
+        if not low + END_STOP < q < high - END_STOP:
+            return 0.0
+        first, second = (pressures[place] for place in self.muscles)
+        lengths = self._neutral[0] - self._radius * q, self._neutral[1] + self._radius * q
+        try:
+            muscles = self._springs[0].stiffness(first, lengths[0])
+            muscles += self._springs[1].stiffness(second, lengths[1])
+        except PamError:
+            return 0.0
+        gravity = self._gravity * math.cos(q - self.joint.gravity_angle)
+        stiffness = self._radius**2 * muscles + gravity
+        if not stiffness > 0.0:  # also if a measurement is missing
+            return 0.0
+        return _GROWTH * abs(acceleration) * math.sqrt(self._inertia / stiffness)
 
 
 class JointSpeedWatch:
-    """Compares the measured speeds of a rig's joints with `max_velocity`.
+    """Compares the speeds of a rig's joints, now and soon, with `max_velocity`.
 
     Parameters
     ----------
     rig : Rig
-        Gives the limits.
+        Gives the limits, and the models of muscles and joints.
     """
 
     def __init__(self, rig: Rig) -> None:
-        self._joints = rig.joints
+        self._correction = SensorCorrection(rig)
+        self._joints = tuple(_JointOnAir(rig, joint) for joint in rig.joints)
         self._since = [math.inf] * len(rig.joints)
-        self._speeds: Sequence[float] = (0.0,) * len(rig.joints)
+        self._signs = [0.0] * len(rig.joints)
+        self._texts = [""] * len(rig.joints)
 
-    def update(self, velocities: Sequence[float], now: float) -> None:
-        """Take the velocities of one cycle [rad/s], by joint; NaN if unknown."""
-        self._speeds = [abs(velocity) for velocity in velocities]
-        for index, (joint, speed) in enumerate(zip(self._joints, self._speeds, strict=True)):
-            if not speed > joint.max_velocity:
-                self._since[index] = math.inf
+    def update(
+        self,
+        pressures: Sequence[float],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+        times: Sequence[float],
+        now: float,
+    ) -> None:
+        """Take the measurements of one cycle; NaN where unknown.
+
+        Parameters
+        ----------
+        pressures : sequence of float
+            By muscle [Pa gauge].
+        positions, velocities, times : sequence of float
+            By joint: angle [rad], speed [rad/s], and when the angle was measured, monotonic [s].
+        now : float
+            Monotonic time [s].
+        """
+        pressures = self._correction.pressures(pressures)
+        positions = self._correction.positions(positions)
+        for index, (joint, velocity) in enumerate(zip(self._joints, velocities, strict=True)):
+            acceleration = joint.accelerates(velocity, times[index])
+            driven = joint.driven_speed(acceleration, pressures, positions[index])
+            limit = joint.joint.max_velocity
+            if abs(velocity) > limit:
+                sign, text = math.copysign(1.0, velocity), f"at {abs(velocity):.2f} rad/s"
+            elif math.hypot(velocity, driven) > limit:
+                sign = math.copysign(2.0, acceleration)
+                text = (
+                    f"at {velocity:+.2f} rad/s and {acceleration:+.0f} rad/s^2, from where the air "
+                    f"in the muscles can drive it to {math.hypot(velocity, driven):.2f} rad/s"
+                )
+            else:
+                sign, text = 0.0, ""
+            if sign == 0.0 or sign * self._signs[index] < 0.0:
+                self._since[index] = math.inf if sign == 0.0 else now
             elif self._since[index] == math.inf:
                 self._since[index] = now
+            self._signs[index], self._texts[index] = sign, text
 
     def conditions(self, now: float) -> Iterator[Condition]:
         """One condition for each joint that has been too fast for `LASTS`."""
-        for joint, since, speed in zip(self._joints, self._since, self._speeds, strict=True):
+        for joint, since, text in zip(self._joints, self._since, self._texts, strict=True):
             if now - since >= LASTS - 1e-9:
-                text = f"at {speed:.2f} rad/s, max_velocity is {joint.max_velocity:g} rad/s"
-                yield Condition("joint_too_fast", joint.name, text)
+                limit = f"max_velocity is {joint.joint.max_velocity:g} rad/s"
+                yield Condition("joint_too_fast", joint.joint.name, f"{text}, {limit}")

@@ -6,6 +6,8 @@ The categories are those of IEC 60204-1, section 9.2.2, applied to air instead o
 - **1**: the driver lowers the joints slowly (`pam_driver.safety.lowering`), then vents. This needs
   sensors, boards, valves and bus that work: a loaded arm is better lowered than dropped, but only
   on measurements that can be trusted.
+  After some faults the time for this is short (`BRAKING_TIME`): the joint is braked with the air
+  that it has, then everything vents.
 - **2**: decelerate and hold. Holding needs a control law, so only the controller can do it; the
   driver knows 0 and 1.
 
@@ -14,17 +16,37 @@ A kind of condition that has no entry here is of category 0.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
 from pam_driver.boards.protocol import Condition
 
 
+BRAKING_TIME: Final = 0.15
+"""Longest time in which a joint is braked with the air that it has [s].
+
+A joint on the air of its muscles comes to rest within half a period of its oscillation, 0.14 s for
+the elbow at its default stiffness.
+"""
+
+
 class StopCategory(NamedTuple):
-    """The stop category of a kind of condition: 0 or 1, and the reason for the choice."""
+    """The stop category of a kind of condition.
+
+    Attributes
+    ----------
+    number : int
+        0 or 1.
+    reason : str
+        Why.
+    longest : float
+        Longest time for lowering, beside `lowering_timeout` [s].
+    """
 
     number: int
     reason: str
+    longest: float = math.inf
 
 
 _BUS = "what the valves are told and what the sensors say no longer arrives reliably"
@@ -34,7 +56,12 @@ _DOUBT = "sensor, valve or muscle is not what lowering assumes"
 
 STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "command_timeout": StopCategory(1, "the controller is gone; sensors, boards and bus work"),
-    "joint_too_fast": StopCategory(0, "what drives the joint is unknown: all air must leave"),
+    "two_publishers": StopCategory(
+        1, "which command is right is unknown; sensors, boards and bus work"
+    ),
+    "joint_too_fast": StopCategory(
+        1, "the muscle that moves the joint empties, the air in the other one brakes", BRAKING_TIME
+    ),
     "loop_too_slow": StopCategory(0, "lowering is a loop with the same delay"),
     "supply_low": StopCategory(1, "lowering only lets air out, so it needs no supply"),
     "supply_high": StopCategory(1, "lowering closes the supply side of every valve"),
@@ -56,7 +83,9 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "position_jump": StopCategory(0, _SENSOR),
     "sensor_noise": StopCategory(0, _SENSOR),
     "sensor_range": StopCategory(0, _SENSOR),
-    "pressure_implausible": StopCategory(0, _DOUBT),
+    "pressure_implausible": StopCategory(
+        1, "air that enters or leaves one muscle moves the joint; the other one brakes", BRAKING_TIME
+    ),
     "torque_implausible": StopCategory(0, _DOUBT),
     "start_up_check": StopCategory(0, _DOUBT),
     "emergency_stop": StopCategory(0, "a person stops the robot, and its board has vented already"),
@@ -73,11 +102,20 @@ def can_lower(conditions: Iterable[Condition]) -> bool:
     )
 
 
+def longest_lowering(conditions: Iterable[Condition]) -> float:
+    """Longest time for lowering the joints after these conditions [s]."""
+    found = (STOP_CATEGORIES.get(condition.kind) for condition in conditions)
+    return min((category.longest for category in found if category is not None), default=math.inf)
+
+
 def categories_as_markdown() -> str:
     """The table as docs/safety.md shows it."""
     lines = ["| fault | stop category | why |", "|---|---|---|"]
     for kind, category in sorted(
         STOP_CATEGORIES.items(), key=lambda item: (-item[1].number, item[0])
     ):
-        lines.append(f"| `{kind}` | {category.number} | {category.reason} |")
+        number = f"{category.number}"
+        if math.isfinite(category.longest):
+            number += f", for {category.longest:g} s"
+        lines.append(f"| `{kind}` | {number} | {category.reason} |")
     return "\n".join(lines)

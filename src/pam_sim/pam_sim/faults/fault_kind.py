@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Final
 
 from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety.stop_categories import BRAKING_TIME
 
 _S: Final = DriverSettings()
 WATCHDOG: Final = 0.1  # s, WatchdogTimeout in the DBC
@@ -15,6 +16,7 @@ WATCHDOG: Final = 0.1  # s, WatchdogTimeout in the DBC
 # counted twice as a margin [s].
 VENT: Final = 0.012
 COMMANDS_STOP: Final = _S.command_timeout + VENT
+BRAKING: Final = BRAKING_TIME
 LOWERING: Final = _S.lowering_timeout
 SENSOR_STOPS: Final = _S.sensor_timeout + VENT
 BOARD_HEARS_NOTHING: Final = WATCHDOG + 0.010

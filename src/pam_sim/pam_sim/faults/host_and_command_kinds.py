@@ -9,14 +9,16 @@ from pam_sim.faults.fault_kind import (
     COMMANDS_STOP,
     MOMENT,
     SHARE,
+    VENT,
     WATCH,
     FaultKind,
     Reaction,
-    Stays,
 )
 
 _K = FaultKind
 _R = Reaction
+# Three commands of two publishers at 500 Hz, each up to 4 ms on its way.
+TURNS: Final = 0.01 + VENT
 
 HOST_AND_COMMAND_KINDS: Final = (
     # --- host ---
@@ -71,7 +73,6 @@ HOST_AND_COMMAND_KINDS: Final = (
     _K("command_flood", "command", "fifty times as many commands arrive", MOMENT, (), _R.RIDE,
        WATCH, "the latest command is used; there is no queue"),
     _K("command_two_publishers", "command", "a second node publishes commands", MOMENT,
-       ("pressure_implausible", "torque_implausible", "position_limit", "over_pressure"),
-       _R.EITHER, WATCH, "both are valid, so the joint may move anywhere within its limits; "
-       "/diagnostics warns of the number of publishers", stays=Stays.IN_LIMITS),
+       ("two_publishers",), _R.LOWER, TURNS, "the third command, since the sources of commands "
+       "take turns"),
 )  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from pam_model.effects import EFFECTS
-from pam_sim.faults.fault_kind import COMMANDS_STOP, VENT, FaultKind, Reaction, Stays
+from pam_sim.faults.fault_kind import BRAKING, COMMANDS_STOP, VENT, FaultKind, Reaction, Stays
 
 _K = FaultKind
 _R = Reaction
@@ -42,7 +42,7 @@ OPERATOR_KINDS: Final = (
     _K("old_commands_after_activation", "operator", "commands from before the activation arrive "
        "after it", {}, ("not_active", "out_of_order", "old"), _R.VENT, 1.0, _ACT),
     _K("hoses_crossed", "operator", "two hoses were exchanged", {},
-       ("pressure_implausible", "refused activation"), _R.VENT, 0.2,
+       ("pressure_implausible", "refused activation"), _R.VENT, 0.2 + BRAKING,
        "the check at start-up, or the first pressures"),
     _K("exhausts_blocked", "operator", "~/vent, but no air leaves the muscles", {}, ("vented",),
        _R.LOWER, VENT, "measured, not believed: not called vented, no activation", keeps_air=True),

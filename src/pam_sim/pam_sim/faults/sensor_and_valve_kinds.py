@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from pam_sim.faults.fault_kind import (
+    BRAKING,
     VENT,
     WATCH,
     FaultKind,
@@ -41,7 +42,7 @@ SENSOR_AND_VALVE_KINDS: Final = (
        "one sample"),
     _K("pressures_swapped", "sensor", "two pressure sensors are exchanged", {},
        ("pressure_rate", "pressure_implausible", "torque_implausible", "sensor_range"), _R.VENT,
-       0.5, "detected when the two pressures differ"),
+       0.5 + BRAKING, "detected when the two pressures differ"),
     _K("encoder_stuck", "sensor", "the angle freezes", {},
        ("torque_implausible", "pressure_implausible", "over_pressure"), _R.VENT, 1.0,
        "detected when pressures and angle disagree", stays=Stays.IN_LIMITS),
@@ -67,17 +68,18 @@ SENSOR_AND_VALVE_KINDS: Final = (
     # --- valves and air ---
     _K("valve_stuck_open", "valve", "a valve stays open to the supply", {},
        ("pressure_implausible", "over_pressure", "torque_implausible", "OVER_PRESSURE"), _R.VENT,
-       0.15, "the board commands a vent; only a shut-off valve in the supply can stop the air",
+       0.15 + BRAKING, "the driver brakes with the other muscle, then vents; only a shut-off valve "
+       "in the supply can stop the air",
        keeps_air=True),
     _K("valve_stuck_shut", "valve", "a valve stays shut", {},
-       ("pressure_implausible", "torque_implausible"), _R.VENT, 1.0,
+       ("pressure_implausible", "torque_implausible"), _R.VENT, 1.0 + BRAKING,
        "detected when the pressure should change", keeps_air=True),
     _K("valve_stuck_exhausting", "valve", "a valve stays open to ambient", {},
-       ("pressure_implausible", "torque_implausible"), _R.VENT, 0.2,
+       ("pressure_implausible", "torque_implausible"), _R.VENT, 0.2 + BRAKING,
        "detected when the pressure falls"),
     _K("muscle_burst", "valve", "a muscle or hose bursts; the hole is at least as large as "
        "the fully open valve", {"conductance": (4e-9, 1e-8)},
-       ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4,
+       ("pressure_implausible", "torque_implausible"), _R.VENT, 0.4 + BRAKING,
        "detected when the pressure falls"),
     _K("muscle_leak", "valve", "a muscle leaks through a smaller hole",
        {"conductance": (1.2e-9, 4e-9)}, ("suspected pressure_implausible", "pressure_implausible"),
