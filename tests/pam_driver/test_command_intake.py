@@ -186,3 +186,40 @@ def test_commands_go_back_into_their_units(
     ]
     both = CommandIntake(replace(rig, muscles=tuple(muscles)), TIMEOUT)
     assert both.in_units((0.25, 0.5)) == ([], [1e5, 2e5])
+
+
+def heard(intake: CommandIntake, sources: list[str], period: float = 0.002) -> list[float]:
+    """The times at which two publishers are reported [s]."""
+    found = []
+    for number, source in enumerate(sources):
+        now = 8.0 + number * period
+        intake.hear(source, now)
+        if list(intake.conditions(now)):
+            found.append(now)
+    return found
+
+
+def test_two_publishers_are_recognised_at_the_third_command(intake: CommandIntake) -> None:
+    assert heard(intake, ["a", "b", "a"]) == [pytest.approx(8.004)]
+    (found,) = intake.conditions(8.01)
+    assert (found.kind, found.subject) == ("two_publishers", "valve_commands")
+    assert found.text == "two nodes publish commands, a and b: stop one of them"
+    assert list(intake.conditions(8.9)) and not list(intake.conditions(9.1))
+
+
+def test_a_publisher_without_a_name_is_recognised_beside_one_with_a_name(
+    intake: CommandIntake,
+) -> None:
+    assert heard(intake, ["", "b", ""])
+    assert "one without a name and b" in next(intake.conditions(8.01)).text
+
+
+@pytest.mark.parametrize("sources", [["a"] * 50, ["a"] * 5 + ["b"] * 50, [""] * 20 + ["b"] * 20])
+def test_one_publisher_or_one_that_is_started_again_is_no_fault(
+    intake: CommandIntake, sources: list[str]
+) -> None:
+    assert not heard(intake, sources)
+
+
+def test_publishers_that_take_turns_slowly_are_two_acts(intake: CommandIntake) -> None:
+    assert not heard(intake, ["a", "b", "a"], period=1.2)

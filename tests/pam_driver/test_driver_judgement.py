@@ -11,6 +11,7 @@ from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
 from pam_driver.boards.protocol import Condition
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_driver.safety.states import SafetyState
+from pam_driver.safety.stop_categories import BRAKING_TIME
 from pam_model.rig import Plausibility, Rig
 
 from .exact_bench import GOOD, SUPPLY, TICK, ExactBench, Judge
@@ -112,7 +113,23 @@ def test_what_the_judge_finds_is_a_suspicion_below_one_and_a_fault_from_one_on(
         assert judged.driver.state is SafetyState.ACTIVE
     else:
         assert (judged.driver.suspicions, judged.driver.faults) == ((), found)
+        assert judged.driver.state is SafetyState.FAULT_LOWERING
+        judged.step(round(BRAKING_TIME / TICK) + 1)
         assert judged.driver.state is SafetyState.FAULT
+
+
+def test_a_joint_is_braked_for_a_short_time_although_lowering_may_take_long(
+    judged: ExactBench, judge: Judge
+) -> None:
+    """After a fault that leaves air moving, the valves vent after `BRAKING_TIME` at the latest."""
+    judged.start()
+    judge.finds = [Deviation("pressure_implausible", "elbow_flexor", 2.0, "a leak")]
+    judged.step(1, GOOD)
+    began = judged.now
+    while judged.driver.lowers:
+        judged.step(1, GOOD)
+    assert judged.now - began == pytest.approx(BRAKING_TIME, abs=2.0 * TICK)
+    assert judged.driver.state is SafetyState.FAULT
 
 
 def test_sensor_checks_count_beside_the_judge(rig: Rig, codec: BoardCodec, judge: Judge) -> None:

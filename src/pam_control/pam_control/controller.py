@@ -75,12 +75,9 @@ class Controller(LoopDesign):
 
     def _motion_limits(self, channel: JointChannel, stiffness: float) -> MotionLimits:
         """The limits of the rig file, and what the valves can drive at this stiffness."""
-        joint, valves = channel.joint, drivable_motion(self.rig, channel, stiffness)
-        return MotionLimits(
-            REFERENCE_SHARE * joint.max_velocity,
-            min(joint.max_acceleration, valves.acceleration),
-            valves.velocity,
-        )
+        joint, velocity = channel.joint, REFERENCE_SHARE * channel.joint.max_velocity
+        drivable = drivable_motion(self.rig, channel, stiffness)
+        return MotionLimits(velocity, joint.max_acceleration, *drivable)
 
     # --- settings ---------------------------------------------------------------------------------
 

@@ -3,8 +3,8 @@
 A reference that keeps the limits passes unchanged. Otherwise the limiter follows it as fast as the
 limits allow: it accelerates at most with the limit and brakes in time, both before the target and
 before the ends of the joint's range (the switching curve v^2 = 2 a e of a time-optimal double
-integrator). Therefore a jump, a corner or a stop of the source becomes a motion that the joint
-can follow.
+integrator). On its way to the target it also keeps what the valves can drive. Therefore a jump, a
+corner or a stop of the source becomes a motion that the joint can follow.
 
 The limiter runs ahead of the present time, up to the time at which the valves will act, and keeps
 what it has given out. The controller samples this history at the times that it needs.
@@ -26,7 +26,7 @@ LONGEST_STEP = 0.02  # s
 ROUNDING = 1.01  # a reference that was scaled to its limit exceeds it by less
 MATCH_SHARE = 0.05  # of the largest change of position in one step; taken as no difference
 KEPT_AT_LEAST = 0.2  # s
-LEAST_SHARE = 0.05  # of the acceleration limit, which every speed leaves
+LEAST_SHARE = 0.05  # of the acceleration that the valves can drive, which every speed leaves
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,19 +39,24 @@ class MotionLimits:
         [rad/s].
     acceleration : float
         [rad/s^2].
-    fastest : float
-        Speed at which the joint cannot become faster [rad/s]: the acceleration that makes it faster
-        falls linearly with the speed, see `valve_limits`.
+    drive_acceleration, drive_velocity : float
+        What the valves can drive, see `valve_limits` [rad/s^2], [rad/s].
     """
 
     velocity: float
     acceleration: float
-    fastest: float = math.inf
+    drive_acceleration: float = math.inf
+    drive_velocity: float = math.inf
 
-    def speeding_up(self, velocity: float) -> float:
-        """Largest acceleration that makes a joint with this velocity [rad/s] faster [rad/s^2]."""
-        share = 1.0 - abs(velocity) / self.fastest
-        return self.acceleration * max(share, LEAST_SHARE)
+    def driven(self, velocity: float) -> tuple[float, float]:
+        """Largest accelerations [rad/s^2] that the valves can drive at a velocity [rad/s].
+
+        The first makes the joint faster, the second slower.
+        """
+        start = min(self.acceleration, self.drive_acceleration)
+        share = abs(velocity) / self.drive_velocity
+        faster = start * max(1.0 - share, LEAST_SHARE)
+        return faster, min(start * (1.0 + share), self.acceleration)
 
     def stopping_distance(self, velocity: float) -> float:
         """Way [rad] on which a reference with this velocity [rad/s] stops, with its sign."""
@@ -116,9 +121,11 @@ class MotionLimiter:
         self.limited = True
         lower, upper = self.bounds
         brake = BRAKING_SHARE * limits.acceleration
+        faster, slower = limits.driven(now.velocity)
         gap = target.position - now.position - now.velocity * step
         # near the target the curve is a line, so that the discrete steps do not overshoot
-        closing = min(math.sqrt(2.0 * brake * abs(gap)), 0.25 * abs(gap) / step)
+        softly = BRAKING_SHARE * min(limits.acceleration, limits.drive_acceleration)
+        closing = min(math.sqrt(2.0 * softly * abs(gap)), 0.25 * abs(gap) / step)
         wanted = target.velocity + math.copysign(closing, gap)
         highest = min(
             limits.velocity, _braking_speed(brake, upper - now.position, now.velocity, step)
@@ -126,12 +133,13 @@ class MotionLimiter:
         lowest = max(
             -limits.velocity, -_braking_speed(brake, now.position - lower, -now.velocity, step)
         )
+        if not lowest <= now.velocity <= highest:
+            slower = limits.acceleration  # the range ends, or the speed is too high
         wanted = max(lowest, min(highest, wanted))
-        most, reach = limits.acceleration, limits.speeding_up(now.velocity)
         acceleration = (wanted - now.velocity) / step
         acceleration = max(
-            -most if now.velocity > 0.0 else -reach,
-            min(most if now.velocity < 0.0 else reach, acceleration),
+            -slower if now.velocity > 0.0 else -faster,
+            min(slower if now.velocity < 0.0 else faster, acceleration),
         )
         velocity = now.velocity + acceleration * step
         position = now.position + 0.5 * (now.velocity + velocity) * step
@@ -146,12 +154,10 @@ class MotionLimiter:
         brake = BRAKING_SHARE * limits.acceleration
         room = upper - target.position if target.velocity > 0.0 else target.position - lower
         change = limits.acceleration * step
-        faster = target.velocity * target.acceleration > 0.0
-        most = limits.speeding_up(target.velocity) if faster else limits.acceleration
         way = 0.5 * (now.velocity + target.velocity) * step
         return (
             abs(target.velocity) <= ROUNDING * limits.velocity
-            and abs(target.acceleration) <= ROUNDING * most
+            and abs(target.acceleration) <= ROUNDING * limits.acceleration
             and abs(target.velocity)
             <= _braking_speed(brake, room, abs(target.velocity), step) + change
             and abs(target.velocity - now.velocity) <= ROUNDING * change

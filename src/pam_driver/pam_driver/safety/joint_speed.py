@@ -6,10 +6,11 @@ acceleration vanishes; its energy there gives the peak speed
 
     v_peak = sqrt(v^2 + (a/w)^2),    w^2 = K/J
 
-which friction only makes smaller. Until a stop acts, a may grow by the factor `_GROWTH`. K is the stiffness of joint and gravity with shut valves: the
-muscle models give it at the measured pressures, with the gas compressed polytropically. A valve
-that is a pressure regulator holds its pressure, so that only the muscle's own stiffness counts.
-The acceleration is measured, so that payloads and friction are contained in it.
+which friction only makes smaller. Until a stop acts, a may grow by the factor `_GROWTH`. K is the
+stiffness of joint and gravity with shut valves: the muscle models give it at the measured
+pressures, with the gas compressed polytropically. A valve that is a pressure regulator holds its
+pressure, so that only the muscle's own stiffness counts. The acceleration is measured, so that
+payloads and friction are contained in it.
 
 Close to its position limits a joint may meet an end stop, which is no spring: there only the
 measured speed counts.

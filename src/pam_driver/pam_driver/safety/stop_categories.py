@@ -22,7 +22,6 @@ from typing import Final, NamedTuple
 
 from pam_driver.boards.protocol import Condition
 
-
 BRAKING_TIME: Final = 0.15
 """Longest time in which a joint is braked with the air that it has [s].
 
@@ -60,7 +59,7 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
         1, "which command is right is unknown; sensors, boards and bus work"
     ),
     "joint_too_fast": StopCategory(
-        1, "the muscle that moves the joint empties, the air in the other one brakes", BRAKING_TIME
+        1, "the muscle that moves the joint empties; the other one brakes", BRAKING_TIME
     ),
     "loop_too_slow": StopCategory(0, "lowering is a loop with the same delay"),
     "supply_low": StopCategory(1, "lowering only lets air out, so it needs no supply"),
@@ -84,7 +83,9 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "sensor_noise": StopCategory(0, _SENSOR),
     "sensor_range": StopCategory(0, _SENSOR),
     "pressure_implausible": StopCategory(
-        1, "air that enters or leaves one muscle moves the joint; the other one brakes", BRAKING_TIME
+        1,
+        "air that enters or leaves one muscle moves the joint; the other one brakes",
+        BRAKING_TIME,
     ),
     "torque_implausible": StopCategory(0, _DOUBT),
     "start_up_check": StopCategory(0, _DOUBT),
