@@ -43,7 +43,7 @@ LEFT_OUT: Final = frozenset({
     "frames_repeated", "frames_reordered", "_reordered_in_a_row", "restarts", "rejected_frames",
     "accepted", "rejected", "frame_errors", "last_frame_error", "uptime", "_grid", "_turns",
     # the round trip to the board, whose limit no path reaches, since frames take no time
-    "_echo_delay", "_echo", "_echo_at",
+    "_echo_delay", "_echo",
     # the age of the board stands in the system as well
     "_started",
     # texts for people
