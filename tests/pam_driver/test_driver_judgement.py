@@ -132,6 +132,19 @@ def test_a_joint_is_braked_for_a_short_time_although_lowering_may_take_long(
     assert judged.driver.state is SafetyState.FAULT
 
 
+def test_two_implausible_muscles_are_not_braked(judged: ExactBench, judge: Judge) -> None:
+    """Crossed hoses, for example: neither muscle brakes for certain."""
+    judged.start()
+    flexor = Deviation("pressure_implausible", "elbow_flexor", 2.0, "a leak")
+    judge.finds = [flexor]
+    judged.step(1, GOOD)
+    assert judged.driver.state is SafetyState.FAULT_LOWERING
+    judge.finds = [flexor, flexor._replace(subject="elbow_extensor")]
+    judged.step(1, GOOD)
+    assert judged.driver.state is SafetyState.FAULT
+    assert [fault.subject for fault in judged.driver.faults] == ["elbow_flexor", "elbow_extensor"]
+
+
 def test_sensor_checks_count_beside_the_judge(rig: Rig, codec: BoardCodec, judge: Judge) -> None:
     wide = replace(rig, plausibility=Plausibility(pressure_noise=1e9, position_noise=1e9))
     bench = ExactBench(wide, codec, judge)

@@ -314,10 +314,11 @@ class Driver:
                 self.faults = found
                 self._stop(SafetyEvent.FAULT_LOWER if can_lower(found) else SafetyEvent.FAULT, now)
         elif OUTPUTS[state].lower:
-            new = tuple(one for one in found if all(one.kind != old.kind for old in self.faults))
+            new = tuple(one for one in found if all(one[:2] != old[:2] for old in self.faults))
             if new:
                 self.faults += new
-                self._event(SafetyEvent.FAULT_LOWER if can_lower(new) else SafetyEvent.FAULT, now)
+                lower = can_lower(self.faults)
+                self._event(SafetyEvent.FAULT_LOWER if lower else SafetyEvent.FAULT, now)
             elif self._lowered(now):
                 self._event(SafetyEvent.LOWERED, now)
         else:

@@ -51,6 +51,7 @@ class StopCategory(NamedTuple):
 _BUS = "what the valves are told and what the sensors say no longer arrives reliably"
 _BOARD = "the board may not do what it is told"
 _SENSOR = "lowering relies on this measurement"
+_ONE_MUSCLE: Final = "pressure_implausible"
 _DOUBT = "sensor, valve or muscle is not what lowering assumes"
 
 STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
@@ -82,7 +83,7 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "position_jump": StopCategory(0, _SENSOR),
     "sensor_noise": StopCategory(0, _SENSOR),
     "sensor_range": StopCategory(0, _SENSOR),
-    "pressure_implausible": StopCategory(
+    _ONE_MUSCLE: StopCategory(
         1,
         "air that enters or leaves one muscle moves the joint; the other one brakes",
         BRAKING_TIME,
@@ -96,10 +97,14 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
 
 
 def can_lower(conditions: Iterable[Condition]) -> bool:
-    """Whether the joints may be lowered although these conditions hold."""
-    return all(
-        (category := STOP_CATEGORIES.get(condition.kind)) is not None and category.number == 1
-        for condition in conditions
+    """Whether the joints may be lowered although these conditions hold.
+
+    If two muscles are not what lowering assumes, no muscle is left that brakes for certain.
+    """
+    kinds = [condition.kind for condition in conditions]
+    return kinds.count(_ONE_MUSCLE) < 2 and all(
+        (category := STOP_CATEGORIES.get(kind)) is not None and category.number == 1
+        for kind in kinds
     )
 
 
