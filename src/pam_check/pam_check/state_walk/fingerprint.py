@@ -14,7 +14,7 @@ import math
 import pickle
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 from types import BuiltinFunctionType, FunctionType, MethodType, NoneType
 from typing import Any, Final
@@ -25,6 +25,7 @@ from pam_driver.boards.pam_board.kind import PamBoardKind
 from pam_driver.boards.protocol import Identifiers, Promises
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety.states import OUTPUTS, SafetyState
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Muscle, Rig
 from pam_ros.valve_command import ValveCommandFormat
@@ -59,6 +60,13 @@ LEFT_OUT: Final = frozenset({
     "_vent", "_clear", "_latch", "_limits", "ports", "_rig", "_judge", "_settings", "_codec",
 })  # fmt: skip
 """Attributes that are no part of the key."""
+_IDLE: Final[Mapping[str, Callable[[SafetyState], bool]]] = {
+    "_ready_since": lambda state: state is not SafetyState.READY,
+    "_lowering_since": lambda state: not OUTPUTS[state].lower,
+}
+"""Times of the driver, and in which of its states they mean nothing."""
+_AT_MOST: Final = {"powered_at": 2, "_latch_sent_at": 2}
+"""Ages of which only matters whether they are so many steps, or more."""
 _REASONS: Final = frozenset({"latched", "faults"})
 """Texts and reasons of which only matters whether there are any."""
 
@@ -119,6 +127,7 @@ class _Reader:
     def __init__(self, now: float) -> None:
         self._now = now
         self._seen: set[int] = set()
+        self._longest = LONGEST
 
     def read(self, thing: Any) -> Any:
         """The key of one object."""
@@ -147,23 +156,32 @@ class _Reader:
             return tuple([(str(name), self.read(value)) for name, value in thing.items()])
         if form is _Form.OWN_KEY:
             return thing.key()
-        return tuple(
-            [
-                bool(value) if name in _REASONS else self.read(value)
-                for name in _names(type(thing), thing)
-                for value in (getattr(thing, name, None),)
-            ]
-        )
+        return tuple([self._attribute(thing, name) for name in _names(type(thing), thing)])
+
+    def _attribute(self, thing: Any, name: str) -> Any:
+        """The key of one attribute."""
+        value = getattr(thing, name, None)
+        if name in _REASONS:
+            return bool(value)
+        if name in _IDLE and _IDLE[name](thing.state):
+            return None
+        if name in _AT_MOST:
+            self._longest = _AT_MOST[name]
+            try:
+                return self.read(value)
+            finally:
+                self._longest = LONGEST
+        return self.read(value)
 
     def _number(self, value: float) -> Any:
         """A time becomes its age in steps; NaN, which differs from itself, becomes a text."""
         if math.isnan(value):
             return "nan"
         if value == -math.inf:
-            return "age", LONGEST
+            return "age", self._longest
         if 0.5 * ORIGIN < value < math.inf:
             steps = math.floor((self._now - value) / TICK)
-            return "age", max(-LONGEST, min(LONGEST, steps))
+            return "age", max(-LONGEST, min(self._longest, steps))
         return value
 
 
