@@ -11,7 +11,7 @@ import pytest
 from pam_control.joint_channel import JointChannel
 from pam_control.references.motion_limiter import MotionLimiter, MotionLimits
 from pam_control.references.spline import JointReference
-from pam_control.references.valve_limits import drivable_motion
+from pam_control.valve_limits import drivable_motion
 from pam_model.rig import Rig
 
 STIFFNESS = 14.0

@@ -26,8 +26,8 @@ from pam_control.lowering import Lowering, LoweringPhase
 from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
-from pam_control.references.valve_limits import drivable_motion
 from pam_control.settings import ControlSettings
+from pam_control.valve_limits import drivable_motion
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
 

@@ -40,7 +40,7 @@ class MotionLimits:
     acceleration : float
         [rad/s^2].
     drive_acceleration, drive_velocity : float
-        What the valves can drive, see `valve_limits` [rad/s^2], [rad/s].
+        What the valves can drive, see `pam_control.valve_limits` [rad/s^2], [rad/s].
     """
 
     velocity: float
