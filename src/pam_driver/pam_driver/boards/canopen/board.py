@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 from pam_driver.boards.canopen.boot import Boot, Stage
 from pam_driver.boards.canopen.device import (
-    ANGLE_INPUT,
     BOOT_UP,
     NMT,
     OPERATIONAL,
-    PRESSURE_INPUT,
     READY,
     START,
     STATES,
@@ -20,12 +18,11 @@ from pam_driver.boards.canopen.device import (
     STOPPED,
     SYNC,
     Device,
-    Input,
     Rpdo,
-    Tpdo,
 )
 from pam_driver.boards.canopen.emergency import emergency_text
 from pam_driver.boards.canopen.host import Host
+from pam_driver.boards.canopen.measurements import Measurements
 from pam_driver.boards.frame_errors import (
     ForeignCommandError,
     FrameError,
@@ -45,7 +42,6 @@ from pam_driver.boards.protocol import (
     WiredBoard,
 )
 
-_TURN: Final = 2.0 * math.pi
 _HEARTBEATS_MISSED: Final = 5
 # Another device's frame with an identifier of this one is a fault for so long [s].
 _CLASH_MEMORY: Final = 1.0
@@ -99,15 +95,14 @@ class CanopenBoard:
             tuple(pdo.frame_id for pdo in device.commands),
             tuple(service),
         )
-        self.pressures: dict[Channel, Sample] = {wire.channel: Sample() for wire in wired.pressures}
-        self.angles: dict[Channel, Sample] = {angle.channel: Sample() for angle in wired.angles}
-        self.supply_pressure = math.nan
+        self._measured = Measurements(wired, node, device.answers, self._heard_pdo)
+        self.pressures, self.angles = self._measured.pressures, self._measured.angles
         self.host_fault = False
         self.round_trip = math.nan  # PDOs carry no counter
         self.inputs: Mapping[str, Sample] = {}
         self.restarts = 0
         self.listeners: Mapping[int, Hear] = {
-            **{pdo.frame_id: self._listener(pdo) for pdo in device.answers},
+            **self._measured.listeners,
             **{pdo.frame_id: self._foreign(pdo) for pdo in device.commands},
             self._heartbeat_id: self._hear_heartbeat,
             self._emergency_id: self._hear_emergency,
@@ -115,17 +110,20 @@ class CanopenBoard:
         }
         self._wired, self._device, self._host = wired, device, host
         host.serve(device)
-        self._heard_at = {f"TPDO{pdo.number}": NEVER for pdo in device.answers}
         self._heartbeat_at = NEVER
         self._state: int | None = None
         self._left = ""
         self._emergencies: dict[int, str] = {}
-        self._invalid: dict[tuple[str, Channel], str] = {}
         self._clash: tuple[float, str] = (NEVER, "")
         self._restarted = False
         self._opened = False
         self._venting = True
         self._stopped = False
+
+    @property
+    def supply_pressure(self) -> float:
+        """The last measured supply pressure [Pa absolute]; NaN if it measures none."""
+        return self._measured.supply_pressure
 
     @property
     def follows(self) -> bool:
@@ -186,9 +184,7 @@ class CanopenBoard:
             missing.append(f"heartbeat (0x{self._heartbeat_id:03X}) for {limit:g} s")
         if self._state in {OPERATIONAL, None} and self.boot.stage in {Stage.DONE, Stage.IDLE}:
             missing += [
-                f"{name} for {timeout:g} s"
-                for name, time in self._heard_at.items()
-                if now - time > timeout
+                f"{name} for {timeout:g} s" for name in self._measured.missing(now, timeout)
             ]
         return missing
 
@@ -204,8 +200,7 @@ class CanopenBoard:
             yield Condition("board_lost", self.name, text)
         if self._restarted:
             yield Condition("board_restarted", self.name, f"node {node} has restarted (boot-up)")
-        wrong = list(self._emergencies.values())
-        wrong += [f"{what} {channel}: {name}" for (what, channel), name in self._invalid.items()]
+        wrong = [*self._emergencies.values(), *self._measured.invalid_texts()]
         if self._left:
             wrong.append(self._left)
         if self.boot.stage is Stage.REFUSED:
@@ -235,10 +230,8 @@ class CanopenBoard:
         values["emergencies"] = ", ".join(self._emergencies.values()) or "none"
         if self.boot.notes:
             values["refused at boot"] = "; ".join(self.boot.notes)
-        if self._invalid:
-            values["invalid"] = ", ".join(
-                f"{what} {channel}: {name}" for (what, channel), name in self._invalid.items()
-            )
+        if self._measured.invalid:
+            values["invalid"] = ", ".join(self._measured.invalid_texts())
         if self.promises.measures_supply:
             values["supply pressure [Pa absolute]"] = self.supply_pressure
         return BoardReport(self._state_text(), values)
@@ -342,65 +335,11 @@ class CanopenBoard:
             self._clash = (time, str(error))
             raise error
 
-    def _listener(self, pdo: Tpdo) -> Hear:
-        entries = tuple((entry, self._store(entry)) for entry in pdo.inputs)
-        name = f"TPDO{pdo.number}"
-        objects = ", ".join(str(entry.field.name) for entry in pdo.inputs)
-
-        def hear(data: bytes, time: float, stamp: float) -> None:
-            if len(data) != pdo.length:
-                raise FrameLengthError(
-                    pdo.frame_id,
-                    f"{name} of node {self._device.node} ({objects}) has {len(data)} bytes, "
-                    f"expected {pdo.length}",
-                )
-            word = int.from_bytes(data, "little")
-            found = []
-            for entry, store in entries:
-                raw = entry.field.raw(word)
-                invalid = entry.invalid.get(int(raw), "") if entry.invalid else ""
-                if raw != raw:  # noqa: PLR0124  (NaN)
-                    invalid = "not a number"
-                elif not invalid and not entry.low <= raw <= entry.high:
-                    raise FrameRangeError(
-                        pdo.frame_id,
-                        f"{name} of node {self._device.node}, {entry.field.name} is {raw:g} raw, "
-                        f"expected {entry.low:g} to {entry.high:g}",
-                    )
-                found.append((entry, store, invalid, entry.gain * raw + entry.bias))
-            self._heard_at[name] = time
-            if self.boot.stage is Stage.STARTING:  # only an operational device sends PDOs
-                self._state = OPERATIONAL
-                self.boot.is_operational()
-            for entry, store, invalid, value in found:
-                if invalid:
-                    self._invalid[entry.what, entry.channel] = invalid
-                else:
-                    store(value, time, stamp)
-
-        return hear
-
-    def _store(self, entry: Input) -> Callable[[float, float, float], None]:
-        """The function that keeps a valid measurement."""
-        key = (entry.what, entry.channel)
-
-        def pressure(value: float, time: float, stamp: float) -> None:
-            self._invalid.pop(key, None)
-            self.pressures[entry.channel] = Sample(value, time, stamp)
-
-        def angle(value: float, time: float, stamp: float) -> None:
-            self._invalid.pop(key, None)
-            if entry.wraps:
-                value = math.remainder(value, _TURN)
-            self.angles[entry.channel] = Sample(value, time, stamp)
-
-        def supply(value: float, time: float, stamp: float) -> None:
-            self._invalid.pop(key, None)
-            self.supply_pressure = value
-
-        if entry.what == PRESSURE_INPUT:
-            return pressure
-        return angle if entry.what == ANGLE_INPUT else supply
+    def _heard_pdo(self) -> None:
+        """Only an operational device sends PDOs."""
+        if self.boot.stage is Stage.STARTING:
+            self._state = OPERATIONAL
+            self.boot.is_operational()
 
     def _foreign(self, pdo: Rpdo) -> Hear:
         def hear(data: bytes, time: float, stamp: float) -> None:
