@@ -436,3 +436,27 @@ def test_a_new_process_of_the_driver_takes_running_devices_over_and_opens_nothin
     assert conditions(robot) == []
     robot.run(2.0)
     robot.move()
+
+
+def test_pdos_that_nobody_uses_are_turned_off() -> None:
+    robot = Robot(load_rig(ELBOW_CANOPEN))
+    slave = twin(robot).slave
+    on_after_power_up = [slave.number(index, 1) < 0x8000_0000 for index in (0x1401, 0x1801)]
+    assert on_after_power_up == [True, True]
+    robot.run(0.3)
+    for index in (0x1401, 0x1402, 0x1800, 0x1801, 0x1802):
+        assert int(slave.number(index, 1)) >> 31 == 1, hex(index)
+    assert slave.number(0x1400, 1) == 0x205
+
+
+def test_a_person_who_clears_faults_allows_the_next_start_by_itself() -> None:
+    robot = moving()
+    robot.driver.vent_at_once(robot.now)
+    robot.run(1.0)
+    robot.driver.clear_faults(robot.now)
+    robot.run(0.1)
+    robot.loses = lambda frame_id, data: frame_id == 0x77F
+    robot.run(0.2)
+    robot.loses = lambda frame_id, data: False
+    robot.run(0.4)
+    assert twin(robot).active and conditions(robot) == []

@@ -26,6 +26,7 @@ from pam_model.rig import Bus, load_rig, save_rig
 from pam_ros.periodic import LoopStatistics
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.simulated_rig import SimulatedRig
+from support.canopen_device import io_module
 from support.rigs import CONFIG
 from support.weak_device import rig_with_sensors_apart, weak_rig
 
@@ -88,6 +89,33 @@ def test_the_driver_moves_a_robot_that_mixes_kinds_on_two_buses(
     finally:
         for port in (*ours.values(), *theirs.values()):
             port.close()
+
+
+def test_the_driver_moves_a_robot_with_a_valve_board_and_canopen_on_two_buses(
+    tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """Both use the same range of identifiers, each on its bus; on one bus they are refused."""
+
+    def change(tree: dict[str, Any]) -> None:
+        on_virtual_buses(request.node.name)(tree)
+        tree["boards"]["upper_arm"]["number"] = 5
+        tree["boards"]["manifold"] = {**io_module(5), "bus": "vendor"}
+
+    rig = load_rig(rig_file(tmp_path, change))
+    quick = tuple(replace(joint, max_velocity=50.0) for joint in rig.joints)
+    rig = replace(rig, joints=quick)
+    simulated = SimulatedRig(rig, quality=SensorQuality(0.0, 0.0, 0.0, 0.0))
+    wiring = RigWiring(rig)
+    ours, theirs = open_buses(rig, wiring, ONLY), open_buses(rig, simulated.wiring, ONLY)
+    try:
+        seen = _move(Driver(rig, ours, DriverSettings(), wiring=wiring), simulated, theirs)
+        assert seen == {"boards": {0x085, 0x105}, "vendor": {0x000, 0x205, 0x605, 0x77F}}
+    finally:
+        for port in (*ours.values(), *theirs.values()):
+            port.close()
+    boards = {name: {**section, "bus": "boards"} for name, section in rig.boards.items()}
+    with pytest.raises(RigError, match="board manifold: board upper_arm uses identifier 0x185"):
+        RigWiring(replace(rig, boards=boards)).make_boards()
 
 
 def _move(
