@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_gap.inference.candidates import background_for, candidates_for
-from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.candidates import candidates_for, ordinary_sizes
+from pam_gap.inference.decision import Decision, Judge, named_effects
 from pam_gap.inference.probabilities import probabilities
 from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT
@@ -44,7 +44,7 @@ def test_a_delay_that_leads_is_named_although_the_background_remains() -> None:
 
 def test_a_good_rig_with_a_background_is_told_none() -> None:
     nominal = score((), (7.0, 7.5, 35.0))
-    fitted = score(("hysteresis",), (6.5, 7.0, 25.0))
+    fitted = ordinary(score(("hysteresis",), (5.5, 6.0, 25.0)), "hysteresis")
     assert decided(nominal, fitted).verdict == "none"
     assert decided(nominal, fitted, background=np.zeros(CHANNELS)).verdict != "none"
 
@@ -78,7 +78,8 @@ def test_probabilities_follow_the_verdict_and_sum_to_one() -> None:
         return found
 
     assert given(nominal, delay, lag)["command_delay"] > 0.8
-    assert given(score((), (7.0, 7.5, 35.0)), delay)["none"] > 0.8
+    usual = ordinary(score(("hysteresis",), (5.0, 5.5, 20.0)), "hysteresis")
+    assert given(score((), (7.0, 7.5, 35.0)), delay, usual)["none"] > 0.8
     assert given(nominal, lag)["unknown"] > 0.8
 
 
@@ -101,18 +102,72 @@ def test_a_rig_that_is_explained_down_to_the_noise_is_judged_against_the_noise()
 
 def test_the_background_is_what_the_effects_call_ordinary() -> None:
     joint = ELBOW.joints[0]
-    found = {nuisance.effect for nuisance in background_for(ELBOW, joint)}
-    assert found == {"hysteresis", "creep", "coulomb_friction", "leakage"}
-    for nuisance in background_for(ELBOW, joint):
+    found = {path.split(".")[-2] for path, _ in ordinary_sizes(ELBOW, joint)}
+    assert found == {"hysteresis", "creep", "coulomb_friction", "leakage", "valve_dead_zone"}
+    for candidate in candidates_for(ELBOW, joint):
         # A cause starts its search above the largest size that is ordinary.
-        key = nuisance.targets[0].rsplit(".", 1)[1]
-        candidate = next(c for c in candidates_for(ELBOW, joint) if c.effect == nuisance.effect)
-        places = [k for k, p in enumerate(candidate.free) if p.name.startswith(key)]
-        assert all(start[k] > nuisance.free.high for start in candidate.starts for k in places)
+        assert not any(candidate.is_ordinary(start) for start in candidate.starts)
 
 
 def test_an_effect_that_the_rig_file_states_has_no_background_besides() -> None:
     joint = replace(ELBOW.joints[0], effects={"coulomb_friction": {"torque": 0.3}})
     rig = ELBOW.with_joint(joint)
     assert "coulomb_friction" in EFFECTS
-    assert "coulomb_friction" not in {n.effect for n in background_for(rig, joint)}
+    paths = {path for path, _ in ordinary_sizes(rig, joint)}
+    assert not any("coulomb_friction" in path for path in paths)
+
+
+def test_the_size_of_an_effect_of_both_muscles_is_their_mean() -> None:
+    hysteresis = next(c for c in candidates_for(ELBOW, ELBOW.joints[0]) if c.effect == "hysteresis")
+    shape = hysteresis.starts[0][-1]
+    assert hysteresis.is_ordinary(np.array([0.025, 0.01, shape]))
+    assert not hysteresis.is_ordinary(np.array([0.03, 0.02, shape]))
+    lag = next(c for c in candidates_for(ELBOW, ELBOW.joints[0]) if c.effect == "valve_lag")
+    assert not lag.is_ordinary(np.zeros(len(lag.free)))  # a good rig has none of it
+
+
+def ordinary(one: Score, *effects: str) -> Score:
+    return replace(one, ordinary=effects)
+
+
+def test_a_small_hysteresis_beside_a_cause_is_not_named() -> None:
+    nominal = score((), (33.0, 74.0, 190.0))
+    delay = score(("command_delay",), (8.0, 9.0, 150.0))
+    pair = ordinary(score(("command_delay", "hysteresis"), (4.0, 5.0, 30.0)), "hysteresis")
+    decision = decided(nominal, delay, pair)
+    assert decision.verdict == "named"
+    assert decision.chosen is pair
+    assert named_effects(decision, ("command_delay", "hysteresis")) == (("command_delay",), ())
+
+
+def test_hypotheses_that_differ_only_in_the_background_are_one_answer() -> None:
+    nominal = score((), (33.0, 74.0, 190.0))
+    first = ordinary(score(("command_delay", "hysteresis"), (4.0, 5.0, 30.0)), "hysteresis")
+    second = ordinary(score(("command_delay", "leakage"), (4.0, 5.0, 30.5)), "leakage")
+    decision = decided(nominal, first, second)
+    assert decision.verdict == "named"
+    assert decision.rivals == ()
+
+
+def test_a_gap_that_ordinary_effects_explain_is_none_whatever_else_fits() -> None:
+    nominal = score((), (12.0, 12.0, 110.0))
+    usual = ordinary(score(("hysteresis",), (5.0, 5.0, 30.0)), "hysteresis")
+    creep = score(("creep",), (5.0, 5.0, 29.0))
+    assert decided(nominal, usual, creep).verdict == "none"
+    assert decided(nominal, creep).verdict != "none"
+
+
+def test_a_gap_as_small_as_a_background_but_of_another_kind_is_unknown() -> None:
+    nominal = score((), (8.0, 8.0, 40.0))
+    unusual = score(("pulley_radius",), (7.0, 7.0, 35.0))
+    assert decided(nominal, unusual).verdict == "unknown"
+
+
+def test_a_cause_that_removes_little_beside_ordinary_effects_is_not_named() -> None:
+    nominal = score((), (34.0, 35.0, 155.0))
+    usual = ordinary(score(("hysteresis",), (25.6, 27.0, 46.6)), "hysteresis")
+    both = ordinary(score(("hysteresis", "thermal"), (16.4, 22.8, 42.4)), "hysteresis")
+    floor = np.array([18.5, 18.5, 68.0]) ** 2
+    assert decided(nominal, usual, both, background=floor).verdict == "unknown"
+    strong = ordinary(score(("hysteresis", "thermal"), (9.0, 8.0, 42.4)), "hysteresis")
+    assert decided(nominal, usual, strong, background=floor).verdict == "named"

@@ -76,11 +76,6 @@ def _declare_diagnose(parser: Parser) -> None:
         help="share of the motion below which a gap does not matter (default: 0.001)",
     )
     parser.add_argument(
-        "--background",
-        action="store_true",
-        help="assume an ordinary background of small imperfections (docs/how_often_right.md)",
-    )
-    parser.add_argument(
         "--threads",
         type=count(0),
         default=0,

@@ -112,8 +112,7 @@ class JointDiagnosis:
         """Search single effects, then further effects while they improve the fit enough."""
         search = Search(self.fitter, self.candidates(), self.progress)
         result = search.singles()
-        if self.rules.search.background:
-            self.judge.background = discrepancy(self.fitter, result.nominal)
+        self.judge.background = discrepancy(self.fitter, result.nominal)
         low, high = 0.4, 0.75
         while self._goes_on(search, result):
             search.grow(result, (low, high))

@@ -239,8 +239,6 @@ def _rules(given: Arguments) -> Rules:
     rules = DEFAULT
     if given.material is not None:
         rules = changed("decision.material_share", given.material, rules)
-    if given.background:
-        rules = replace(rules, search=replace(rules.search, background=True))
     return rules
 
 

@@ -175,14 +175,24 @@ MAGNITUDES = (
 """Fields that say how strong an effect is; the other fields shape it."""
 
 
+LEAST_LEFT = 0.3
+
+
 def weaker(draw: Draw, plain: Draw, share: float) -> Draw:
-    """The drawn rig with its effects reduced to `share` of their size above `plain`."""
+    """The drawn rig with its effects changed to `share` of their size above `plain`.
+
+    A number that an effect makes smaller, such as the conductance of the exhaust, keeps at least
+    `LEAST_LEFT` of its value, because beyond that the rig could not run.
+    """
 
     def between(small: dict[str, float], large: dict[str, float]) -> dict[str, float]:
-        return {
-            name: small[name] + share * (value - small[name]) if name in MAGNITUDES else value
-            for name, value in large.items()
-        }
+        changed = dict(large)
+        for name in large.keys() & set(MAGNITUDES):
+            value = small[name] + share * (large[name] - small[name])
+            if 0.0 < large[name] < small[name]:
+                value = max(value, LEAST_LEFT * small[name])
+            changed[name] = value
+        return changed
 
     joint = draw.joint._replace(**between(plain.joint._asdict(), draw.joint._asdict()))
     muscles = [

@@ -51,12 +51,9 @@ def draw_sealed(cases: int, seed: int, out: Path, background: bool = False) -> s
     return done.stdout.strip()
 
 
-def diagnose_case(
-    case: Path, out: Path, keep_evidence: bool = False, background: bool = False
-) -> dict[str, Any]:
+def diagnose_case(case: Path, out: Path, keep_evidence: bool = False) -> dict[str, Any]:
     """Diagnose one case in a process that gets only its recording and rig file."""
     options = ["--keep-evidence"] if keep_evidence else []
-    options += ["--background"] if background else []
     started = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", DIAGNOSIS, "diagnose", str(case / "recording.csv.gz"),
@@ -151,9 +148,7 @@ def run_campaign(
     answers: dict[str, dict[str, Any]] = {}
     with ThreadPoolExecutor(workers) as pool:
         runs = {
-            pool.submit(
-                diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence, background
-            ): n
+            pool.submit(diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence): n
             for n in names
         }
         with progress(len(runs), "diagnosing") as bar:

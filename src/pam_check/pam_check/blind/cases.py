@@ -25,7 +25,7 @@ from pam_check.blind.draw import (
     draw_sensors,
     perturbed,
 )
-from pam_check.blind.rough import TOLERANCES, draw_rough_rig, uneven
+from pam_check.blind.rough import TOLERANCES, BuriedError, draw_rough_rig, uneven
 from pam_check.blind.truth_plant import (
     Array,
     Sensors,
@@ -225,7 +225,7 @@ def make_rough_case(
         tolerance = float(random.choice(TOLERANCES))
         try:
             drawn = draw_rough_rig(believed, tolerance, effects, random)
-        except FloatingPointError:
+        except (FloatingPointError, BuriedError):
             continue
         if not _moves_well(drawn.recording, believed[0]):
             continue

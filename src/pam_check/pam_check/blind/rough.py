@@ -37,9 +37,14 @@ STRENGTHS = {"weak": (1.0, 3.0), "medium": (3.0, 10.0), "strong": (10.0, 30.0)}
 TOLERANCES = (0.02, 0.03, 0.05)
 SAMPLE_TIMES = (0.001, 0.002, 0.002, 0.0025, 0.005)
 SHORTEST, LONGEST = 20.0, 40.0  # s
-ROUNDS = 3
+WEAKEST = STRENGTHS["weak"][0]
+ROUNDS = 4
 CLOSE = 0.2  # of the logarithm of the strength
-LARGEST_SHARE = 1.5
+LARGEST_SHARE = 4.0
+
+
+class BuriedError(ValueError):
+    """The drawn effects change the rig by less than its background does."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,8 @@ def draw_rough_rig(
     ------
     FloatingPointError
         When the drawn rig cannot run.
+    BuriedError
+        When the effects stay smaller than the background, however large they are made.
     """
     joint, muscle = believed
     plain = Draw(random, joint, [muscle, muscle])
@@ -148,6 +155,8 @@ def draw_rough_rig(
         if abs(math.log(max(strength, 1e-3) / goal)) < CLOSE:
             break
         share = min(share * goal / max(strength, 1e-3), LARGEST_SHARE)
+    if effects and strength < WEAKEST:
+        raise BuriedError(f"{', '.join(effects)}: {strength:.2f} times the background")
     check = run(rig, motions[1])
     muscles = (rig.muscles[0], rig.muscles[1])
     return DrawnRig(rig.joint, muscles, sensors, supply, recording, check, without, strength)

@@ -15,6 +15,9 @@ from scipy.stats import beta
 
 CLEAR_GAP = 3.0
 """In multiples of the noise: a weaker hidden effect need not be in the answer."""
+BY_STRENGTH = ("weak", "medium", "strong")
+"""Classes of strength above an ordinary background (`pam_check.blind.rough.STRENGTHS`)."""
+MEDIUM, STRONG = 3.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,60 @@ def reported_set(answer: Mapping[str, Any]) -> set[str]:
     return effects | together
 
 
+CRASHED: Mapping[str, Any] = {
+    "verdict": "crash", "effects": [], "indistinguishable": [], "stage": None
+}  # fmt: skip
+SPLIT = ("top1", "truth_in_set", "stage", "false_name", "both_of_two")
+"""Figures that are given for each class of strength too, on rigs with a background."""
+
+
+def strength_of(label: Mapping[str, Any]) -> str:
+    """Class of strength of a rig with a background and hidden effects; empty for other rigs."""
+    strength = float(label.get("strength", 0.0))
+    if strength <= 0.0:
+        return ""
+    return BY_STRENGTH[(strength >= MEDIUM) + (strength >= STRONG)]
+
+
+def says_what_is_left(answer: Mapping[str, Any]) -> bool:
+    """Whether an answer is `unknown`, or says that an error that matters stays unexplained."""
+    leftover = answer.get("leftover") or {}
+    return answer["verdict"] == "unknown" or bool(leftover.get("material"))
+
+
+def by_strength(
+    labels: Sequence[Mapping[str, Any]], answers: Mapping[str, Mapping[str, Any]]
+) -> dict[str, list[bool]]:
+    """Outcomes on rigs with a background, for each class of strength of the hidden effects.
+
+    Parameters
+    ----------
+    labels, answers
+        As for `score`.
+    """
+    rows: dict[str, list[bool]] = {
+        f"{name}_{strength}": [] for strength in BY_STRENGTH for name in SPLIT
+    }
+    rows["outside_unknown_or_leftover"] = []
+    for label in labels:
+        answer = answers.get(str(label["case"])) or CRASHED
+        truth, named = set(label["effects"]), list(answer["effects"])
+        found, strength = reported_set(answer), strength_of(label)
+        if label["kind"] == "outside":
+            rows["outside_unknown_or_leftover"].append(says_what_is_left(answer))
+        if not strength:
+            continue
+        if label["kind"] == "one":
+            candidates = answer.get("candidates") or [[""]]
+            rows[f"top1_{strength}"].append(bool(named) and candidates[0][0] in truth)
+            rows[f"truth_in_set_{strength}"].append(truth <= found)
+            rows[f"stage_{strength}"].append(answer["stage"] in label["stages"])
+            rows[f"false_name_{strength}"].append(bool(named) and not truth & found)
+        elif label["kind"] == "two":
+            rows[f"both_of_two_{strength}"].append(truth <= found)
+    return rows
+
+
 def score(
     labels: Sequence[Mapping[str, Any]], answers: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
@@ -100,7 +157,7 @@ def score(
         truth = set(label["effects"])
         clear = float(label["gap_over_floor"]) >= CLEAR_GAP
         if answer is None:
-            answer = {"verdict": "crash", "effects": [], "indistinguishable": [], "stage": None}
+            answer = CRASHED
         verdict, named = str(answer["verdict"]), list(answer["effects"])
         right = True
         if label["kind"] == "none":
@@ -147,7 +204,10 @@ def score(
                 }
             )
     return {
-        "shares": {name: share(outcomes).to_json() for name, outcomes in rows.items()},
+        "shares": {
+            name: share(outcomes).to_json()
+            for name, outcomes in (rows | by_strength(labels, answers)).items()
+        },
         "closed_median": float(np.median(closed)) if closed else None,
         "untouched_median": float(np.median(untouched)) if untouched else None,
         "closed_error_median": float(np.median(closed_error)) if closed_error else None,

@@ -109,6 +109,9 @@ class Diagnosis:
         Shares of the motion below which a gap does not matter, and one that no effect explains.
     not_shown : tuple of str
         Effects that would stay below the noise in these recordings at their usual size.
+    ordinary : tuple of str
+        Effects that the chosen hypothesis contains but that are no larger than on an ordinary good
+        rig. They belong to the background and are not named.
     """
 
     verdict: str
@@ -136,6 +139,7 @@ class Diagnosis:
     sizes: tuple[GapSize, ...] = ()
     material_share: float = 0.0
     unexplained_share: float = 0.0
+    ordinary: tuple[str, ...] = ()
     improved: Rig | None = None
     survivors: tuple[Hypothesis, ...] = ()
     proposal: Proposal | None = None
@@ -215,6 +219,7 @@ class Diagnosis:
             "cautions": list(self.cautions),
             "not_shown": list(self.not_shown),
             "preferred": self.preferred,
+            "ordinary": list(self.ordinary),
             "leftover": self.leftover(),
             "materiality": {
                 "limit": self.material_share,
@@ -228,6 +233,7 @@ class Diagnosis:
                         "after": size.after,
                         "limit": size.limit,
                         "limit_unexplained": size.limit_unexplained,
+                        "background": size.background,
                         "unit": size.unit,
                     }
                     for size in self.sizes
@@ -246,6 +252,7 @@ class Diagnosis:
         size = max(self.sizes, key=lambda s: s.share_left)
         return {
             "material": size.leaves_material,
+            "ordinary": size.leaves_ordinary,
             "stage": size.stage,
             "channel": size.channel,
             "rms": size.after,

@@ -77,15 +77,32 @@ def what_is_left(diagnosis: Diagnosis) -> str:
     if not material:
         return ""
     size = max(material, key=lambda s: s.share_left)
+    usual = ", no more than ordinary imperfections of a good rig leave"
     return (
         f"{told(size.after, size.unit)} at {size.channel} remain unexplained, "
-        f"{percent(size.share_left)} of its motion."
+        f"{percent(size.share_left)} of its motion{usual if size.leaves_ordinary else ''}."
     )
+
+
+def _ordinary(diagnosis: Diagnosis, start: str) -> str:
+    """The effects that are no larger than on an ordinary good rig; empty without any."""
+    if not diagnosis.ordinary:
+        return ""
+    names = _listed([_words(effect) for effect in diagnosis.ordinary])
+    return f" {start} {names} of a size that every good rig has."
 
 
 def nothing_material(diagnosis: Diagnosis) -> str:
     """The verdict `none` for a gap above the noise that is too small to matter."""
     size = diagnosis.sizes[0]
+    if size.retuned > size.limit and size.background > 0.0:
+        return (
+            "Ordinary imperfections: the rig file, re-tuned within its tolerance, is wrong by "
+            f"{told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its "
+            f"motion of {told(size.motion, size.unit)}. The small imperfections of a good rig can "
+            f"leave {told(size.background, size.unit)}, and no effect stands out of them."
+            f"{_ordinary(diagnosis, 'Found was')}"
+        )
     limit, reason = size.limit, "This is"
     if size.is_material:
         limit, reason = size.limit_unexplained, "No known effect explains this, and it is"
@@ -176,7 +193,7 @@ def _named(diagnosis: Diagnosis) -> str:
         size = f": {numbers}" if numbers else ""
         return (
             f"The cause is {_words(effects[0])} at the {diagnosis.stage} stage{size}."
-            f"{_closes(diagnosis, 'It explains')}"
+            f"{_ordinary(diagnosis, 'Beside it there is')}{_closes(diagnosis, 'It explains')}"
         )
     numbers = "; ".join(
         f"{_words(effect)}: {text}"
@@ -184,4 +201,7 @@ def _named(diagnosis: Diagnosis) -> str:
         if (text := with_parameters(diagnosis, effect))
     )
     size = f" ({numbers})" if numbers else ""
-    return f"The causes are {_with_stages(effects)}{size}.{_closes(diagnosis, 'They explain')}"
+    beside = _ordinary(diagnosis, "Beside them there is")
+    return (
+        f"The causes are {_with_stages(effects)}{size}.{beside}{_closes(diagnosis, 'They explain')}"
+    )

@@ -113,6 +113,7 @@ class AnswerForm:
             location=location,
             horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
             improved=self.improved(final.hypothesis) if is_named else None,
+            ordinary=() if decision.chosen is None else decision.chosen.ordinary,
             written_values=self.problem.base.values,
             improved_values=values,
             survivors=(final.hypothesis, *(r.hypothesis for r in decision.rivals))
@@ -189,7 +190,8 @@ class AnswerForm:
         squares = [score.mean_square for score in (written, nominal, final)]
         share = self.rules.material_share
         most = share * self.rules.unexplained_factor
-        return gap_sizes(self.problem, self.floor, share, most, squares)
+        background = self.judge.floor - self.judge.noise
+        return gap_sizes(self.problem, self.floor, share, most, squares, background)
 
     def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:
         """Scored hypotheses, best first, with the share of the gap that remains with each."""
@@ -241,9 +243,8 @@ class AnswerForm:
     def improved(self, h: Hypothesis) -> Rig:
         """The rig with the fitted values, except the transport time, which belongs to the log."""
         _, targets, factor = self.fitter.problem_parts(h.members)
-        found = {path for member in h.members for group in member.targets for path in group}
         for place, nuisance in enumerate(self.fitter.nuisances):
-            if nuisance.is_transport or nuisance.targets[0] in found:
+            if nuisance.is_transport:
                 targets[place] = ()
         return improve_rig(self.rig, self.joint, h, targets, factor)
 

@@ -1,20 +1,19 @@
-"""What an ordinary background leaves that no hypothesis explains: the discrepancy of a good rig.
+"""What an ordinary background leaves: the discrepancy of a good rig.
 
-No rig is exact. Small thread friction, creep, dry friction and leaks are fitted as nuisance
-parameters (`candidates.background_for`). What remains of a good rig after that comes from parts
-that the plant does not contain, or describes by another law: play of the spools, the way in which
-friction builds up, nonlinear and drifting sensors. Its size in each channel is predicted: a plant
-with an ordinary amount of each is simulated along the recording, what the nuisance parameters
-absorb is removed, and the mean squares are added. It plays the part of the model discrepancy in
-history matching: V_noise + V_discrepancy (Gardner, Lord and Barthorpe, Mech. Syst. Signal Process.
-143, 2020; Kennedy and O'Hagan, J. R. Statist. Soc. B 63, 2001).
+No rig is exact. A good one has a little thread friction, creep, dry friction, leakage and play of
+the spools, friction that builds up in another way, and sensors that are not quite linear and drift.
+None of that is a cause. Its size in each channel is predicted: a plant with an ordinary amount of
+each is simulated along the recording, what re-tuning absorbs is removed, and the mean squares are
+added. It plays the part of the model discrepancy in history matching: V_noise + V_discrepancy
+(Gardner, Lord and Barthorpe, Mech. Syst. Signal Process. 143, 2020; Kennedy and O'Hagan, J. R.
+Statist. Soc. B 63, 2001).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from pam_gap.inference.candidates import rig_scales
+from pam_gap.inference.candidates import ordinary_sizes, rig_scales
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.prediction.channel_order import BOTH_FORCES, BOTH_PRESSURES, POSITION
 from pam_gap.prediction.fit import Array, Scaling, mean_squares, normal_equations
@@ -34,14 +33,16 @@ def discrepancy(fitter: HypothesisFitter, nominal: Hypothesis) -> Array:
     """
     problem, rules = fitter.problem, fitter.rules.decision
     vector = fitter.vector((), nominal.result.values)
-    played, preslid = vector.copy(), vector.copy()
+    changed = []
+    for path, size in ordinary_sizes(problem.rig, problem.rig.joints[problem.joint]):
+        changed.append(vector.copy())
+        changed[-1][INDEX[path]] += rules.ordinary_share * size
     for side in MUSCLES:
-        played[INDEX[f"{side}.valve_dead_zone.overlap"]] += rules.ordinary_spool_play
-        preslid[INDEX[f"{side}.hysteresis.presliding_length"]] *= rules.ordinary_presliding
+        changed.append(vector.copy())
+        changed[-1][INDEX[f"{side}.hysteresis.presliding_length"]] *= rules.ordinary_presliding
     base = problem.errors(vector[None])[0]
-    changed = problem.errors(np.array([played, preslid]))
     left = np.zeros(base.shape[1])
-    for errors in changed:
+    for errors in problem.errors(np.array(changed)):
         left += mean_squares(_not_absorbed(fitter, nominal, errors - base), problem.counted)
     return np.where(problem.present, left + _sensors(fitter), 0.0)
 

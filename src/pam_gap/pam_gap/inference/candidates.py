@@ -41,6 +41,9 @@ class Candidate:
         For each of them, the plant parameters that it sets.
     starts : tuple of ndarray
         Starting values of the search.
+    ordinary : tuple of (float, float)
+        For each parameter, its neutral value and the largest distance from it on an ordinary good
+        rig; the distance is 0 where a good rig has none of the effect, and for shapes.
     """
 
     effect: str
@@ -48,6 +51,19 @@ class Candidate:
     free: tuple[FreeParameter, ...]
     targets: tuple[tuple[str, ...], ...]
     starts: tuple[Array, ...]
+    ordinary: tuple[tuple[float, float], ...] = ()
+
+    def is_ordinary(self, values: Array) -> bool:
+        """Whether the effect is no larger with these values than on an ordinary good rig.
+
+        The size of an effect of both muscles is the mean over them.
+        """
+        sizes = [
+            (abs(float(value) - neutral) / reach)
+            for value, (neutral, reach) in zip(values, self.ordinary, strict=True)
+            if reach > 0.0
+        ]
+        return bool(sizes) and sum(sizes) <= len(sizes)
 
     @property
     def label(self) -> str:
@@ -82,6 +98,7 @@ def _candidate(effect: Effect, sizes: Mapping[str, Range], side: str) -> Candida
     free: list[FreeParameter] = []
     targets: list[tuple[str, ...]] = []
     columns: list[tuple[float, ...]] = []
+    ordinary: list[tuple[float, float]] = []
     if effect.scope == "muscle":
         owners: Sequence[str] = (side,) if side else SIDES
     else:
@@ -100,12 +117,13 @@ def _candidate(effect: Effect, sizes: Mapping[str, Range], side: str) -> Candida
                 free.append(replace(plain, name=f"{key}.{owner}"))
                 targets.append((path,))
                 columns.append(size.starts)
+        ordinary += [(parameter.neutral, size.ordinary)] * (len(free) - len(ordinary))
     count = max(len(column) for column in columns)
     starts = tuple(
         np.array([column[min(i, len(column) - 1)] for column in columns], dtype=np.float64)
         for i in range(count)
     )
-    return Candidate(effect.name, side, tuple(free), tuple(targets), starts)
+    return Candidate(effect.name, side, tuple(free), tuple(targets), starts, tuple(ordinary))
 
 
 def richer_starts(rich: Candidate, simple: Candidate, values: Array) -> tuple[Array, ...]:
@@ -190,19 +208,16 @@ class Nuisance:
         The plant parameters that it sets or scales.
     is_factor : bool
         Whether it multiplies the values of the rig file.
-    effect : str
-        The effect of which it is the ordinary background; empty for a number of the rig file.
     """
 
     free: FreeParameter
     targets: tuple[str, ...]
     is_factor: bool
-    effect: str = ""
 
     @property
     def is_transport(self) -> bool:
         """Whether it belongs to the log and not to the rig."""
-        return not self.is_factor and not self.effect
+        return not self.is_factor
 
 
 def nuisances_for(
@@ -240,30 +255,22 @@ def nuisances_for(
     )
 
 
-def background_for(rig: Rig, joint: Joint) -> tuple[Nuisance, ...]:
-    """The ordinary background: small effects that every good rig has, as nuisance parameters.
+def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, float], ...]:
+    """What an ordinary good rig has of the effects: plant parameters with their largest size.
 
-    An effect that the rig file states is known, and has no background besides.
+    An effect that the rig file states is known, and is no background. Zeros and gains of sensors
+    are left out, because their ordinary errors are part of those of the sensors themselves.
     """
     scales = rig_scales(rig, joint)
-    found: list[Nuisance] = []
-    for effect in EFFECTS.values():
-        sizes = effect.search.ranges(scales)
-        for key, parameter in effect.parameters.items():
-            reach = sizes[key].ordinary
-            if reach <= 0.0:
-                continue
-            for owner, stated in _owners(rig, joint, effect):
-                if effect.name in stated:
-                    continue
-                low = max(parameter.neutral - reach, parameter.low)
-                high = parameter.neutral + reach
-                path = f"{owner}.{effect.name}.{key}".lstrip(".")
-                free = FreeParameter(
-                    path, low, high, 0.3 * reach, prior=0.5 * reach, centre=0.5 * (low + high)
-                )
-                found.append(Nuisance(free, (path,), is_factor=False, effect=effect.name))
-    return tuple(found)
+    return tuple(
+        (f"{owner}.{effect.name}.{key}".lstrip("."), size.ordinary)
+        for effect in EFFECTS.values()
+        if effect.stage != "sensing"
+        for key, size in effect.search.ranges(scales).items()
+        if size.ordinary > 0.0
+        for owner, stated in _owners(rig, joint, effect)
+        if effect.name not in stated
+    )
 
 
 def _owners(

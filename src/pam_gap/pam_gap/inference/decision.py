@@ -108,15 +108,18 @@ class Judge:
         """Set the floor against which hypotheses are judged, from the scores of all of them.
 
         An ordinary background is assumed up to what the best hypothesis leaves above the noise,
-        with some margin. A background acts on all channels together, so that one share of it, the
-        geometric mean over the channels, holds for all. A rig that some hypothesis explains down to
-        the noise thus has no background, and is judged against the noise alone.
+        with some margin. Hypotheses with effects of ordinary size do not count, because these
+        belong to the background themselves. A background acts on all channels together, so that
+        one share of it, the geometric mean over the channels, holds for all. A rig that some
+        hypothesis explains down to the noise thus has no background, and is judged against the
+        noise alone.
         """
         usual = self.background[self.present]
         self.floor = self.noise
         if not (usual > 0.0).all():
             return
-        best = min(scores, key=lambda score: score.level(self.noise, self.present))
+        plain = [score for score in scores if not score.ordinary]
+        best = min(plain, key=lambda score: score.level(self.noise, self.present))
         left = np.maximum((best.mean_square - self.noise)[self.present], 1e-9 * usual)
         share = self.rules.background_reach * float(np.exp(np.mean(np.log(left / usual))))
         self.floor = self.noise + min(share, 1.0) * self.background
@@ -125,61 +128,134 @@ class Judge:
         """Level of a held-out score."""
         return score.level(self.floor, self.present)
 
-    def priced_level(self, score: Score) -> float:
-        """Level plus a penalty per free parameter, which prefers the simpler of two equal laws."""
-        return self.level(score) + self.rules.price * score.free_numbers
+    @property
+    def ranking_floor(self) -> Array:
+        """Floor by which hypotheses with equally many causes are compared.
+
+        It contains only a part of the background, because hypotheses that all leave less than an
+        ordinary background can still differ clearly.
+        """
+        return self.noise + self.rules.ranking_share * (self.floor - self.noise)
+
+    def rank(self, score: Score) -> float:
+        """Level of a held-out score over the floor by which hypotheses are compared."""
+        return score.level(self.ranking_floor, self.present)
+
+    def priced_rank(self, score: Score) -> float:
+        """Rank plus a penalty per free parameter, which prefers the simpler of two equal laws."""
+        return self.rank(score) + self.rules.price * score.free_numbers
+
+    def ordinary_share(self, nominal: Score, tried: Sequence[Score]) -> float:
+        """Share of a gap that matters which effects of ordinary size remove; 1 without such a gap.
+
+        A background is a little of everything. Where its usual effects at their ordinary sizes
+        remove nothing of a gap, its small size alone is no reason to take it for a background.
+        """
+        limit = (self.rules.material_share * self.rules.unexplained_factor) ** 2 * self.motion
+        size = nominal.mean_square - self.noise
+        level = nominal.level(self.noise, self.present)
+        if not has_gap(level, int(self.present.sum()), self.rules) or not (
+            (size > limit)[self.present].any()
+        ):
+            return 1.0
+        return self._mean_share(nominal, self.usual(nominal, tried), self.noise)
+
+    def usual[S: Score](self, nominal: Score, tried: Sequence[S]) -> Score:
+        """Score of the best hypothesis without causes: re-tuned, with effects of ordinary size."""
+        return min([nominal, *(s for s in tried if not s.causes)], key=self.rank)
+
+    def _mean_share(self, first: Score, second: Score, floor: Array) -> float:
+        """Share of the RMS error above the noise that the second of two scores removes.
+
+        It is the mean over the channels in which the first one exceeds `floor`, weighted by the
+        logarithm of how far; 1 if it exceeds it in none.
+        """
+        weight = np.log(np.maximum(first.over_floor(floor, self.present), 1.0))
+        if not weight.any():
+            return 1.0
+        before = first.over_floor(self.noise, self.present)
+        after = second.over_floor(self.noise, self.present)
+        share = (before - np.maximum(after, 1.0)) / np.maximum(before - 1.0, 1e-9)
+        return float(np.average(share, weights=weight))
+
+    def share_removed(self, usual: Score, chosen: Score) -> float:
+        """Share of the RMS error above the noise that the causes of a hypothesis remove.
+
+        It is the mean over the channels in which an ordinary rig would leave less, weighted by how
+        far the error stands out. The background is no part of the floor here: a cause must remove
+        most of the error, and not merely as much of it as stands out.
+
+        Parameters
+        ----------
+        usual : Score
+            Score of the rig without causes.
+        chosen : Score
+            Score of the hypothesis.
+        """
+        return self._mean_share(usual, chosen, self.floor)
 
     def choose[S: Score](self, nominal: Score, scores: Sequence[S]) -> S | None:
-        """The accepted hypothesis: the smallest that no larger one clearly beats."""
+        """The accepted hypothesis: the one with the fewest causes that no other clearly beats."""
         before = self.level(nominal)
-        accepted: S | None = None
+        usual = [s for s in scores if s.size == 0]
+        accepted: S | None = min(usual, key=self.rank, default=None)
         for size in count(1):
             rivals = [s for s in scores if s.size == size]
             if not rivals:
                 break
-            best = min(rivals, key=self.priced_level)
-            for simple in sorted(rivals, key=self.level):
+            best = min(rivals, key=self.priced_rank)
+            for simple in sorted(rivals, key=self.rank):
                 if contains(best.effects, simple.effects) and prefers_simple(
-                    self.level(simple), self.level(best), before, self.rules
+                    self.rank(simple), self.rank(best), self.rank(nominal), self.rules
                 ):
                     best = simple
                     break
-            if accepted is not None:
+            if accepted is not None and accepted.causes:
                 first = self.level(accepted)
-                others = [s for s in rivals if set(s.effects) != set(best.effects)]
+                others = [s for s in rivals if set(s.causes) != set(best.causes)]
                 runner_up = min((self.level(s) for s in others), default=first)
                 if not accepts_further(first, self.level(best), before, runner_up, self.rules):
                     break
             accepted = best
-        return accepted
+        return None if accepted is None else self._without_causes(accepted, usual)
+
+    def _without_causes[S: Score](self, accepted: S, usual: Sequence[S]) -> S:
+        """The best hypothesis of ordinary effects alone, if the accepted one is hardly better."""
+        limit = self.level(accepted) + self.rules.rival_gap
+        alike = [s for s in usual if self.level(s) < limit]
+        return min(alike, key=self.rank, default=accepted)
 
     def rivals[S: Score](self, chosen: S, scores: Sequence[S], nominal: Score) -> list[S]:
-        """Hypotheses of the same size that the data do not distinguish from the chosen one.
+        """Hypotheses with as many causes that the data do not distinguish from the chosen one.
 
-        A rival must achieve a fair share of the improvement by the chosen one's last effect. A
+        A rival must achieve a fair share of the improvement by the chosen one's last cause. A
         richer law that contains the chosen one is a rival if its level is slightly lower.
+        Hypotheses that differ only in effects of ordinary size are the same answer.
         """
-        level = self.level(chosen)
+        level = self.rank(chosen)
         smaller: list[Score] = [nominal, *(s for s in scores if s.size < chosen.size)]
         part = self.rules.rival_part
-        limit = part * level + (1.0 - part) * min(self.level(s) for s in smaller)
-        alike = [
-            s
-            for s in scores
-            if s.size == chosen.size
-            and self.level(s) < limit
-            and set(s.effects) != set(chosen.effects)
-            and (
-                not contains(s.effects, chosen.effects)
-                or level - self.level(s) > self.rules.no_gain
-            )
-        ]
-        inside = confidence_set([chosen, *alike], self.floor, self.present, self.rules)[1:]
-        before = self.level(nominal)
+        limit = part * level + (1.0 - part) * min(self.rank(s) for s in smaller)
+        alike: dict[tuple[str, ...], S] = {}
+        for s in sorted(scores, key=self.rank):
+            if (
+                s.size == chosen.size > 0
+                and self.rank(s) < limit
+                and set(s.causes) != set(chosen.causes)
+                and (
+                    not contains(s.causes, chosen.causes)
+                    or level - self.rank(s) > self.rules.no_gain
+                )
+            ):
+                alike.setdefault(tuple(sorted(s.causes)), s)
+        others = list(alike.values())
+        floor = self.ranking_floor
+        inside = confidence_set([chosen, *others], floor, self.present, self.rules)[1:]
+        before = self.rank(nominal)
         return [
             s
-            for s, tied in zip(alike, inside, strict=True)
-            if is_rival(level, self.level(s), before, tied, self.rules)
+            for s, tied in zip(others, inside, strict=True)
+            if is_rival(level, self.rank(s), before, tied, self.rules)
         ]
 
     def decide[S: Score](
@@ -206,9 +282,12 @@ class Judge:
             chosen = self.choose(nominal, tried)
         before = self.level(nominal)
         channels = int(self.present.sum())
-        matters = has_gap(before, channels, self.rules) and self.is_material(nominal)
+        usual = self.usual(nominal, tried)
+        matters = has_gap(self.level(usual), channels, self.rules) and self.is_material(nominal)
         if chosen is None or not matters:
-            return Decision("none", chosen, (), tuple(tried))
+            strange = self.ordinary_share(nominal, tried) < self.rules.ordinary_explains
+            verdict = "unknown" if strange and chosen is not None else "none"
+            return Decision(verdict, chosen, (), tuple(tried))
         over_floor = nominal.over_floor(self.floor, self.present)
         closed = closed_by_channel(
             over_floor, chosen.over_floor(self.floor, self.present), self.rules
@@ -219,6 +298,11 @@ class Judge:
         rivals = self.rivals(chosen, tried, nominal)
         left = self.is_material(chosen, unexplained=True)
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
+        if verdict in ("named", "ambiguous"):
+            if not chosen.causes:
+                verdict = "none"  # an ordinary background explains the gap
+            elif self.share_removed(usual, chosen) < self.rules.most_of_the_gap:
+                verdict = "unknown"
         if verdict == "unknown" and not self.is_material(nominal, unexplained=True):
             verdict = "none"
         return Decision(verdict, chosen, tuple(rivals), tuple(tried))
@@ -242,9 +326,9 @@ class Judge:
         if same:
             shares = bootstrap_weights(same, self.floor, self.present, self.rules)
             for score, share in zip(same, shares, strict=True):
-                for effect in score.effects:
+                for effect in score.causes:
                     weight[effect] = weight.get(effect, 0.0) + float(share)
-        first = strongest_first(chosen.effects, singles) if chosen is not None else ()
+        first = strongest_first(chosen.causes, singles) if chosen is not None else ()
         for effect in singles:
             weight.setdefault(effect, 0.0)
         order = list(singles)
@@ -266,12 +350,12 @@ def named_effects[S: Score](
     """The effects that a decision names, and the sets within which the data do not distinguish."""
     if decision.chosen is None or not decision.is_named:
         return (), ()
-    own = strongest_first(decision.chosen.effects, singles)
+    own = strongest_first(decision.chosen.causes, singles)
     others: list[str] = []
     groups: list[tuple[str, ...]] = []
     for rival in decision.rivals:
-        missing = [e for e in own if e not in rival.effects]
-        new = [e for e in rival.effects if e not in own]
+        missing = [e for e in own if e not in rival.causes]
+        new = [e for e in rival.causes if e not in own]
         others += new
         groups.append((*missing, *new))
     return tuple(dict.fromkeys((*own, *others))), merged_groups(groups)

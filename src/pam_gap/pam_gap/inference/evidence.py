@@ -26,7 +26,7 @@ from pam_gap.rules import Rules
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 
-FORMAT = 2
+FORMAT = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,9 @@ class KeptEvidence:
         scores = [self.written, self.nominal, *self.tried, *(self.settled[k] for k in places)]
         about = {
             "format": FORMAT,
-            "scores": [[list(s.effects), s.label, s.free_numbers] for s in scores],
+            "scores": [
+                [list(s.effects), s.label, s.free_numbers, list(s.ordinary)] for s in scores
+            ],
             "tried": len(self.tried),
             "settled": places,
             "singles": list(self.singles),
@@ -108,7 +110,7 @@ class KeptEvidence:
                 about = json.loads(str(file["about"]))
                 floor, present = file["floor"], file["present"]
                 motion = file.get("motion")
-                background = file["background"] if "background" in file else floor * 0.0
+                background = file["background"]
                 sums, counts = file["sums"], file["counts"]
         except (OSError, KeyError, ValueError) as error:
             raise PamError(f"{path}: not the evidence of a diagnosis ({error})") from error
@@ -118,8 +120,8 @@ class KeptEvidence:
                 "diagnosis again with --keep-evidence"
             )
         scores = [
-            Score(tuple(effects), label, free, sums[k], counts[k])
-            for k, (effects, label, free) in enumerate(about["scores"])
+            Score(tuple(effects), label, free, sums[k], counts[k], ordinary=tuple(ordinary))
+            for k, (effects, label, free, ordinary) in enumerate(about["scores"])
         ]
         end = 2 + about["tried"]
         return cls(

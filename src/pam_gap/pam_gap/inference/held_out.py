@@ -54,7 +54,14 @@ class HeldOut(Score):
         """The score of a hypothesis from its block sums."""
         free = sum(len(member.free) for member in hypothesis.members)
         return cls(
-            hypothesis.effects, hypothesis.label, free, sums, counts, hypothesis, fold_values
+            hypothesis.effects,
+            hypothesis.label,
+            free,
+            sums,
+            counts,
+            hypothesis,
+            fold_values,
+            ordinary=hypothesis.ordinary,
         )
 
 

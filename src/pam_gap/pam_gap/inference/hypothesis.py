@@ -11,7 +11,6 @@ import numpy.typing as npt
 from pam_gap.inference.candidates import (
     SIDES,
     Candidate,
-    background_for,
     nuisances_for,
     transport_time,
 )
@@ -46,6 +45,18 @@ class Hypothesis:
         return tuple(member.effect for member in self.members)
 
     @property
+    def ordinary(self) -> tuple[str, ...]:
+        """Those of the effects that are no larger than on an ordinary good rig."""
+        at = len(self.result.values) - sum(len(member.free) for member in self.members)
+        found = []
+        for member in self.members:
+            values = self.result.values[at : at + len(member.free)]
+            at += len(member.free)
+            if member.is_ordinary(values):
+                found.append(member.effect)
+        return tuple(found)
+
+    @property
     def label(self) -> str:
         """Names of the effects with their sides."""
         return " + ".join(member.label for member in self.members) or "re-tuned nominal"
@@ -74,8 +85,6 @@ class HypothesisFitter:
         # Different delays in the rig file must be measured ones, which include the transport time.
         if stamped and problem.has_commands and len(written) == 1:
             self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
-        if self.rules.search.background:
-            self.nuisances += background_for(problem.rig, problem.rig.joints[problem.joint])
         self.nominal: Hypothesis | None = None
 
     def problem_parts(
@@ -114,7 +123,6 @@ class HypothesisFitter:
         problem = self.problem
         free, targets, factor = self.problem_parts(members)
         chosen = problem.counted if rows is None else rows
-        cached = self._without_overwritten(members, cached)
         if not free:
             errors = problem.errors(problem.base.values[None])[0]
             result = FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
@@ -132,20 +140,6 @@ class HypothesisFitter:
             )
         mean = mean_squares(result.errors, problem.counted)
         return Hypothesis(tuple(members), result, mean)
-
-    def _without_overwritten(
-        self, members: Sequence[Candidate], cached: Array | None
-    ) -> Array | None:
-        """A cached Jacobian in which a background that a member replaces has no influence."""
-        set_by_members = {path for m in members for group in m.targets for path in group}
-        places = [
-            k for k, nuisance in enumerate(self.nuisances) if set_by_members & {*nuisance.targets}
-        ]
-        if cached is None or not places:
-            return cached
-        changed = cached.copy()
-        changed[..., [k for k in places if k < cached.shape[-1]]] = 0.0
-        return changed
 
     def fit_nominal(self) -> Hypothesis:
         """Fit the nuisance parameters alone; every other fit starts from the result."""

@@ -3,7 +3,7 @@
 The explanations exclude each other: `none`, `unknown`, and each set of effects that was scored.
 Three questions follow each other. Does anything stand out of noise and background? If so, does the
 best hypothesis explain it? If so, which hypothesis is it? The first two are answered by logistic
-functions of the distance of the levels from the limits of the decision, the third by a Gibbs
+functions of the distance of levels and shares from the limits of the decision, the third by a Gibbs
 distribution over the levels, where every further effect costs the fall that it must achieve to be
 accepted. One temperature serves all three. A likelihood would be far too sure, because errors are
 correlated and laws approximate (tempered posteriors: Holmes and Walker, Biometrika 104, 2017;
@@ -40,25 +40,32 @@ def probabilities[S: Score](
     rules = judge.rules
     if decision.chosen is None:
         return {NONE: 1.0}
+    usual = judge.usual(nominal, decision.tried)
     before, after = judge.level(nominal), judge.level(decision.chosen)
-    gap = float(expit((before - rules.no_gap * int(judge.present.sum())) / rules.temperature))
+    stands_out = judge.level(usual) - rules.no_gap * int(judge.present.sum())
+    gap = float(expit(stands_out / rules.temperature))
     gap *= _matters(judge, nominal)
     limit = min((1.0 - rules.sharp_fall) * before, rules.sharp_left)
     explained = float(expit((limit - after) / rules.temperature))
+    removed = judge.share_removed(usual, decision.chosen) - rules.most_of_the_gap
+    explained *= float(expit(removed / rules.share_temperature))
+    unlike = rules.ordinary_explains - judge.ordinary_share(nominal, decision.tried)
+    strange = float(expit(unlike / rules.share_temperature))
     energies: dict[str, float] = {}
     for score in decision.tried:
-        name = " + ".join(sorted(score.effects))
-        energy = judge.priced_level(score) + rules.further_gain * (score.size - 1)
+        name = " + ".join(sorted(score.causes)) or NONE
+        energy = judge.priced_rank(score) + rules.further_gain * (score.size - 1)
         energies[name] = min(energy, energies.get(name, np.inf))
     values = np.array(list(energies.values()))
     shares = np.exp(-(values - values.min()) / rules.temperature)
     shares *= gap * explained / shares.sum()
     found = dict(zip(energies, shares.tolist(), strict=True))
     unknown = gap * (1.0 - explained)
+    nothing = 1.0 - gap + found.pop(NONE, 0.0)
     if decision.verdict == NONE:  # an unexplained gap that does not matter is none either
-        found |= {NONE: 1.0 - gap + unknown, UNKNOWN: 0.0}
+        found |= {NONE: nothing + unknown, UNKNOWN: 0.0}
     else:
-        found |= {NONE: 1.0 - gap, UNKNOWN: unknown}
+        found |= {NONE: nothing * (1.0 - strange), UNKNOWN: unknown + nothing * strange}
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
 

@@ -7,7 +7,7 @@ per observation of two Gaussian models whose variances are not known.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class Score:
         Number of free parameters of the effects.
     sums, counts : ndarray, shape (n_blocks, channels)
         Sum of squared whitened errors, and number of rows, of each score block.
+    ordinary : tuple of str
+        Those of the effects that are no larger than on an ordinary good rig, and thus no causes.
     """
 
     effects: tuple[str, ...]
@@ -42,11 +44,17 @@ class Score:
     free_numbers: int
     sums: Array
     counts: Array
+    ordinary: tuple[str, ...] = field(default=(), kw_only=True)
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Effects that stand out of an ordinary background."""
+        return tuple(effect for effect in self.effects if effect not in self.ordinary)
 
     @property
     def size(self) -> int:
-        """Number of effects."""
-        return len(self.effects)
+        """Number of causes; effects of ordinary size cost a hypothesis nothing."""
+        return len(self.causes)
 
     @property
     def mean_square(self) -> Array:

@@ -42,6 +42,8 @@ class GapSize:
         RMS error that noise alone causes, which the three errors above do not contain.
     limit, limit_unexplained : float
         Errors below which a gap does not matter, and one that no effect explains.
+    background : float
+        RMS error that was taken for an ordinary background; 0 on a rig without one.
     """
 
     channel: str
@@ -54,6 +56,7 @@ class GapSize:
     floor: float
     limit: float
     limit_unexplained: float
+    background: float = 0.0
 
     @property
     def share(self) -> float:
@@ -79,6 +82,11 @@ class GapSize:
     def leaves_material(self) -> bool:
         """Whether what the answer leaves matters."""
         return self.after > self.limit_unexplained
+
+    @property
+    def leaves_ordinary(self) -> bool:
+        """Whether what the answer leaves is no larger than an ordinary background."""
+        return self.after <= self.background
 
 
 def channel_stage(channel: int) -> str:
@@ -124,6 +132,7 @@ def gap_sizes(
     share: float,
     share_unexplained: float,
     mean_squares: Sequence[Array],
+    background: Array | None = None,
 ) -> tuple[GapSize, ...]:
     """The gap of every compared channel, the one with the largest share of its motion first.
 
@@ -137,7 +146,10 @@ def gap_sizes(
         Shares of the motion below which a gap does not matter, and one that no effect explains.
     mean_squares : sequence of three ndarrays, shape (N_CHANNELS,)
         Mean squared whitened errors of the rig file as written, re-tuned, and of the answer.
+    background : ndarray, shape (N_CHANNELS,), optional
+        Mean squared whitened error that was taken for an ordinary background; none by default.
     """
+    usual = np.zeros_like(floor) if background is None else background
     scale, ranges = scales(problem), motion_ranges(problem)
     found = []
     for c in np.nonzero(problem.present)[0].tolist():
@@ -157,6 +169,7 @@ def gap_sizes(
                 float(np.sqrt(floor[c]) * scale[c]),
                 share * float(ranges[c]),
                 share_unexplained * float(ranges[c]),
+                float(np.sqrt(usual[c]) * scale[c]),
             )
         )
     return tuple(sorted(found, key=lambda gap: -gap.share))

@@ -16,22 +16,22 @@ from pam_gap.rules.rule import AFTER_3727343088, BEFORE_3727343088, DECISION, PR
 class DecisionRules:
     """What a hypothesis must achieve to be named, and which others are reported with it."""
 
-    ordinary_spool_play: float = rule(
-        0.005,
-        unit="-",
-        decides="Play of the spools of a good rig, as an overlap; together with the next four "
-        "constants it sets what an ordinary background leaves unexplained.",
+    ordinary_share: float = rule(
+        0.5,
+        unit="of the largest ordinary size",
+        decides="Amount of each effect in an ordinary background, as a share of the largest "
+        "amount that a good rig has (`ordinary` in the file of the effect); together with the next "
+        "four constants it sets what an ordinary background leaves unexplained.",
         trades="Larger: effects must be stronger to be named. Smaller: the background of a good "
         "rig counts as a gap.",
-        origin="Half of the 0.5 to 1 % of hysteresis in data sheets of proportional valves is 0.25 "
-        "to 0.5 % to either side; the larger value.",
+        origin="Derived: the mean of a uniform distribution up to the largest amount.",
     )
     ordinary_presliding: float = rule(
         3.0,
         unit="-",
         decides="Factor by which the stroke over which thread friction builds up may differ from "
         "the one assumed.",
-        trades="As for `ordinary_spool_play`.",
+        trades="As for `ordinary_share`.",
         origin="Published presliding strokes of braided muscles reach from 0.2 to 2 mm; the "
         "default is 0.5 mm.",
     )
@@ -39,7 +39,7 @@ class DecisionRules:
         0.0003,
         unit="of the supply's gauge pressure",
         decides="Coloured noise and nonlinearity of a good pressure sensor after re-tuning.",
-        trades="As for `ordinary_spool_play`.",
+        trades="As for `ordinary_share`.",
         origin="Data sheets state 0.1 to 0.3 % of nonlinearity over the full scale; most of it "
         "looks like a gain and a zero, which the observer and the re-tuning absorb.",
     )
@@ -47,14 +47,14 @@ class DecisionRules:
         0.0003,
         unit="rad",
         decides="Eccentricity and drift of a good encoder.",
-        trades="As for `ordinary_spool_play`.",
+        trades="As for `ordinary_share`.",
         origin="An eccentricity of 10 um on a ring of 30 mm is 0.3 mrad.",
     )
     ordinary_force: float = rule(
         0.002,
         unit="of the pull at 40 % of the supply",
         decides="Nonlinearity and drift of a good load cell.",
-        trades="As for `ordinary_spool_play`.",
+        trades="As for `ordinary_share`.",
         origin="Data sheets of load cells with amplifiers state 0.1 to 0.3 %.",
     )
     background_reach: float = rule(
@@ -68,6 +68,16 @@ class DecisionRules:
         origin="1.4 times the RMS error; set by hand after the first drawn rigs had been seen.",
         acts=DECISION,
     )
+    ranking_share: float = rule(
+        0.16,
+        unit="of the mean square",
+        decides="Share of the background in the floor by which hypotheses with equally many causes "
+        "are compared. The whole background decides whether a cause is needed at all.",
+        trades="Larger: hypotheses that leave less than a background count as equal, and sets "
+        "grow. Smaller: the best fit of a background decides between them.",
+        origin="As `background_share` of the search: 0.4 of the RMS error.",
+        acts=DECISION,
+    )
     temperature: float = rule(
         0.3,
         unit="level",
@@ -76,6 +86,15 @@ class DecisionRules:
         "more certainty. No verdict changes.",
         origin="Of the size of `rival_gap`, within which hypotheses are reported together; too few "
         "drawn rigs with a background were diagnosed to calibrate it.",
+        acts=PROPOSAL,
+    )
+    share_temperature: float = rule(
+        0.1,
+        unit="of the RMS error",
+        decides="Distance of a share of the error from its limit that multiplies the odds of two "
+        "explanations by e.",
+        trades="As for `temperature`.",
+        origin="Of the size by which such a share differs between the folds; not calibrated.",
         acts=PROPOSAL,
     )
     no_gap: float = rule(
@@ -229,6 +248,29 @@ class DecisionRules:
         "almost no gap can cause `unknown`.",
         origin="Introduced with the measured pair of shut muscles (tests/data/closed_pair), so "
         "that channels with almost no gap do not count. No derivation.",
+        acts=DECISION,
+    )
+    ordinary_explains: float = rule(
+        0.2,
+        unit="of the RMS error",
+        decides="Share of the re-tuned plant's error above the noise that effects of ordinary size "
+        "must remove for a gap of the size of an ordinary background to be one; otherwise the "
+        "verdict is `unknown`.",
+        trades="Larger: good rigs whose background is of another kind become `unknown`. Smaller: "
+        "effects outside the table that are as small as a background become `none`.",
+        origin="Set by hand on drawn rigs of other seeds than the published ones: ordinary effects "
+        "removed 0.3 to 0.6 where nothing was hidden, and nothing where a rig without a "
+        "background had an effect outside the table.",
+        acts=DECISION,
+    )
+    most_of_the_gap: float = rule(
+        0.5,
+        unit="of the RMS error",
+        decides="Share of the error above the noise, in the channels that stand out of an ordinary "
+        "background, that causes must remove to be named; otherwise the verdict is `unknown`.",
+        trades="Larger: true effects beside a large background become `unknown`. Smaller: effects "
+        "outside the table are named as known ones.",
+        origin="Most of it, by definition.",
         acts=DECISION,
     )
     sharp_fall: float = rule(

@@ -118,9 +118,6 @@ class SearchRules:
         trades="Larger: small second effects are never sought. Smaller: the diagnosis takes "
         "longer, and surplus effects become more likely.",
     )
-    background: bool = False
-    """A switch and no constant: whether an ordinary background of small imperfections is assumed.
-    It is off, because it has been checked on few rigs (docs/how_often_right.md)."""
     background_share: float = rule(
         0.16,
         unit="of the mean square",

@@ -25,7 +25,7 @@ EFFECT = Effect(
     control=Correction("corrects the measurements; `joint_states` still shows the raw reading"),
     plausibility=Correction("positions are corrected before they are checked"),
     search=Search(
-        ranges=lambda rig: {"offset": Range(-0.9, 0.9, 0.03, (0.03, -0.03))},
+        ranges=lambda rig: {"offset": Range(-0.9, 0.9, 0.03, (0.03, -0.03), ordinary=1e-3)},
         shown_by=("position",),
         is_sharp=True,
     ),

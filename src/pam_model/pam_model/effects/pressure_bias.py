@@ -25,7 +25,7 @@ EFFECT = Effect(
     control=Correction("corrects the measurements; `pressure_states` still shows the raw reading"),
     plausibility=Correction("pressures are corrected before they are checked"),
     search=Search(
-        ranges=lambda rig: {"bias": Range(-9e4, 9e4, 5e3, (5e3, -5e3))},
+        ranges=lambda rig: {"bias": Range(-9e4, 9e4, 5e3, (5e3, -5e3), ordinary=1e3)},
         shown_by=(),
         is_one_sided=True,
         is_sharp=True,

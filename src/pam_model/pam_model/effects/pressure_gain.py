@@ -25,7 +25,7 @@ EFFECT = Effect(
     control=Correction("corrects the measurements; `pressure_states` still shows the raw reading"),
     plausibility=Correction("pressures are corrected before they are checked"),
     search=Search(
-        ranges=lambda rig: {"gain": Range(0.6, 1.6, 0.05, (1.04, 0.96))},
+        ranges=lambda rig: {"gain": Range(0.6, 1.6, 0.05, (1.04, 0.96), ordinary=3e-3)},
         shown_by=(),
         is_one_sided=True,
         is_sharp=True,
