@@ -6,7 +6,7 @@ import pytest
 from pam_check.blind.background import FULL_SCALE, MAGNITUDES, add_background, area, weaker
 from pam_check.blind.cases import to_table
 from pam_check.blind.draw import KNOWN, Draw
-from pam_check.blind.rough import draw_rough_rig, uneven
+from pam_check.blind.rough import WEAKEST, draw_rough_rig, uneven
 from pam_check.blind.truth_plant import Sensors, SupplyWander, TruthJoint, TruthMuscle, slow_noise
 
 JOINT = TruthJoint(0.03, 0.05, 0.25, 4.9, 0.0, -1.0, 1.0, 293.15, 101325.0, 701325.0)
@@ -39,6 +39,10 @@ def test_a_weaker_effect_lies_between_the_background_and_the_drawn_one() -> None
         middle = 0.5 * (small.thread_friction + large.thread_friction)
         assert between.thread_friction == pytest.approx(middle)
         assert between.play_length == large.play_length
+    # what an effect makes smaller stays large enough for the rig to run
+    KNOWN["exhaust_restriction"][1](full)
+    much = weaker(full, plain, 4.0)
+    assert 0.0 < much.muscles[0].exhaust_ratio < full.muscles[0].exhaust_ratio
     fields = {*JOINT._fields, *MUSCLE._fields}
     assert fields.issuperset(MAGNITUDES)
 
@@ -62,7 +66,7 @@ def test_a_drawn_rig_has_the_strength_of_its_label_and_an_uneven_log() -> None:
     pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
     random = np.random.default_rng(8)
     rig = draw_rough_rig((JOINT, MUSCLE), 0.03, ["viscous_friction"], random)
-    assert 0.5 < rig.strength < 45.0
+    assert WEAKEST <= rig.strength < 45.0
     assert rig.joint.viscous_friction > JOINT.viscous_friction
     log = uneven(to_table(rig.recording, load_cells=False), random)
     assert len(log) <= rig.recording.time.size

@@ -138,3 +138,32 @@ def test_share_interval_holds_the_share() -> None:
         entry = share([True] * hits + [False] * (10 - hits))
         low, high = entry.interval
         assert low <= entry.value <= high
+
+
+def test_scores_are_given_by_strength_and_a_leftover_counts_outside_the_table() -> None:
+    labels = [
+        label("one", ["leakage"], "000") | {"strength": 12.0},
+        label("one", ["payload"], "001") | {"strength": 4.0},
+        label("one", ["creep"], "002") | {"strength": 1.5},
+        label("two", ["leakage", "payload"], "003") | {"strength": 4.0},
+        label("outside", ["backlash"], "004") | {"strength": 4.0},
+        label("outside", ["torque_ripple"], "005") | {"strength": 4.0},
+    ]
+    answers = {
+        "000": answer("named", ["leakage"]),
+        "001": answer("ambiguous", ["creep"], [["creep", "payload"]]),
+        "002": answer("named", ["payload"]),
+        "003": answer("named", ["leakage"]),
+        "004": answer("none", []) | {"leftover": {"material": True}},
+        "005": answer("none", []) | {"leftover": {"material": False}},
+    }
+    shares = score(labels, answers)["shares"]
+
+    def counts(name: str) -> tuple[int, int]:
+        return shares[name]["hits"], shares[name]["of"]
+
+    assert counts("top1_strong") == (1, 1)
+    assert (counts("top1_medium"), counts("truth_in_set_medium")) == ((0, 1), (1, 1))
+    assert (counts("false_name_medium"), counts("false_name_weak")) == ((0, 1), (1, 1))
+    assert counts("both_of_two_medium") == (0, 1)
+    assert (counts("unknown_recall"), counts("outside_unknown_or_leftover")) == ((0, 2), (1, 2))

@@ -36,6 +36,7 @@ def test_a_delay_that_leads_is_named_although_the_background_remains() -> None:
     nominal = score((), (33.0, 74.0, 90.0))
     tried = (
         score(("command_delay",), (4.0, 8.0, 30.0)),
+        ordinary(score(("command_delay", "hysteresis"), (3.5, 7.0, 20.0)), "hysteresis"),
         score(("valve_lag",), (20.0, 40.0, 70.0)),
     )
     assert decided(nominal, *tried).verdict == "named"
@@ -171,3 +172,24 @@ def test_a_cause_that_removes_little_beside_ordinary_effects_is_not_named() -> N
     assert decided(nominal, usual, both, background=floor).verdict == "unknown"
     strong = ordinary(score(("hysteresis", "thermal"), (9.0, 8.0, 42.4)), "hysteresis")
     assert decided(nominal, usual, strong, background=floor).verdict == "named"
+
+
+def test_a_small_effect_that_explains_far_more_than_a_background_is_a_cause() -> None:
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+    usual = ordinary(score(("hysteresis",), (2.0, 2.0, 20.0)), "hysteresis")
+    far = score((), (9.0, 9.0, 360.0))
+    assert judge.far_beyond(far, [usual]) == {"hysteresis"}
+    assert usual.with_causes({"hysteresis"}).causes == ("hysteresis",)
+    assert not judge.far_beyond(score((), (9.0, 9.0, 80.0)), [usual])
+
+
+def test_on_a_rig_without_a_background_the_closest_wrong_cause_is_not_named() -> None:
+    nominal = score((), (8.0, 7.7, 170.0))
+    closest = score(("pulley_radius",), (4.4, 4.3, 55.0))
+    usual = np.array([25.0, 25.0, 200.0]) ** 2
+    assert decided(nominal, closest, background=usual).verdict == "unknown"
+    unlike = ordinary(score(("pulley_radius", "hysteresis"), (4.4, 4.3, 54.0)), "hysteresis")
+    assert decided(nominal, closest, unlike, background=usual).verdict == "unknown"
+    # ordinary effects remove a part of what a true cause leaves on a rig with a background
+    beside = ordinary(score(("pulley_radius", "hysteresis"), (3.0, 3.0, 25.0)), "hysteresis")
+    assert decided(nominal, closest, beside, background=usual).verdict == "named"

@@ -9,6 +9,7 @@ import pytest
 from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, ScoredCandidate
 from pam_gap.answer.sentences import verdict_sentence
 from pam_gap.inference.confidence import Interval
+from pam_gap.prediction.materiality import GapSize
 
 CLOSED = Interval(0.94, 0.9, 0.97)
 FOUND = Diagnosis("named", "muscle", ("hysteresis",), (), (), {}, {}, CLOSED, "")
@@ -81,4 +82,37 @@ def test_nothing_to_explain_is_said() -> None:
         "No effect is needed: the rig file, with its parameters re-tuned within their tolerance, "
         "explains the recording down to the noise. The largest RMS error of a channel is 1.2 times "
         "its noise floor."
+    )
+
+
+def size(retuned: float, after: float, background: float) -> GapSize:
+    """A gap in mrad of a joint that moves by 1 rad; 1 mrad is the limit, 3 if unexplained."""
+    values = (1.0, 0.02, retuned / 1e3, after / 1e3, 1e-5, 1e-3, 3e-3, background / 1e3)
+    return GapSize("joint_states.elbow.position", "rad", "joint", *values)
+
+
+def test_a_gap_of_an_ordinary_background_is_told_as_such() -> None:
+    none = replace(
+        FOUND,
+        verdict="none",
+        effects=(),
+        closed=None,
+        sizes=(size(5.0, 5.0, 6.0),),
+        ordinary=("hysteresis",),
+    )
+    assert verdict_sentence(none) == (
+        "Ordinary imperfections: the rig file, re-tuned within its tolerance, is wrong by "
+        "5 mrad at joint_states.elbow.position, 0.5 % of its motion of 1 rad. The small "
+        "imperfections of a good rig can leave 6 mrad, and no effect stands out of them. Found "
+        "was hysteresis of a size that every good rig has."
+    )
+
+
+def test_effects_of_ordinary_size_are_told_beside_the_cause_and_so_is_what_remains() -> None:
+    both = replace(FOUND, ordinary=("leakage",), sizes=(size(15.0, 5.0, 6.0),))
+    assert verdict_sentence(both) == (
+        "The cause is hysteresis at the muscle stage. Beside it there is leakage of a size that "
+        "every good rig has. It explains 75 % of an error of 20 mrad at "
+        "joint_states.elbow.position. 5 mrad at joint_states.elbow.position remain unexplained, "
+        "0.5 % of its motion, no more than ordinary imperfections of a good rig leave."
     )

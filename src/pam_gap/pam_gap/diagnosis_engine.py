@@ -122,14 +122,15 @@ class JointDiagnosis:
     def _goes_on(self, search: Search, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
-        share = self.rules.search.background_share
+        size = len(result.by_size)
+        # A second effect is also sought to see whether ordinary effects explain what is left.
+        share = self.rules.search.background_share if size > 1 else 0.0
         floor = self.floor + share * self.judge.background
 
         def left(h: Hypothesis) -> float:
             return level(h.mean_square, floor, self.present)
 
         worst = float(np.sqrt(best.mean_square / floor)[self.present].max())
-        size = len(result.by_size)
         step = GrowthStep(size, worst, left(result.nominal), left(best))
         if size > 1:
             previous = left(result.by_size[-2][0])
@@ -198,11 +199,13 @@ class JointDiagnosis:
         hypotheses = [result.nominal, *self.finalists(result)]
         nominal, *tried = score_all(self.fitter, self.folds, hypotheses)
         self.progress("verdict", 0.93)
+        causes = self.judge.far_beyond(nominal, tried)
+        tried = [score.with_causes(causes) for score in tried]
         settled: dict[int, HeldOut] = {}
 
         def settle(score: HeldOut) -> HeldOut:
             place = next(k for k, one in enumerate(tried) if one is score)
-            settled[place] = self.settled(score)
+            settled[place] = self.settled(score).with_causes(causes)
             return settled[place]
 
         decision = self.judge.decide(nominal, tried, settle)

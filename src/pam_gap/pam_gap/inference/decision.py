@@ -21,6 +21,7 @@ from pam_gap.inference.verdict import (
     decide,
     has_gap,
     is_rival,
+    is_unknown,
     prefers_simple,
 )
 from pam_gap.prediction.fit import Array
@@ -124,6 +125,22 @@ class Judge:
         share = self.rules.background_reach * float(np.exp(np.mean(np.log(left / usual))))
         self.floor = self.noise + min(share, 1.0) * self.background
 
+    def far_beyond(self, nominal: Score, tried: Sequence[Score]) -> frozenset[str]:
+        """Effects that are causes although their size is ordinary.
+
+        Alone, they remove most of an error that is far beyond what an ordinary background leaves.
+        """
+        usual = (self.noise + self.background) * self.rules.ordinary_reach**2
+        if not (nominal.mean_square > usual)[self.present].any():
+            return frozenset()
+        return frozenset(
+            effect
+            for score in tried
+            if len(score.effects) == 1
+            and self._mean_share(nominal, score, usual) >= self.rules.most_of_the_gap
+            for effect in score.ordinary
+        )
+
     def level(self, score: Score) -> float:
         """Level of a held-out score."""
         return score.level(self.floor, self.present)
@@ -158,11 +175,13 @@ class Judge:
             (size > limit)[self.present].any()
         ):
             return 1.0
-        return self._mean_share(nominal, self.usual(nominal, tried), self.noise)
+        usual = [score for score in tried if not score.causes]
+        return max((self._mean_share(nominal, score, self.noise) for score in usual), default=0.0)
 
     def usual[S: Score](self, nominal: Score, tried: Sequence[S]) -> Score:
         """Score of the best hypothesis without causes: re-tuned, with effects of ordinary size."""
-        return min([nominal, *(s for s in tried if not s.causes)], key=self.rank)
+        scores: list[Score] = [nominal, *(s for s in tried if not s.causes)]
+        return min(scores, key=self.rank)
 
     def _mean_share(self, first: Score, second: Score, floor: Array) -> float:
         """Share of the RMS error above the noise that the second of two scores removes.
@@ -175,8 +194,34 @@ class Judge:
             return 1.0
         before = first.over_floor(self.noise, self.present)
         after = second.over_floor(self.noise, self.present)
-        share = (before - np.maximum(after, 1.0)) / np.maximum(before - 1.0, 1e-9)
+        share = np.maximum(before - np.maximum(after, 1.0), 0.0) / np.maximum(before - 1.0, 1e-9)
         return float(np.average(share, weights=weight))
+
+    def _explains_alone(self, nominal: Score, chosen: Score) -> bool:
+        """Whether a hypothesis also passes where sensor noise alone is assumed."""
+        before, after = (s.over_floor(self.noise, self.present) for s in (nominal, chosen))
+        evidence = Evidence(
+            chosen.causes,
+            nominal.level(self.noise, self.present),
+            chosen.level(self.noise, self.present),
+            int(self.present.sum()),
+            closed_by_channel(before, after, self.rules),
+        )
+        return not is_unknown(evidence, self.rules)
+
+    def share_beside(self, chosen: Score, tried: Sequence[Score]) -> float:
+        """Share of what causes leave above the noise that effects of ordinary size remove.
+
+        On a rig with a background they remove a part of it. What the wrong cause leaves on a rig
+        without one, they do not. It is 1 if the causes were not scored alone.
+        """
+        same = [s for s in tried if set(s.causes) == set(chosen.causes)]
+        alone = [s for s in same if not s.ordinary]
+        if not alone:
+            return 1.0
+        first = min(alone, key=self.rank)
+        shares = (self._mean_share(first, s, self.noise) for s in same if s.ordinary)
+        return max(shares, default=0.0)
 
     def share_removed(self, usual: Score, chosen: Score) -> float:
         """Share of the RMS error above the noise that the causes of a hypothesis remove.
@@ -294,15 +339,18 @@ class Judge:
         )
         if not (over_floor > self.rules.gap_of_channel).any():
             closed = 1.0 - self.level(chosen) / before  # no channel has a gap wide enough to count
-        evidence = Evidence(chosen.effects, before, self.level(chosen), channels, closed)
+        evidence = Evidence(chosen.causes, before, self.level(chosen), channels, closed)
         rivals = self.rivals(chosen, tried, nominal)
         left = self.is_material(chosen, unexplained=True)
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
-        if verdict in ("named", "ambiguous"):
-            if not chosen.causes:
-                verdict = "none"  # an ordinary background explains the gap
-            elif self.share_removed(usual, chosen) < self.rules.most_of_the_gap:
-                verdict = "unknown"
+        if verdict != "unknown" and (
+            self.share_removed(usual, chosen) < self.rules.most_of_the_gap
+            or not (
+                self._explains_alone(nominal, chosen)
+                or self.share_beside(chosen, tried) >= self.rules.ordinary_beside
+            )
+        ):
+            verdict = "unknown"
         if verdict == "unknown" and not self.is_material(nominal, unexplained=True):
             verdict = "none"
         return Decision(verdict, chosen, tuple(rivals), tuple(tried))

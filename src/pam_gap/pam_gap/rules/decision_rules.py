@@ -17,14 +17,15 @@ class DecisionRules:
     """What a hypothesis must achieve to be named, and which others are reported with it."""
 
     ordinary_share: float = rule(
-        0.5,
+        0.58,
         unit="of the largest ordinary size",
         decides="Amount of each effect in an ordinary background, as a share of the largest "
         "amount that a good rig has (`ordinary` in the file of the effect); together with the next "
         "four constants it sets what an ordinary background leaves unexplained.",
         trades="Larger: effects must be stronger to be named. Smaller: the background of a good "
         "rig counts as a gap.",
-        origin="Derived: the mean of a uniform distribution up to the largest amount.",
+        origin="Derived: the root mean square of amounts that are uniformly distributed up to the "
+        "largest one, 1/sqrt(3).",
     )
     ordinary_presliding: float = rule(
         3.0,
@@ -261,6 +262,27 @@ class DecisionRules:
         origin="Set by hand on drawn rigs of other seeds than the published ones: ordinary effects "
         "removed 0.3 to 0.6 where nothing was hidden, and nothing where a rig without a "
         "background had an effect outside the table.",
+        acts=DECISION,
+    )
+    ordinary_reach: float = rule(
+        4.0,
+        unit="of the RMS error",
+        decides="Multiple of what an ordinary background leaves above which an effect that alone "
+        "removes most of the error is a cause, however small it is.",
+        trades="Larger: small effects on rigs that are sensitive to them are not named. Smaller: "
+        "the hysteresis of a good rig is named on rigs with a larger background.",
+        origin="Re-tuned rigs with nothing hidden left up to 1.8 times the predicted background "
+        "on drawn rigs; the measured pair of shut muscles leaves 9 times as much.",
+        acts=DECISION,
+    )
+    ordinary_beside: float = rule(
+        0.1,
+        unit="of the RMS error",
+        decides="Share of what causes leave above the noise that effects of ordinary size must "
+        "remove, if what is left is to count as a background; otherwise the verdict is `unknown`.",
+        trades="Larger: true effects on rigs with another kind of background become `unknown`. "
+        "Smaller: effects outside the table are named as known ones on rigs without a background.",
+        origin="Set by hand on drawn rigs of other seeds than the published ones.",
         acts=DECISION,
     )
     most_of_the_gap: float = rule(
