@@ -21,7 +21,6 @@ from pam_gap.inference.verdict import (
     decide,
     has_gap,
     is_rival,
-    is_unknown,
     prefers_simple,
 )
 from pam_gap.prediction.fit import Array
@@ -89,7 +88,9 @@ class Judge:
         self.rules = rules
         self.motion = np.zeros_like(noise) if motion is None else motion
 
-    def is_material(self, score: Score, *, unexplained: bool = False) -> bool:
+    def is_material(
+        self, score: Score, *, unexplained: bool = False, floor: Array | None = None
+    ) -> bool:
         """Whether a score leaves an error that matters in any channel, by its share of the motion.
 
         Parameters
@@ -98,12 +99,15 @@ class Judge:
             Score of a hypothesis. The floor is subtracted, since noise is no gap.
         unexplained : bool
             Whether the error is one that no effect explains, for which the limit is larger.
+        floor : ndarray, shape (channels,), optional
+            Mean squared error that is no gap; that of the decision by default.
         """
         share = self.rules.material_share
         if unexplained:
             share *= self.rules.unexplained_factor
         limit = share**2 * self.motion
-        return bool((score.mean_square - self.floor > limit)[self.present].any())
+        usual = self.floor if floor is None else floor
+        return bool((score.mean_square - usual > limit)[self.present].any())
 
     def set_floor(self, scores: Sequence[Score]) -> None:
         """Set the floor against which hypotheses are judged, from the scores of all of them.
@@ -168,11 +172,9 @@ class Judge:
         A background is a little of everything. Where its usual effects at their ordinary sizes
         remove nothing of a gap, its small size alone is no reason to take it for a background.
         """
-        limit = (self.rules.material_share * self.rules.unexplained_factor) ** 2 * self.motion
-        size = nominal.mean_square - self.noise
         level = nominal.level(self.noise, self.present)
-        if not has_gap(level, int(self.present.sum()), self.rules) or not (
-            (size > limit)[self.present].any()
+        if not has_gap(level, int(self.present.sum()), self.rules) or not self.is_material(
+            nominal, unexplained=True, floor=self.noise
         ):
             return 1.0
         usual = [score for score in tried if not score.causes]
@@ -207,7 +209,8 @@ class Judge:
             int(self.present.sum()),
             closed_by_channel(before, after, self.rules),
         )
-        return not is_unknown(evidence, self.rules)
+        left = self.is_material(chosen, unexplained=True, floor=self.noise)
+        return decide(evidence, (), self.rules, left) != "unknown"
 
     def share_beside(self, chosen: Score, tried: Sequence[Score]) -> float:
         """Share of what causes leave above the noise that effects of ordinary size remove.
