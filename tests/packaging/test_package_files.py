@@ -71,6 +71,22 @@ def test_a_package_is_built_from_files_of_its_own(package, monkeypatch):
 
 
 @pytest.mark.parametrize("package", PACKAGES)
+def test_every_data_file_beside_the_code_is_installed(package, monkeypatch):
+    """`package_data` counts from the nearest folder with an `__init__.py`."""
+    patterns = setup_arguments(package, monkeypatch)["package_data"][""]
+    code = SOURCE / package / package
+    for path in code.rglob("*"):
+        if path.is_dir() or path.suffix == ".py" or "__pycache__" in path.parts:
+            continue
+        home = next(folder for folder in path.parents if (folder / "__init__.py").is_file())
+        inside = path.relative_to(home)
+        assert any(
+            len(inside.parts) == len(Path(pattern).parts) and inside.match(pattern)
+            for pattern in patterns
+        ), path
+
+
+@pytest.mark.parametrize("package", PACKAGES)
 def test_every_console_script_is_a_function_that_exists(package, monkeypatch):
     given = setup_arguments(package, monkeypatch)
     for entry in given.get("entry_points", {}).get("console_scripts", []):
