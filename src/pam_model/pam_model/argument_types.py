@@ -13,6 +13,9 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+WrongArgument = argparse.ArgumentTypeError
+"""What a type raises for a value that cannot be used."""
+
 
 def count(least: int = 1, most: int | None = None) -> Callable[[str], int]:
     """A whole number from `least` to `most`."""

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import math
 import sys
-from argparse import ArgumentTypeError
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from pam_model.argument_types import make_parents, names, number, one_of, output_file
+from pam_model.argument_types import (
+    WrongArgument,
+    make_parents,
+    names,
+    number,
+    one_of,
+    output_file,
+)
 from pam_model.command_line import Arguments, Command, Outcome, Parser
 
 FLOW, REGULATOR = "flow", "pressure_regulator"
@@ -74,7 +80,7 @@ def ask(question: Question) -> Any:
         given = sys.stdin.readline().strip() or question.default
         try:
             return question.read(given)
-        except ArgumentTypeError as error:
+        except WrongArgument as error:
             print(error, file=sys.stderr)
 
 
