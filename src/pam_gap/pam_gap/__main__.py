@@ -182,6 +182,32 @@ def _declare_rules(parser: Parser) -> None:
     )
 
 
+def _declare_record(parser: Parser) -> None:
+    add_rig(parser, required=True)
+    parser.add_argument("--out", type=output_folder, required=True, help="folder of the recording")
+    parser.add_argument("--namespace", default="", help="of the robot's nodes (default: none)")
+    parser.add_argument(
+        "--duration",
+        type=number("s", least=0.0),
+        default=0.0,
+        metavar="S",
+        help="ends by itself after this time [s] (default: by Ctrl-C)",
+    )
+
+
+def _record(given: Arguments) -> Outcome:
+    from pam_gap.live.record_node import record  # noqa: PLC0415  (rclpy)
+    from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
+
+    def tell(line: str) -> None:
+        print(line, flush=True)
+
+    rig = load_rig(given.rig)
+    missing = record(rig, given.out, given.namespace, given.duration, tell)
+    print(f"written: {given.out}; missing: {'; '.join(missing) or 'nothing'}")
+    return Outcome({"bag": given.out, "missing": missing}, missing)
+
+
 def _monitor(arguments: Sequence[str]) -> int:
     from pam_gap.live.monitor_node import main as monitor  # noqa: PLC0415  (rclpy)
 
@@ -228,6 +254,14 @@ COMMANDS = (
     ),
     Command("effects", "write the page of effects", _declare_effects, _effects),
     Command("rules", "write the page of constants", _declare_rules, _rules),
+    Command(
+        "record",
+        "record what a diagnosis needs, and say what is still missing",
+        _declare_record,
+        _record,
+        bad_news="if the recording misses something",
+        examples=("python -m pam_gap record --rig RIG.yaml --out recording",),
+    ),
     NodeCommand("monitor", "watch the gap on live topics (a ROS node)", _monitor),
     NodeCommand("play", "play a proposed experiment on the rig (a ROS node)", _play),
 )

@@ -1,0 +1,104 @@
+"""What `python -m pam_gap record` writes, and what it says is missing."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from pam_gap.live.recording_advice import RecordingAdvice
+from pam_model.rig import load_rig
+from support.rigs import ELBOW
+
+MUSCLES = ["elbow_flexor", "elbow_extensor"]
+
+
+def watched(
+    duration: float = 42.0,
+    *,
+    rest: float = 3.0,
+    swing: float = 0.8,
+    rate: float = 200.0,
+    pressure: float = 1.5e5,
+    topics: tuple[str, ...] = ("joint_states", "sent_valve_commands"),
+) -> list[str]:
+    """The advice after a recording that rests and then moves along a sine."""
+    advice = RecordingAdvice(load_rig(ELBOW))
+    for step in range(round(duration * rate)):
+        time = step / rate
+        moving = math.sin(3.0 * (time - rest)) if time > rest else 0.0
+        if "joint_states" in topics:
+            advice.take("joint_states", time, ["elbow"], [swing * moving])
+        efforts = [2e5 + pressure * moving, 2e5 - pressure * moving]
+        advice.take("pressure_states", time, MUSCLES, effort=efforts)
+        if "sent_valve_commands" in topics:
+            advice.take("sent_valve_commands", time)
+    return advice.missing()
+
+
+def test_a_complete_recording_misses_nothing():
+    assert watched() == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"duration": 12.0}, "length: 12 s of 40 s"),
+        ({"rate": 50.0}, "pressure_states: arrives at 50 Hz, expected 200 Hz"),
+        ({"swing": 0.1}, "excitation: elbow has used 10% of its range, expected 50%"),
+        ({"pressure": 3e4}, "excitation: elbow_flexor has used 10% of its pressure"),
+        ({"rest": 0.0}, "rest: elbow_extensor was not at rest for 2 s yet"),
+        ({"topics": ("joint_states",)}, "sent_valve_commands or valve_commands: no message yet"),
+        ({"topics": ("sent_valve_commands",)}, "joint_states: no message yet"),
+    ],
+)
+def test_what_is_missing_is_said(change, said):
+    found = watched(**change)
+    assert any(line.startswith(said) for line in found), found
+
+
+def test_before_the_first_message_the_topics_are_missing():
+    assert RecordingAdvice(load_rig(ELBOW)).missing()[0].startswith("pressure_states: no message")
+
+
+@pytest.mark.system
+def test_the_bag_has_the_topics_of_one_robot_and_ctrl_c_ends_it(probe, ros_environment, tmp_path):
+    from sensor_msgs.msg import JointState
+
+    bag = tmp_path / "bag"
+    command = [sys.executable, "-m", "pam_gap", "record", "--rig", str(ELBOW), "--out", str(bag)]
+    process = subprocess.Popen(
+        [*command, "--namespace", "left"],
+        env={**os.environ, **ros_environment},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        states = probe.publisher(JointState, "/left/pressure_states", 60.0)
+        for number in range(20):
+            states.publish(JointState(name=MUSCLES, effort=[1e5 + number, 2e5]))
+        probe.publisher(JointState, "/left/joint_states", 60.0).publish(
+            JointState(name=["elbow"], position=[0.25])
+        )
+        told = process.stdout.readline()
+        while "still missing" not in told:
+            assert told, "the recorder ended"
+            told = process.stdout.readline()
+        assert "sent_valve_commands or valve_commands: no message yet" in told
+        process.send_signal(signal.SIGINT)
+        rest, _ = process.communicate(timeout=60.0)
+    finally:
+        process.kill()
+    assert process.returncode == 0
+    assert f"written: {bag}; missing: " in rest
+    with AnyReader([Path(bag)]) as reader:
+        found = [(c.topic, reader.deserialize(data, c.msgtype)) for c, _, data in reader.messages()]
+    angles = [message for topic, message in found if topic == "/left/joint_states"]
+    assert [message.position[0] for message in angles] == [0.25]
+    assert sum(topic == "/left/pressure_states" for topic, _ in found) == 20
