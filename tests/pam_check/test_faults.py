@@ -31,7 +31,7 @@ from pam_sim.faults.kinds import ALL_KINDS, KINDS, OPEN, kind_called, write_into
 from pam_sim.faults.rig_faults import POSITION, RigFaults
 from support.rigs import ELBOW
 
-SAFETY_PAGE = Path(__file__).parents[2] / "docs/safety.md"
+SAFETY_PAGE = Path(__file__).parents[2] / "docs/safety_tables.md"
 FRAME = (0x100, bytes(range(8)))
 
 

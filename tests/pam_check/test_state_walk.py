@@ -10,6 +10,7 @@ from pam_check.state_walk.acts import ACTS
 from pam_check.state_walk.walk import Violation, walk
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_driver.board_set import BoardSet
+from pam_driver.driver import Driver
 from pam_driver.safety.command_intake import CommandIntake
 from pam_driver.safety.states import TRANSITIONS, SafetyEvent, SafetyState
 from pam_driver.start_up import StartUp
@@ -28,6 +29,45 @@ ALWAYS = (
 @pytest.fixture(scope="module")
 def rig() -> Rig:
     return load_rig(ROOT / "config/elbow.yaml")
+
+
+REDUCED = {
+    name: act
+    for name, act in ACTS.items()
+    if name
+    not in {
+        "the board is switched off and on",
+        "a pressure sensor is lost for a moment",
+        "a valve command is held up",
+        "the valve command that was held up arrives",
+    }
+}
+"""Acts whose states are few enough for a test; `python -m pam_check state-walk` takes all."""
+
+
+def test_no_path_leads_from_a_stop_to_moving_air_without_clear_activate_and_a_command(
+    rig: Rig,
+) -> None:
+    """Restarts of the driver and of the controller included, in every order."""
+    found = walk(rig, REDUCED)
+    assert not found.violations, "\n".join(map(str, found.violations))
+    assert found.moving > 20 and found.states > 500
+    assert {"active", "fault", "fault_lowering", "lowering", "vented"} <= set(found.driver_states)
+
+
+def test_a_fault_that_is_forgotten_when_the_driver_ends_while_it_lowers_is_found(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While the joints are lowered, only the driver knows of the fault: it must tell the boards."""
+
+    def close(driver: Driver, now: float) -> None:
+        driver.vent_at_once(now)
+        driver._event(SafetyEvent.CLEANUP, now)
+
+    monkeypatch.setattr(Driver, "close", close)
+    found = first_violation(rig, "the controller is killed", "the driver is ended with Ctrl-C")
+    assert found.complaint == "air moves although nobody has cleared the fault"
+    assert "the driver is ended with Ctrl-C" in found.path
 
 
 def first_violation(rig: Rig, *acts: str) -> Violation:

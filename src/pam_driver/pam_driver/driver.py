@@ -272,6 +272,8 @@ class Driver:
         """Vent at once and end; the port may be closed afterwards."""
         self.vent_at_once(now)
         with self._lock:
+            if OUTPUTS[self.state].latch:  # a fault after which the joints were still being lowered
+                self._boards.latch_fault(now)
             self._event(SafetyEvent.CLEANUP, now)
 
     def cycle(self, now: float, wall_now: float) -> Snapshot:

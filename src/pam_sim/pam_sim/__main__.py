@@ -99,7 +99,7 @@ COMMANDS = (
         "update the tables of states and faults in a page of the documentation",
         _declare_fault_tables,
         _fault_tables,
-        examples=("python -m pam_sim fault-tables docs/safety.md",),
+        examples=("python -m pam_sim fault-tables docs/safety_tables.md",),
     ),
 )
 

@@ -1,4 +1,4 @@
-"""Injects every fault many times and compares the reactions with the bounds of docs/safety.md.
+"""Injects every fault many times and compares the reactions with docs/safety_tables.md.
 
 `python -m pam_check faults --trials 600 --out out/faults` runs boards, plant, bus, driver, model
 and controller in one process on a virtual clock. Each trial is a fork of one moving chain, so each

@@ -1,7 +1,8 @@
 """The driver's table of states drawn as a diagram, for the documentation.
 
-The diagram is Mermaid text, which code hosts and most Markdown viewers draw. docs/safety.md has the
-same text, written by `python -m pam_sim fault-tables docs/safety.md`; a test compares the two.
+The diagram is Mermaid text, which code hosts and most Markdown viewers draw. docs/safety_tables.md
+has the same text, written by `python -m pam_sim fault-tables docs/safety_tables.md`; a test
+compares the two.
 """
 
 from __future__ import annotations

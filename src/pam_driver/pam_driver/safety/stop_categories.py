@@ -115,7 +115,7 @@ def longest_lowering(conditions: Iterable[Condition]) -> float:
 
 
 def categories_as_markdown() -> str:
-    """The table as docs/safety.md shows it."""
+    """The table as docs/safety_tables.md shows it."""
     lines = ["| fault | stop category | why |", "|---|---|---|"]
     for kind, category in sorted(
         STOP_CATEGORIES.items(), key=lambda item: (-item[1].number, item[0])

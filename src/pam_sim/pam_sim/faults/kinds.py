@@ -1,7 +1,7 @@
 """Every fault that can be injected, as data: description, detection, required reaction, time limit.
 
-The table in docs/safety.md is generated from this file (`python -m pam_sim fault-tables
-docs/safety.md`), and the fault campaign compares its measurements with the same numbers.
+The table in docs/safety_tables.md is generated from this file (`python -m pam_sim fault-tables
+docs/safety_tables.md`), and the fault campaign compares its measurements with the same numbers.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def kinds_called(names: Sequence[str] | None, kinds: Sequence[FaultKind]) -> lis
 
 
 def bounds_as_markdown() -> str:
-    """The table of faults and bounds as docs/safety.md shows it."""
+    """The table of faults and bounds as docs/safety_tables.md shows it."""
     lines = ["| fault | what happens | must follow | within | by |", "|---|---|---|---|---|"]
     layer = ""
     for kind in KINDS:
