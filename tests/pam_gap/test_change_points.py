@@ -54,6 +54,20 @@ def test_wear_and_its_repair_are_told_apart():
     assert found.changes[1].size == pytest.approx(-0.9, abs=0.15)
 
 
+# Conductance of a simulated leak [1e-11 m^3/(s Pa)] that was closed, and half its intervals. Motion
+# and motion differ by 10 % where it leaks and by nothing where it does not.
+LEAK = [7.70, 8.54, 7.81, 7.95, 7.96, 8.52, 8.27, 7.12, 9.01, 9.12, 7.57, 9.17, 8.61, 8.38, 8.81,
+        0.002, 0.0, 0.001, 0.015, 0.0, 0.003, 0.001, 0.017, 0.0]  # fmt: skip
+HALF = [0.48, 0.21, 0.22, 0.28, 0.26, 0.50, 0.15, 0.50, 0.09, 0.14, 0.12, 0.29, 0.07, 0.25, 0.20,
+        0.012, 0.016, 0.012, 0.020, 0.010, 0.010, 0.015, 0.020, 0.013]  # fmt: skip
+
+
+def test_precise_zeros_after_a_repair_do_not_make_scatter_before_it_a_change():
+    time = np.linspace(0.0, 8.0, len(LEAK)) * WEEK
+    found = find_changes(time, np.array(LEAK), np.array(HALF) / 1.645)
+    assert [(c.kind, c.earliest) for c in found.changes] == [(STEP, time[14])]
+
+
 def test_an_outlier_at_the_end_is_no_step():
     assert course(lambda t: 1.0, outliers=(11,)).changes == ()
     assert course(lambda t: 1.0, outliers=(0,)).changes == ()

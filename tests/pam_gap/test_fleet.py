@@ -17,12 +17,13 @@ from pam_gap.__main__ import main
 from pam_gap.fleet import fleet
 from pam_gap.fleet.diagnose_job import DONE, Task, diagnose_job, folder_name, kept_result, key_of
 from pam_gap.fleet.fleet_page import render
-from pam_gap.fleet.jobs import find_recordings, many_rigs, one_rig
+from pam_gap.fleet.follow_all import follow_all, share_where_it_helps
+from pam_gap.fleet.jobs import Job, find_recordings, many_rigs, one_rig
 from pam_gap.fleet.recording_time import FILE, STAMPS, TABLE, time_of
 from pam_gap.fleet.series import WEEK, Point, as_json, in_words, make_series, soonest
 from pam_gap.fleet.tables import PARAMETERS, RECORDINGS
 from pam_gap.fleet.tracking import effects_to_follow, labels_found, typical_values
-from pam_gap.fleet.workers import DEATHS, cluster, run_all
+from pam_gap.fleet.workers import Ended, cluster, run_all
 from pam_model.errors import PamError
 from pam_model.rig import save_rig
 
@@ -220,10 +221,6 @@ def test_the_whole_way_with_a_stub_keeps_failures_and_diagnoses_only_what_is_new
     assert [task.job.name for task in again] == ["1.csv", "3.csv"]
 
 
-def test_a_job_that_kills_every_worker_is_given_up_after_some():
-    assert DEATHS >= 2  # a worker may die of something else
-
-
 def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch):
     monkeypatch.setattr("pam_gap.fleet.workers.WAIT", 0.3)
     with (
@@ -254,6 +251,36 @@ def test_effects_of_several_recordings_are_followed_and_their_rivals_are_not():
 def test_the_fit_starts_at_what_the_diagnoses_found():
     answers = [answer(torque=0.4), answer(torque=0.6), answer(torque=0.5), answer("none")]
     assert typical_values(answers, ["coulomb_friction"]) == ({"torque": 0.5},)
+
+
+def test_an_effect_counts_where_it_helps_most():
+    all_ = np.full(8, 20.0)
+    assert share_where_it_helps(all_, all_ - 1.0) == pytest.approx(0.05)
+    leak_in_a_quarter = np.where(np.arange(8) < 2, 5.0, 20.0)
+    assert share_where_it_helps(all_, leak_in_a_quarter) == pytest.approx(0.75)
+    assert share_where_it_helps(np.array([np.nan]), np.array([1.0])) == 0.0
+
+
+def test_of_effects_that_look_alike_only_the_needed_are_followed(tmp_path, monkeypatch):
+    """What explains the error alone in half of the recordings stays; its imitation goes."""
+    worth = {"leakage": 15.0, "coulomb_friction": 6.0, "hysteresis": 3.0}
+
+    def fits(client, function, tasks):
+        for number, task in enumerate(tasks):
+            best = max((worth[x] for x in task.labels if x != "leakage"), default=0.0)
+            fall = best + worth["leakage"] * ("leakage" in task.labels)
+            yield Ended(number, [{"improvement": fall}])
+
+    monkeypatch.setattr("pam_gap.fleet.follow_all.run_all", fits)
+    three = answer(
+        parameters={name: {} for name in worth}, effects=list(worth),
+        ranking=[{"effects": list(worth), "label": " + ".join(worth)}],
+    )  # fmt: skip
+    tasks = [Task(Job(f"{k}", tmp_path, tmp_path, "arm"), tmp_path) for k in range(3)]
+    results = [{"key": {"n": k}, "time": k, "joints": [three]} for k in range(3)]
+    (found,) = follow_all(None, tasks, results)
+    assert found.labels == ("coulomb_friction", "leakage")
+    assert len(found.rows) == 3 and not found.failures
 
 
 # --- words and page ---

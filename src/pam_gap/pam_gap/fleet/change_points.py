@@ -11,7 +11,9 @@ size keeps false changes below 5 % of series without any, also with outliers and
 three times too short.
 
 Intervals of single recordings say nothing about what differs from one motion to the next. A
-variance common to all values is therefore added to theirs, and estimated together with the model.
+variance is therefore added to theirs, and estimated together with the model. Its standard deviation
+is in proportion to the size of the effect (the median of neighbouring values), but for a tenth:
+where a leak was closed, the values of different motions hardly differ any more.
 Errors have a Student distribution with 4 degrees of freedom, so that a single outlier is no change
 (K. Lange, R. Little and J. Taylor, J. Am. Stat. Assoc. 84, 1989).
 """
@@ -46,6 +48,10 @@ PENALTY, PENALTY_FROM_START = 4.0, 3.0
 _SPREADS = (0.0, *np.geomspace(0.05, 8.0, 14).tolist())
 """Trial standard deviations common to all values, relative to the scatter of the residuals."""
 _ROUNDS = 12
+_NEIGHBOURS = 5
+"""Values whose median is the size of the effect at a time."""
+_LEAST_SHARE = 0.1
+"""Of the spread, where the effect is 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +99,8 @@ class Course:
     curve : ndarray, shape (n,)
         Values of the model at the times of the series.
     spread : float
-        Standard deviation by which recordings differ beside their intervals.
+        Standard deviation by which recordings differ beside their intervals, where the effect is
+        largest.
     last : float
         Value of the model at the last time.
     rate : float
@@ -127,6 +134,14 @@ def deviations(low: Array, high: Array) -> Array:
     return result
 
 
+def medians(value: Array) -> Array:
+    """The median of each value and its neighbours."""
+    reach = _NEIGHBOURS // 2
+    return np.array(
+        [np.median(value[max(k - reach, 0) : k + reach + 1]) for k in range(value.size)]
+    )
+
+
 class _Series:
     def __init__(self, time: Array, value: Array, deviation: Array) -> None:
         self.time, self.value = time, value
@@ -134,6 +149,8 @@ class _Series:
         scale = float(np.ptp(value)) or 1.0
         self.variance = np.maximum(deviation, 1e-9 * scale) ** 2
         self.length = max(float(time[-1] - time[0]), 1e-9)
+        size = np.abs(medians(value))
+        self.share = _LEAST_SHARE + (1.0 - _LEAST_SHARE) * size / max(float(size.max()), 1e-300)
 
     def columns(self, terms: Sequence[Term]) -> Array:
         rows = np.arange(self.n)
@@ -153,13 +170,13 @@ class _Series:
         return float(np.median(steps)) / 0.954 or float(np.ptp(self.value)) * 1e-6 or 1e-12
 
     def deviance(self, residuals: Array, spread: float) -> float:
-        variance = self.variance + spread**2
+        variance = self.variance + (self.share * spread) ** 2
         tails = (FREEDOM + 1.0) * np.log1p(residuals**2 / (FREEDOM * variance))
         return float(np.sum(np.log(variance) + tails))
 
     def solve(self, terms: tuple[Term, ...], spread: float, rounds: int = _ROUNDS) -> _Fit:
         """Iteratively reweighted least squares, which maximises the Student likelihood."""
-        x, variance = self.columns(terms), self.variance + spread**2
+        x, variance = self.columns(terms), self.variance + (self.share * spread) ** 2
         weights = 1.0 / variance
         coefficients, residuals = np.zeros(x.shape[1]), self.value
         for _ in range(rounds):
@@ -279,7 +296,9 @@ class _Series:
         for fit in fits:
             x = self.columns(fit.terms)
             # Of Student errors, the information is (f + 1)/(f + 3) of that of normal ones.
-            information = (FREEDOM + 1.0) / (FREEDOM + 3.0) / (self.variance + fit.spread**2)
+            information = (
+                (FREEDOM + 1.0) / (FREEDOM + 3.0) / (self.variance + (self.share * fit.spread) ** 2)
+            )
             # The spread was estimated with the terms and dates, and is too small by as much.
             freedom = max(self.n - 2.0 * len(fit.terms) - 1.0, 1.0)
             used = self.n / freedom * (float(student_quantile.ppf(0.95, freedom)) / NORMAL_90) ** 2

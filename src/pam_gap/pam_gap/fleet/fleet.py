@@ -7,7 +7,6 @@ Every result is kept in a folder as soon as it exists, so that a run can be repe
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -17,11 +16,11 @@ from typing import Any
 
 from pam_gap.fleet.diagnose_job import Task, diagnose_job, folder_name, kept_result, key_of
 from pam_gap.fleet.fleet_page import write_page
+from pam_gap.fleet.follow_all import Followed, follow_all
 from pam_gap.fleet.jobs import Job, many_rigs, one_rig
 from pam_gap.fleet.recording_time import time_of
 from pam_gap.fleet.series import Point, Series, as_json, limit_for, make_series, soonest
 from pam_gap.fleet.tables import FOLLOWED, found_rows, recording_rows, write_tables
-from pam_gap.fleet.tracking import TrackTask, effects_to_follow, follow, typical_values
 from pam_gap.fleet.workers import cluster, run_all
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.command_line import Arguments, Outcome, plain, progress
@@ -127,80 +126,6 @@ def _link(task: Task, row: Mapping[str, Any], joints: int) -> str:
     return f"{folder}/report.html" if joints == 1 else f"{folder}/{row['joint']}/report.html"
 
 
-@dataclass(frozen=True, slots=True)
-class Followed:
-    """The effects of one joint that are fitted on all its recordings."""
-
-    robot: str
-    joint: str
-    labels: tuple[str, ...]
-    rows: tuple[tuple[str, float, Mapping[str, Any]], ...]
-    """Recording, time, and a row of `tracking.follow`."""
-    failures: tuple[str, ...]
-
-
-def _track_key(task: TrackTask, result: Mapping[str, Any]) -> str:
-    text = json.dumps([result["key"], task.joint, task.labels], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:20]
-
-
-def follow_all(
-    client: Any, tasks: Sequence[Task], results: Sequence[Mapping[str, Any]], settings: Settings
-) -> list[Followed]:
-    """Fit the effects of every joint on all its recordings."""
-    joints: dict[tuple[str, str], list[tuple[Task, Mapping[str, Any], Mapping[str, Any]]]] = {}
-    for task, result in zip(tasks, results, strict=True):
-        for answer in result["joints"]:
-            where = (task.job.robot, str(answer["joint"]))
-            joints.setdefault(where, []).append((task, result, answer))
-    work: list[TrackTask] = []
-    keeps: list[Path] = []
-    origins: list[tuple[tuple[str, str], str, float]] = []
-    labels_of: dict[tuple[str, str], tuple[str, ...]] = {}
-    for where, entries in joints.items():
-        answers = [answer for _, _, answer in entries]
-        labels = labels_of[where] = effects_to_follow(answers)
-        typical = typical_values(answers, labels)
-        for task, result, answer in entries if labels else ():
-            if answer["verdict"] == "not_identifiable":
-                continue
-            one = TrackTask(
-                task.job.recording, task.job.rig, where[1], labels, typical, settings.rules,
-                settings.map_path,
-            )  # fmt: skip
-            work.append(one)
-            keeps.append(task.folder / f"followed_{_track_key(one, result)}.json")
-            origins.append((where, task.job.name, float(result["time"])))
-    rows: dict[tuple[str, str], list[tuple[str, float, Mapping[str, Any]]]] = {}
-    failures: dict[tuple[str, str], list[str]] = {}
-    ended: list[list[dict[str, Any]] | None] = [_read_rows(path) for path in keeps]
-    left = [k for k, found in enumerate(ended) if found is None]
-    with progress(max(len(left), 1), "following", wanted=settings.show_progress) as bar:
-        for done, end in enumerate(run_all(client, follow, [work[k] for k in left]), start=1):
-            place = left[end.number]
-            if end.failure:
-                where, name, _ = origins[place]
-                failures.setdefault(where, []).append(f"{name}: {end.failure}")
-            else:
-                ended[place] = plain(end.result)
-                keeps[place].write_text(json.dumps(ended[place]) + "\n", encoding="utf-8")
-            bar.show(done)
-    for (where, name, time), found in zip(origins, ended, strict=True):
-        rows.setdefault(where, []).extend((name, time, row) for row in found or ())
-    return [
-        Followed(*where, labels, tuple(rows.get(where, ())), tuple(failures.get(where, ())))
-        for where, labels in labels_of.items()
-    ]
-
-
-def _read_rows(path: Path) -> list[dict[str, Any]] | None:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, list) else None
-
-
 def series_of(followed: Sequence[Followed], limits: Mapping[str, float]) -> list[Series]:
     """The series of all magnitudes; parameters that only shape an effect are left out."""
     made: list[Series] = []
@@ -245,7 +170,7 @@ def analyse_fleet(
         shutil.rmtree(unfinished, ignore_errors=True)
     with cluster(settings.workers, settings.scheduler) as client:
         results, new = diagnose_all(client, tasks, settings, diagnose)
-        followed = follow_all(client, tasks, results, settings)
+        followed = follow_all(client, tasks, results, show_progress=settings.show_progress)
     series = series_of(followed, settings.limits)
     recordings = [
         row | {"link": _link(task, row, len(result["joints"]))}

@@ -85,7 +85,10 @@ def day(seconds: float) -> str:
 def _span(low: float, high: float, unit: str) -> str:
     """An interval with its unit once, of two numbers of one sign or not."""
     _, factor = user_unit(max(abs(low), abs(high)), unit)
-    ends = (told(factor * end, "", 2) for end in (low, high))
+    for digits in (2, 3, 4):
+        ends = [told(factor * end, "", digits) for end in (low, high)]
+        if ends[0] != ends[1]:
+            break
     return " to ".join(ends)
 
 

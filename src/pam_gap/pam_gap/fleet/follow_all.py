@@ -1,0 +1,197 @@
+"""Chooses the effects of each joint that are followed, and fits them on all its recordings.
+
+Effects that look alike share the verdicts of single recordings: dry friction is named on one day,
+thread friction on the next. Over all recordings only one of them is needed. The candidates are
+therefore fitted together, and those that hardly help are removed one by one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pam_gap.fleet.diagnose_job import Task
+from pam_gap.fleet.tracking import TrackTask, effects_to_follow, follow, typical_values
+from pam_gap.fleet.workers import run_all
+from pam_model.command_line import plain, progress
+
+NEEDED = 0.25
+"""Share of what all effects explain together that an effect must explain to be kept."""
+WHERE_IT_HELPS = 0.25
+"""Share of the recordings on which that is judged: those where the effect helps most."""
+CHOSEN_ON = 24
+"""Recordings on which the effects are chosen, at most; evenly spaced in time."""
+
+Rows = list[dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """The effects of one joint that are fitted on all its recordings.
+
+    Attributes
+    ----------
+    robot, joint : str
+        Which joint.
+    labels : tuple of str
+        The effects.
+    rows : tuple of (str, float, mapping)
+        Recording, time, and a row of `tracking.follow`.
+    failures : tuple of str
+        Recordings on which they cannot be fitted, with the reason.
+    """
+
+    robot: str
+    joint: str
+    labels: tuple[str, ...]
+    rows: tuple[tuple[str, float, Mapping[str, Any]], ...]
+    failures: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """One joint of one recording, with its diagnosis."""
+
+    task: Task
+    result: Mapping[str, Any]
+    answer: Mapping[str, Any]
+
+    def fit_of(self, labels: tuple[str, ...], starts: tuple[dict[str, float], ...]) -> TrackTask:
+        job = self.task.job
+        return TrackTask(
+            job.recording, job.rig, str(self.answer["joint"]), labels, starts, self.task.rules,
+            self.task.map_path,
+        )  # fmt: skip
+
+    def kept_in(self, task: TrackTask) -> Path:
+        text = json.dumps([self.result["key"], task.joint, task.labels], sort_keys=True)
+        name = hashlib.sha256(text.encode()).hexdigest()[:20]
+        return self.task.folder / f"followed_{name}.json"
+
+
+def _read_rows(path: Path) -> Rows | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, list) else None
+
+
+def _fit_all(
+    client: Any, work: Sequence[tuple[_Entry, TrackTask]], text: str, show_progress: bool
+) -> list[Rows | str]:
+    """The rows of each fit, or the reason of its failure; what is kept is not fitted again."""
+    keeps = [entry.kept_in(task) for entry, task in work]
+    ended: list[Rows | str] = [_read_rows(path) or "" for path in keeps]
+    left = [k for k, found in enumerate(ended) if not found]
+    with progress(max(len(left), 1), text, wanted=show_progress) as bar:
+        for done, end in enumerate(run_all(client, follow, [work[k][1] for k in left]), start=1):
+            place = left[end.number]
+            ended[place] = end.failure or plain(end.result)
+            if not end.failure:
+                keeps[place].write_text(json.dumps(ended[place]) + "\n", encoding="utf-8")
+            bar.show(done)
+    return ended
+
+
+def _explained(fits: Sequence[Rows | str]) -> np.ndarray:
+    """By how much each fit lowers the level of the error; NaN after a failure."""
+    return np.array([np.nan if isinstance(f, str) else f[0]["improvement"] for f in fits])
+
+
+def share_where_it_helps(together: np.ndarray, without: np.ndarray) -> float:
+    """Share that an effect explains of what all do, where it helps most.
+
+    Parameters
+    ----------
+    together, without : ndarray, shape (recordings,)
+        Fall of the error's level with all effects, and without this one; NaN where not fitted.
+    """
+    known = np.isfinite(together) & np.isfinite(without)
+    if not known.any():
+        return 0.0
+    gain, all_ = (together - without)[known], np.maximum(together[known], 1e-9)
+    count = max(1, round(WHERE_IT_HELPS * gain.size))
+    most = np.argsort(gain)[-count:]
+    return float(gain[most].sum() / all_[most].sum())
+
+
+def _needed(
+    client: Any, entries: Sequence[_Entry], labels: tuple[str, ...], show_progress: bool
+) -> tuple[str, ...]:
+    """The effects without those that the others explain about as well."""
+    places = np.unique(np.linspace(0, len(entries) - 1, min(CHOSEN_ON, len(entries))).astype(int))
+    chosen_on = [entries[k] for k in places]
+    answers = [entry.answer for entry in entries]
+
+    def explained(kept: tuple[str, ...]) -> np.ndarray:
+        starts = typical_values(answers, kept)
+        work = [(entry, entry.fit_of(kept, starts)) for entry in chosen_on]
+        return _explained(_fit_all(client, work, "choosing effects", show_progress))
+
+    while len(labels) > 1:
+        together = explained(labels)
+        shares = {
+            label: share_where_it_helps(together, explained(tuple(o for o in labels if o != label)))
+            for label in labels
+        }
+        least = min(labels, key=lambda label: shares[label])
+        if shares[least] >= NEEDED:
+            break
+        labels = tuple(other for other in labels if other != least)
+    return labels
+
+
+def follow_all(
+    client: Any,
+    tasks: Sequence[Task],
+    results: Sequence[Mapping[str, Any]],
+    *,
+    show_progress: bool = False,
+) -> list[Followed]:
+    """Choose the effects of every joint, and fit them on all its recordings.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        From `workers.cluster`.
+    tasks, results : sequence
+        The recordings and their diagnoses, in the same order.
+    show_progress : bool
+        Show a progress bar where standard error is a terminal.
+    """
+    joints: dict[tuple[str, str], list[_Entry]] = {}
+    for task, result in zip(tasks, results, strict=True):
+        for answer in result["joints"]:
+            where = (task.job.robot, str(answer["joint"]))
+            joints.setdefault(where, []).append(_Entry(task, result, answer))
+    made = []
+    for where, found in joints.items():
+        entries = sorted(
+            (e for e in found if e.answer["verdict"] != "not_identifiable"),
+            key=lambda e: float(e.result["time"]),
+        )
+        answers = [entry.answer for entry in entries]
+        labels = _needed(client, entries, effects_to_follow(answers), show_progress)
+        starts = typical_values(answers, labels)
+        work = [(entry, entry.fit_of(labels, starts)) for entry in entries] if labels else []
+        fits = _fit_all(client, work, "following", show_progress)
+        rows = tuple(
+            (entry.task.job.name, float(entry.result["time"]), row)
+            for (entry, _), fit in zip(work, fits, strict=True)
+            if not isinstance(fit, str)
+            for row in fit
+        )
+        failures = tuple(
+            f"{entry.task.job.name}: {fit}"
+            for (entry, _), fit in zip(work, fits, strict=True)
+            if isinstance(fit, str)
+        )
+        made.append(Followed(*where, labels, rows, failures))
+    return made
