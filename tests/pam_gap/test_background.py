@@ -78,7 +78,8 @@ def test_probabilities_follow_the_verdict_and_sum_to_one() -> None:
         assert next(iter(found)) in (decision.verdict, "command_delay")
         return found
 
-    assert given(nominal, delay, lag)["command_delay"] > 0.8
+    pair = score(("command_delay", "hysteresis"), (3.5, 7.0, 20.0))
+    assert given(nominal, delay, lag, ordinary(pair, "hysteresis"))["command_delay"] > 0.8
     usual = ordinary(score(("hysteresis",), (5.0, 5.5, 20.0)), "hysteresis")
     assert given(score((), (7.0, 7.5, 35.0)), delay, usual)["none"] > 0.8
     assert given(nominal, lag)["unknown"] > 0.8
@@ -188,6 +189,9 @@ def test_on_a_rig_without_a_background_the_closest_wrong_cause_is_not_named() ->
     closest = score(("pulley_radius",), (4.4, 4.3, 55.0))
     usual = np.array([25.0, 25.0, 200.0]) ** 2
     assert decided(nominal, closest, background=usual).verdict == "unknown"
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=usual)
+    decision = judge.decide(nominal, [closest], lambda one: one)
+    assert probabilities(judge, nominal, decision)["unknown"] > 0.8
     unlike = ordinary(score(("pulley_radius", "hysteresis"), (4.4, 4.3, 54.0)), "hysteresis")
     assert decided(nominal, closest, unlike, background=usual).verdict == "unknown"
     # ordinary effects remove a part of what a true cause leaves on a rig with a background

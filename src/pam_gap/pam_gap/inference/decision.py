@@ -199,7 +199,7 @@ class Judge:
         share = np.maximum(before - np.maximum(after, 1.0), 0.0) / np.maximum(before - 1.0, 1e-9)
         return float(np.average(share, weights=weight))
 
-    def _explains_alone(self, nominal: Score, chosen: Score) -> bool:
+    def explains_alone(self, nominal: Score, chosen: Score) -> bool:
         """Whether a hypothesis also passes where sensor noise alone is assumed."""
         before, after = (s.over_floor(self.noise, self.present) for s in (nominal, chosen))
         evidence = Evidence(
@@ -349,7 +349,7 @@ class Judge:
         if verdict != "unknown" and (
             self.share_removed(usual, chosen) < self.rules.most_of_the_gap
             or not (
-                self._explains_alone(nominal, chosen)
+                self.explains_alone(nominal, chosen)
                 or self.share_beside(chosen, tried) >= self.rules.ordinary_beside
             )
         ):

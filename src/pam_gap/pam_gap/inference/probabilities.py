@@ -49,6 +49,9 @@ def probabilities[S: Score](
     explained = float(expit((limit - after) / rules.temperature))
     removed = judge.share_removed(usual, decision.chosen) - rules.most_of_the_gap
     explained *= float(expit(removed / rules.share_temperature))
+    if decision.chosen.causes and not judge.explains_alone(nominal, decision.chosen):
+        beside = judge.share_beside(decision.chosen, decision.tried) - rules.ordinary_beside
+        explained *= float(expit(beside / rules.share_temperature))
     unlike = rules.ordinary_explains - judge.ordinary_share(nominal, decision.tried)
     strange = float(expit(unlike / rules.share_temperature))
     energies: dict[str, float] = {}

@@ -90,12 +90,13 @@ class DecisionRules:
         acts=PROPOSAL,
     )
     share_temperature: float = rule(
-        0.1,
+        0.03,
         unit="of the RMS error",
         decides="Distance of a share of the error from its limit that multiplies the odds of two "
         "explanations by e.",
         trades="As for `temperature`.",
-        origin="Of the size by which such a share differs between the folds; not calibrated.",
+        origin="Set by hand, so that a share that misses its limit by 0.1 speaks clearly; not "
+        "calibrated.",
         acts=PROPOSAL,
     )
     no_gap: float = rule(
