@@ -119,6 +119,7 @@ def score(document: Mapping[str, Any], story: Story, times: Sequence[float]) -> 
         ]
         return min(found, default=None)
 
+    expected = {(DRIFTING, "slope"), (REPAIRED, "step")}
     drift = nearest(DRIFTING, ("slope",), story.drift_from)
     repair = nearest(REPAIRED, ("step",), story.repaired_at)
     rates = [
@@ -129,7 +130,7 @@ def score(document: Mapping[str, Any], story: Story, times: Sequence[float]) -> 
         "drift": {"weeks_off": drift, "found": drift is not None and drift <= 1.0},
         "drift_rate": {"found": rates, "true": GROWTH},
         "repair": {"weeks_off": repair, "found": repair is not None and repair <= 1.0},
-        "other_changes": len(changes) - (drift is not None) - (repair is not None),
+        "other_changes": sum((c["effect"], c["kind"]) not in expected for c in changes),
         "failed": failed,
         "corrupt_is_a_row": failed == [CORRUPT],
         "rows": len(document["recordings"]),

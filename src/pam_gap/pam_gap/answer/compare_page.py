@@ -179,7 +179,7 @@ def print_table(joints: Sequence[JointComparison]) -> None:
     for joint in joints:
         letters = [_letter(k) for k in range(len(joint.answers))]
         table = Table(title=joint.joint, title_justify="left")
-        table.add_column("")
+        table.add_column("", overflow="fold")
         for letter in letters:
             table.add_column(letter)
         for letter in letters[1:]:
