@@ -138,6 +138,7 @@ BAD_MESSAGES = [
 @pytest.mark.parametrize(("send", "said"), BAD_MESSAGES)
 def test_a_bad_message_moves_nothing_and_is_named(bench, controller, send, said):
     bench.wait(lambda: bench.references, "a reference")
+    bench.wait(lambda: "pam_controller: commands" in bench.health, "diagnostics")
     before = bench.references[-1].position[0]
     send(bench)
     bench.wait(lambda: said in bench.health["pam_controller: commands"].message, said)
