@@ -24,7 +24,7 @@ REFERENCE_SHARE = 0.6
 BRAKING_SHARE = 0.9  # of the acceleration limit; the rest covers the discrete steps
 LONGEST_STEP = 0.02  # s
 ROUNDING = 1.01  # a reference that was scaled to its limit exceeds it by less
-MATCH_SHARE = 0.05  # of the largest change of position in one step; taken as no difference
+MATCH_SHARE = 0.02  # of the largest change of position in one step; taken as no difference
 KEPT_AT_LEAST = 0.2  # s
 LEAST_SHARE = 0.05  # of the acceleration that the valves can drive, which every speed leaves
 
