@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pam_gap.inference.candidates import candidates_for, ordinary_sizes
-from pam_gap.inference.decision import Decision, Judge, named_effects
+from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.probabilities import probabilities
 from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT

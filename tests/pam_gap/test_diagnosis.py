@@ -16,9 +16,9 @@ import pam_gap
 from pam_gap.__main__ import main
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import candidates_for
-from pam_gap.inference.decision import merged_groups
 from pam_gap.inference.evidence import decide_again
 from pam_gap.inference.held_out import score_held_out
+from pam_gap.inference.named_effects import merged_groups
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.locate import locate

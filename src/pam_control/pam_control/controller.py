@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
-from pam_control.joint_channel import JointChannel, Pair
+from pam_control.joint_channel import JointChannel, Pair, acting_delays
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
 from pam_control.loop_guard import LoopGuard, Verdict
 from pam_control.lowering import Lowering, LoweringPhase
@@ -111,7 +111,7 @@ class Controller(LoopDesign):
         self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
         # the reference is needed until the slowest valve acts, and back to the oldest measurement
         self.references.horizon = max(
-            (max(self._acting_delays(channel, settings)) for channel in self.channels), default=0.0
+            (max(acting_delays(channel, settings)) for channel in self.channels), default=0.0
         )
         self.references.keep(
             settings.stale_after
@@ -121,16 +121,6 @@ class Controller(LoopDesign):
         if self.active:
             for index, channel in enumerate(self.channels):
                 self._continue(index, channel)
-
-    @staticmethod
-    def _acting_delays(channel: JointChannel, settings: ControlSettings) -> Pair:
-        """Time from a control cycle until each of the joint's valves acts [s]."""
-        soon = settings.command_delay + 0.5 * settings.period
-        first, second = (
-            soon + settings.lead_ratio * lag + delay
-            for lag, delay in zip(channel.valve_time_constants, channel.command_delays, strict=True)
-        )
-        return first, second
 
     # --- commands -------------------------------------------------------------------------------
 
@@ -332,7 +322,7 @@ class Controller(LoopDesign):
         gains = settings.gains[name]
         measured_at = measurement.pressure_time - settings.measurement_delay
         seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
-        acts = [time + delay for delay in self._acting_delays(channel, settings)]
+        acts = [time + delay for delay in acting_delays(channel, settings)]
         acts_at = max(acts)
         now = self.references.sample(name, measured_at)
         seen = now if seen_at == measured_at else self.references.sample(name, seen_at)

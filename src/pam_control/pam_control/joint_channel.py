@@ -13,6 +13,7 @@ from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
 from pam_control.references.spline import JointReference
+from pam_control.settings import ControlSettings
 from pam_model.effects import adjusted
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Joint, Rig
@@ -194,3 +195,13 @@ class JointChannel:
                 )
             later = earlier
         return later
+
+
+def acting_delays(channel: JointChannel, settings: ControlSettings) -> Pair:
+    """Time from a control cycle until each of a joint's valves acts [s]."""
+    soon = settings.command_delay + 0.5 * settings.period
+    first, second = (
+        soon + settings.lead_ratio * lag + delay
+        for lag, delay in zip(channel.valve_time_constants, channel.command_delays, strict=True)
+    )
+    return first, second

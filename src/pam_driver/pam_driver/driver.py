@@ -23,14 +23,14 @@ from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
 from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.lowering import Lowering
 from pam_driver.safety.people_inputs import PeopleInputs
+from pam_driver.safety.refusals import COMMANDABLE, against_activation, against_command
 from pam_driver.safety.start_up_check import StartUpCheck
-from pam_driver.safety.states import FAULTY, OUTPUTS, SafetyEvent, SafetyState, next_state
+from pam_driver.safety.states import OUTPUTS, SafetyEvent, SafetyState, next_state
 from pam_driver.safety.stop_categories import can_lower, longest_lowering
 from pam_driver.snapshot import Snapshot, take_snapshot
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 
-_COMMANDABLE: Final = frozenset({SafetyState.READY, SafetyState.ACTIVE})
 _PHYSICS: Final = frozenset({"pressure_implausible", "torque_implausible"})
 _VENTS: Final = frozenset({SafetyState.VENTED, SafetyState.VENTING})
 
@@ -168,15 +168,9 @@ class Driver:
         """
         with self._lock:
             self.intake.hear(command.source, now)
-            if self.state in FAULTY:
-                self.intake.refuse("not_active", "a fault is latched; clear it, then activate")
-            if self.state is SafetyState.CHECKING:
-                self.intake.refuse("not_active", "the start-up check tests the valves")
-            if self.state not in _COMMANDABLE:
-                reason = f"the driver is {self.state.value}; activate it first"
+            reason = against_command(self.state, now - command.age, self._ready_since)
+            if reason:
                 self.intake.refuse("not_active", reason)
-            if self.state is SafetyState.READY and now - command.age < self._ready_since:
-                self.intake.refuse("not_active", "computed before the driver was activated")
             self._fractions = self.intake.take(command, now)
             self._command_time = now - command.age
             self._command_age = command.age
@@ -193,24 +187,14 @@ class Driver:
             return self._activation_problem(now)
 
     def _activation_problem(self, now: float) -> str:
-        if self.state in FAULTY:
-            reasons = "; ".join(str(fault) for fault in self.faults)
-            return f"faults are latched, call ~/clear_faults: {reasons}"
-        if self.state is SafetyState.LOWERING:
-            return "the joints are being lowered"
-        if self.state is SafetyState.CHECKING:
-            return "the start-up check tests the valves"
-        missing = self.missing_boards(now)
-        if missing:
-            return f"no answer from {', '.join(missing)}: check power, wiring and board numbers"
-        wrong = "; ".join(
-            str(condition)
-            for condition in self._conditions(now)
-            if condition.kind != "board_restarted"
+        return against_activation(
+            self.state,
+            self.faults,
+            self.missing_boards(now),
+            self._conditions(now),
+            self._exhausts.remaining,
+            self.people.not_enabled(now),
         )
-        if not wrong and self.state is SafetyState.VENTING:
-            return f"not all muscles are empty yet: {self._exhausts.remaining()}"
-        return "; ".join(filter(None, (wrong, self.people.not_enabled(now))))
 
     def activate(self, now: float) -> None:
         """Let air move from the next fresh command on, after the start-up check if there is one.
@@ -311,7 +295,7 @@ class Driver:
         found, state = self.conditions, self.state
         if state is SafetyState.CHECKING and self._check is not None:
             self._go_on_checking(self._check, now)
-        elif state in _COMMANDABLE:
+        elif state in COMMANDABLE:
             if found:
                 self.faults = found
                 self._stop(SafetyEvent.FAULT_LOWER if can_lower(found) else SafetyEvent.FAULT, now)

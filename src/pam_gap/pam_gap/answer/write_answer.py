@@ -17,9 +17,10 @@ from pam_gap.inference.confidence import (
     gap_closed,
     parameter_intervals,
 )
-from pam_gap.inference.decision import Decision, Judge, named_effects
+from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.held_out import Folds, HeldOut
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.probabilities import probabilities
 from pam_gap.inference.selection import bootstrap_weights
 from pam_gap.prediction.channel_order import BOTH_FORCES, UNITS

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from pam_gap.inference.confidence import Interval, for_another_motion, gap_closed
-from pam_gap.inference.decision import Decision, Judge, named_effects
+from pam_gap.inference.decision import Decision, Judge
+from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.score import Score
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.prediction.fit import Array
