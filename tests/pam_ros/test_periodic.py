@@ -198,3 +198,23 @@ def test_a_system_that_grants_no_priority_is_no_error(monkeypatch: pytest.Monkey
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     assert take_priority(5) == 0
     assert take_priority(0) == 0
+
+
+def test_a_loop_with_a_real_time_priority_keeps_its_memory_in_ram():
+    program = (
+        "from pam_ros.periodic import PeriodicLoop, take_priority\n"
+        "from pam_ros.memory_lock import lock_memory\n"
+        "locked = lambda: int(open('/proc/self/status').read().split('VmLck:')[1].split()[0])\n"
+        "none = PeriodicLoop(lambda now: None, 0.01, 'none', 0); none.share_priority()\n"
+        "print(locked())\n"
+        "PeriodicLoop(lambda now: None, 0.01, 'some', 2).share_priority()\n"
+        "print(locked(), lock_memory())\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    without, locked, permitted = run.stdout.split()
+    if permitted == "False":
+        pytest.skip("this system permits no locked memory (RLIMIT_MEMLOCK)")
+    assert int(without) == 0
+    assert int(locked) > 1000

@@ -17,6 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from pam_ros.memory_lock import lock_memory
+
 LOWEST_PRIORITY = 1  # the lowest real-time priority
 
 
@@ -144,10 +146,12 @@ class PeriodicLoop:
         """Give the other threads of this process a real-time priority below that of the loop.
 
         The loop depends on them for messages and for the interpreter lock, so its own priority is
-        of no use if the host does not let them run. Nothing happens if the loop asked for none.
+        of no use if the host does not let them run. For the same reason the memory of the process
+        is kept in RAM. Nothing happens if the loop asked for no priority.
         """
         if self._asked_priority <= 0 or not hasattr(os, "sched_setscheduler"):
             return
+        lock_memory()
         for task in Path("/proc/self/task").iterdir():
             # the thread may have ended
             with contextlib.suppress(OSError):
