@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import resource
 import sys
 from typing import Final
 
@@ -33,6 +32,8 @@ def lock_memory() -> bool:
     """
     if not sys.platform.startswith("linux"):
         return False
+    import resource  # noqa: PLC0415  (Unix alone has it)
+
     call = ctypes.CDLL(None, use_errno=True).mlockall
     unlimited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
     if unlimited or os.geteuid() == 0:
