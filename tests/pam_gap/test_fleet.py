@@ -139,7 +139,7 @@ def test_another_recording_rig_version_or_constant_is_diagnosed_again(
     key = key_of(task)
     (task.folder / DONE).write_text(json.dumps({"key": key}))
     assert kept_result(task, key_of(task)) is not None
-    rules = replace(task.rules, search=replace(task.rules.search, background=True))
+    rules = replace(task.rules, decision=replace(task.rules.decision, material_share=0.002))
     assert kept_result(task, key_of(replace(task, rules=rules))) is None
     monkeypatch.setattr("pam_gap.__version__", "99.0")
     assert kept_result(task, key_of(task)) is None
