@@ -147,7 +147,8 @@ def test_the_node_publishes_the_disturbance_of_the_joints_that_have_an_observer(
     def create_publisher(_, topic, __):
         return SimpleNamespace(publish=lambda message: sent.__setitem__(topic, message))
 
-    topics = ControllerTopics(SimpleNamespace(create_publisher=create_publisher), rig, 1)
+    node = SimpleNamespace(create_publisher=create_publisher, get_fully_qualified_name=lambda: "/c")
+    topics = ControllerTopics(node, rig, 1)
     channel = plain(rig).channels[0]
     topics.publish(_stamp(), [0.0, 0.0], [channel])
     assert "~/disturbance" not in sent
