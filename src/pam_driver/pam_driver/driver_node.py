@@ -175,22 +175,18 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
         """Vent and close the bus."""
         self._cancel_start("a clean-up")
-        self._close()
+        self.close()
         return _SUCCESS
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
         """Vent and close the bus."""
-        self._close()
+        self.close()
         return _SUCCESS
 
     def on_error(self, state: Any) -> TransitionCallbackReturn:
         """Vent and close the bus; the node may be configured again."""
-        self._close()
+        self.close()
         return _SUCCESS
-
-    def close(self) -> None:
-        """Vent and close the bus in any state."""
-        self._close()
 
     def share_priority(self) -> None:
         """Give a real-time priority to the other threads too, if the I/O thread has one."""
@@ -208,7 +204,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             self.get_logger().error(reason)
         return _FAILURE
 
-    def _close(self) -> None:
+    def close(self) -> None:
         """Lower the arm, stop the thread, vent, close the bus; safe to call twice."""
         loop, self._loop = self._loop, None
         driver, self._driver = self._driver, None
