@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pam_check.chain import BusChoice, multicast_bus
-from pam_driver.bus import open_bus
+from pam_driver.can_bus.bus import open_bus
 from support.processes import end
 from support.rigs import ELBOW
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pam_check.faults.chain import VirtualCan
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandError, NamedCommand

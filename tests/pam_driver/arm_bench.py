@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 
-from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
+from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pam_driver.boards.pam_board.codec import BoardCodec
-from pam_driver.bus import CanPort, open_bus
+from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.rig import Rig, load_rig
 
 ROOT = Path(__file__).parents[2]

@@ -17,7 +17,7 @@ from pam_driver.boards.pam_board.codec import (
     Status,
     ValveCommand,
 )
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 
 
 class FakeBoard:

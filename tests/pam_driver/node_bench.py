@@ -21,7 +21,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_srvs.srv import Trigger
 
 from pam_driver.boards.pam_board.codec import BoardCodec
-from pam_driver.bus import open_bus
+from pam_driver.can_bus.bus import open_bus
 from support.processes import end
 
 from .fake_board import FakeBoard

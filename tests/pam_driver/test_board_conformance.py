@@ -16,7 +16,7 @@ import yaml
 
 from pam_driver.boards import register
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
+from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand

@@ -16,11 +16,11 @@ from typing import Any
 import can
 import pytest
 
-from pam_driver import bus as bus_module
-from pam_driver import bus_opening
-from pam_driver.bus import BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
-from pam_driver.bus_opening import BusError
-from pam_driver.identifiers import EXTENDED
+from pam_driver.can_bus import bus as bus_module
+from pam_driver.can_bus import bus_opening
+from pam_driver.can_bus.bus import BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
+from pam_driver.can_bus.bus_opening import BusError
+from pam_driver.can_bus.identifiers import EXTENDED
 from support.reruns import EMULATED
 
 VCAN = os.environ.get("PAM_TEST_CAN_CHANNEL", "vcan0")

@@ -13,10 +13,10 @@ import pytest
 from pam_driver.__main__ import main
 from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import CanPort, ReceivedFrame, open_bus
-from pam_driver.identifiers import EXTENDED, FD
-from pam_driver.monitor import Monitor
-from pam_driver.scan import FrameRecord, name_senders, record
+from pam_driver.can_bus.bus import CanPort, ReceivedFrame, open_bus
+from pam_driver.can_bus.identifiers import EXTENDED, FD
+from pam_driver.tools.monitor import Monitor
+from pam_driver.tools.scan import FrameRecord, name_senders, record
 from pam_model.rig import load_rig
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.simulated_rig import SimulatedRig

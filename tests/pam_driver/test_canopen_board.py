@@ -16,8 +16,8 @@ from pam_driver.boards.canopen.dictionary import ObjectName, profile_path
 from pam_driver.boards.protocol import Condition
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.driver import ActivationError
-from pam_driver.monitor import Monitor
 from pam_driver.safety.states import SafetyState
+from pam_driver.tools.monitor import Monitor
 from pam_model.rig import Rig, load_rig
 from pam_sim.boards.canopen_twin import SimulatedCanopenDevice
 from support.canopen_device import ELBOW_CANOPEN, ELBOW_REGULATOR

@@ -23,8 +23,8 @@ from pam_driver.boards.canopen.board import CanopenBoard
 from pam_driver.boards.canopen.boot import Stage
 from pam_driver.boards.canopen.dictionary import profile_path
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import CanPort, open_bus
-from pam_driver.canopen_scan import Identity
+from pam_driver.can_bus.bus import CanPort, open_bus
+from pam_driver.tools.canopen_scan import Identity
 from pam_model.rig import Rig, load_rig
 from pam_sim.boards.canopen_twin import SimulatedCanopenDevice
 from pam_sim.boards.protocol import BoardSettings

@@ -10,8 +10,8 @@ import pytest
 
 from pam_driver.__main__ import main
 from pam_driver.bus_load import bus_load, classic_bits, frame_time
-from pam_driver.check_rig import check_rig
-from pam_driver.identifiers import EXTENDED, FD
+from pam_driver.can_bus.identifiers import EXTENDED, FD
+from pam_driver.tools.check_rig import check_rig
 from pam_model.rig import Bus, Encoder, Rig, load_rig, save_rig
 from support.rigs import CONFIG, ELBOW
 

@@ -19,7 +19,7 @@ from pam_driver.boards.pam_board.codec import (
     ValveCommand,
 )
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import BusState, CanPort, SendOutcome, open_bus
+from pam_driver.can_bus.bus import BusState, CanPort, SendOutcome, open_bus
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandError, NamedCommand

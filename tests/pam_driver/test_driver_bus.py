@@ -15,7 +15,7 @@ from pam_driver.boards.pam_board.codec import (
     Measurement,
     ValveCommand,
 )
-from pam_driver.bus import ReceivedFrame, SendOutcome
+from pam_driver.can_bus.bus import ReceivedFrame, SendOutcome
 from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Encoder, Rig

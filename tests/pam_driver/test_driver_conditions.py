@@ -9,7 +9,7 @@ import pytest
 
 from pam_driver.boards.pam_board.codec import BoardCodec, ValveCommand
 from pam_driver.boards.protocol import Condition
-from pam_driver.bus import BusState, SendOutcome
+from pam_driver.can_bus.bus import BusState, SendOutcome
 from pam_driver.driver import ActivationError
 from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.states import SafetyState

@@ -6,7 +6,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_driver.boards.protocol import Condition
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_settings import DriverSettings

@@ -27,8 +27,8 @@ from pam_driver.boards.pam_board.codec import (
     ValveCommand,
 )
 from pam_driver.boards.protocol import EMERGENCY_STOP
-from pam_driver.bus import CanPort, open_bus
-from pam_driver.bus_opening import BusError
+from pam_driver.can_bus.bus import CanPort, open_bus
+from pam_driver.can_bus.bus_opening import BusError
 from pam_driver.driver_node import DriverNode
 from pam_driver.safety.states import SafetyState
 from pam_ros.errors import ParameterError

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_settings import DriverSettings

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.bus import BusState
+from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig

@@ -12,7 +12,7 @@ import pytest
 
 from pam_driver.__main__ import main
 from pam_driver.boards.pam_board.codec import BoardCodec, ValveCommand
-from pam_driver.bus import CanPort, open_bus
+from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.rig import load_rig
 from pam_sim.rig_loop import RigLoop
 from pam_sim.simulated_rig import SimulatedRig

@@ -12,13 +12,13 @@ import yaml
 
 from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import CanPort
-from pam_driver.bus_opening import BusError
 from pam_driver.buses import OnlyBus, open_buses
+from pam_driver.can_bus.bus import CanPort
+from pam_driver.can_bus.bus_opening import BusError
+from pam_driver.can_bus.identifiers import EXTENDED, FD
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_settings import DriverSettings
-from pam_driver.identifiers import EXTENDED, FD
 from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.errors import RigError

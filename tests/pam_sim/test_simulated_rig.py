@@ -18,7 +18,7 @@ from pam_driver.boards.pam_board.codec import (
     Status,
     ValveCommand,
 )
-from pam_driver.bus import open_bus
+from pam_driver.can_bus.bus import open_bus
 from pam_model.errors import PamError, RigError
 from pam_model.rig import Encoder, save_rig
 from pam_sim.boards.sensors import BoardSensors, SensorQuality

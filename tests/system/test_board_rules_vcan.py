@@ -15,7 +15,7 @@ from pam_check.boards.page import as_text
 from pam_check.boards.rule import Verdict
 from pam_check.boards.tester import BoardTester, TestLimits
 from pam_check.chain import BusChoice
-from pam_driver.bus import SendOutcome, open_bus
+from pam_driver.can_bus.bus import SendOutcome, open_bus
 from support.broken_boards import CODEC, GoodBoard, VirtualLine
 from support.reruns import EMULATED
 

@@ -22,7 +22,7 @@ import can
 import pytest
 
 from pam_driver.boards.pam_board.codec import BoardState
-from pam_driver.bus import BusState, open_bus
+from pam_driver.can_bus.bus import BusState, open_bus
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pam_driver.bus import CanPort, open_bus
+    from pam_driver.can_bus.bus import CanPort, open_bus
     from pam_driver.driver import Driver
     from pam_driver.driver_settings import DriverSettings
 

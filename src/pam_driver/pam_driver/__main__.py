@@ -10,7 +10,7 @@ from pam_model.command_line import Arguments, Command, Outcome, Parser, run_prog
 
 
 def _check_rig(given: Arguments) -> Outcome:
-    from pam_driver.check_rig import run  # noqa: PLC0415  (cantools)
+    from pam_driver.tools.check_rig import run  # noqa: PLC0415  (cantools)
 
     return run(given)
 
@@ -36,7 +36,7 @@ def _declare_check_rig(parser: Parser) -> None:
 
 
 def _scan(given: Arguments) -> Outcome:
-    from pam_driver.scan import run  # noqa: PLC0415  (python-can)
+    from pam_driver.tools.scan import run  # noqa: PLC0415  (python-can)
 
     return run(given)
 
@@ -67,7 +67,7 @@ def _declare_scan(parser: Parser) -> None:
 
 
 def _monitor(given: Arguments) -> Outcome:
-    from pam_driver.monitor import run  # noqa: PLC0415  (python-can)
+    from pam_driver.tools.monitor import run  # noqa: PLC0415  (python-can)
 
     return run(given)
 
@@ -87,7 +87,7 @@ def _declare_monitor(parser: Parser) -> None:
 
 
 def _set(given: Arguments) -> Outcome:
-    from pam_driver.set_valve import run  # noqa: PLC0415  (python-can)
+    from pam_driver.tools.set_valve import run  # noqa: PLC0415  (python-can)
 
     return run(given)
 

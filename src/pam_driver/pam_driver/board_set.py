@@ -13,7 +13,7 @@ from typing import Protocol
 from pam_driver.boards.frame_errors import ForeignCommandError, FrameError, UnknownFrameError
 from pam_driver.boards.protocol import NEVER, Address, Channel, Condition, Frame, Hear, Sample
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
+from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.joint_velocity import JointVelocity
 from pam_model.errors import RigError
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from pam_driver.bus import BusState, CanPort
+from pam_driver.can_bus.bus import BusState, CanPort
 from pam_ros.diagnostics import ERROR, OK, WARN, diagnostic_status
 
 # Frames of other devices on a shared bus are legitimate: they are counted, without a warning.

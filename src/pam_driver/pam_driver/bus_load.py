@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from pam_driver.boards.protocol import Traffic
-from pam_driver.identifiers import EXTENDED, FD
+from pam_driver.can_bus.identifiers import EXTENDED, FD
 from pam_model.rig import Bus
 
 HIGHEST_LOAD: Final = 0.9

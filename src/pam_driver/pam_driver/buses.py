@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import CanPort, open_bus
-from pam_driver.bus_opening import BusError
+from pam_driver.can_bus.bus import CanPort, open_bus
+from pam_driver.can_bus.bus_opening import BusError
+from pam_driver.can_bus.identifiers import FD, shown
 from pam_driver.driver_parameters import bus_options
-from pam_driver.identifiers import FD, shown
 from pam_model.errors import PamError
 from pam_model.rig import Bus, Rig
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pam_driver.boards.wiring import RigWiring
-from pam_driver.bus import CanPort
 from pam_driver.buses import OnlyBus, open_buses
+from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_diagnostics import DriverDiagnostics
 from pam_driver.driver_parameters import bus_options, settings_of

@@ -7,8 +7,8 @@ from typing import Any
 
 from pam_driver.boards.protocol import Board
 from pam_driver.boards.weaker_promises import weaker_promises
-from pam_driver.bus import CanPort
 from pam_driver.bus_diagnostics import BusDiagnostics
+from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.safety.states import FAULTY
 from pam_ros.diagnostics import ERROR, OK, WARN, diagnostic_status, loop_values

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_ros.periodic import PeriodicLoop
 

@@ -28,7 +28,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from pam_driver.boards.weaker_promises import weaker_promises
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_assembly import assemble_driver
 from pam_driver.driver_diagnostics import DriverDiagnostics

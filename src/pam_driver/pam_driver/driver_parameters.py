@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
-from pam_driver.bus_opening import DEFAULT_BITRATE
+from pam_driver.can_bus.bus_opening import DEFAULT_BITRATE
 from pam_driver.driver_settings import DriverSettings
 from pam_model.errors import PamError
 from pam_ros.node_help import Endpoint, NodeHelp

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, Protocol
 
 from pam_driver.board_set import BoardSet
 from pam_driver.boards.protocol import NEVER, Condition
-from pam_driver.bus import BusState
+from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.joint_speed import JointSpeedWatch
 from pam_driver.safety.loop_watch import LoopWatch

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 from pam_model.errors import PamError
 from pam_ros.periodic import PeriodicLoop
 from pam_sim.fault_injection import inject, mend, parse_injection

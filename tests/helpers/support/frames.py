@@ -12,7 +12,7 @@ import can
 
 from pam_check.chain import BusChoice
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardMessage, FrameError
-from pam_driver.bus_opening import hear_own_group_only
+from pam_driver.can_bus.bus_opening import hear_own_group_only
 
 
 def open_can(bus: BusChoice) -> can.BusABC:

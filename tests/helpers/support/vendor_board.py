@@ -31,7 +31,7 @@ from pam_driver.boards.protocol import (
     Sample,
     WiredBoard,
 )
-from pam_driver.identifiers import EXTENDED
+from pam_driver.can_bus.identifiers import EXTENDED
 from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 
 MBAR: Final = 100.0  # Pa

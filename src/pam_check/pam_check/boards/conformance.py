@@ -15,7 +15,7 @@ from pam_check.boards.page import as_text, summary, write_page
 from pam_check.boards.rule import Rule, RuleResult, Verdict
 from pam_check.boards.tester import BoardTester, NotTriedError, RuleBrokenError, TestLimits
 from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec
-from pam_driver.bus import open_bus
+from pam_driver.can_bus.bus import open_bus
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import Final, NamedTuple, Protocol
 
-from pam_driver.bus import CanPort, SendOutcome
+from pam_driver.can_bus.bus import CanPort, SendOutcome
 
 _POLL: Final = 0.0005  # s
 

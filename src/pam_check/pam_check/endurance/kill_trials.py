@@ -15,7 +15,7 @@ import statistics
 import time
 
 from pam_check.chain import BusChoice, multicast_bus
-from pam_driver.bus import open_bus
+from pam_driver.can_bus.bus import open_bus
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand

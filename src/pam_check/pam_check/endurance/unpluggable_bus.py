@@ -17,7 +17,7 @@ from typing import Any, Final
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
-from pam_driver.bus_opening import hear_own_group_only
+from pam_driver.can_bus.bus_opening import hear_own_group_only
 
 INTERFACE: Final = "unpluggable"
 PLUG: Final = "PAM_UNPLUGGED"  # environment variable: path of the file

@@ -19,7 +19,7 @@ from pam_check.faults.virtual_can import VirtualCan
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandError, NamedCommand

@@ -26,7 +26,7 @@ from pam_driver.boards.pam_board.codec import (
     Status,
     ValveCommand,
 )
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 from pam_model.errors import PamError
 
 _PERIOD = 0.01  # s, of the references

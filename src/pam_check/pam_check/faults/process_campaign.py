@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from pam_check.chain import Chain, multicast_bus, private_domain
-from pam_driver.bus import CanPort, open_bus
+from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError

@@ -28,7 +28,7 @@ from pam_check.chain import private_domain, set_environment
 from pam_check.fuzz.fuzz_run import BLOCK
 from pam_check.fuzz.random_targets import ViolationError, injection, names, numbers
 from pam_driver.boards.pam_board.codec import BoardCodec, FrameError, ValveCommand
-from pam_driver.bus import CanPort, open_bus
+from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig

@@ -23,7 +23,7 @@ from pam_driver.boards.pam_board.codec import (
 from pam_driver.boards.pam_board.codec import Measurement as MeasurementFrame
 from pam_driver.boards.pam_board.codec import Status as StatusFrame
 from pam_driver.boards.pam_board.messages import BoardMessage
-from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
+from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandIntake, NamedCommand

@@ -31,7 +31,7 @@ from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardState
 from pam_driver.boards.wiring import RigWiring, kind_name
-from pam_driver.bus import BusState, ReceivedFrame, SendOutcome
+from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import CommandError, NamedCommand

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pam_driver.identifiers import shown
+from pam_driver.can_bus.identifiers import shown
 from pam_model.errors import PamError
 
 

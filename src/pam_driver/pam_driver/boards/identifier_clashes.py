@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from pam_driver.boards.protocol import Address, Board, WiredBoard
-from pam_driver.identifiers import EXTENDED, FD, number_of, shown
+from pam_driver.can_bus.identifiers import EXTENDED, FD, number_of, shown
 from pam_model.rig import Bus
 
 NMT: Final = 0x000

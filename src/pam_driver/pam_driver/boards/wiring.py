@@ -19,7 +19,7 @@ from pam_driver.boards.protocol import (
     WiredBoard,
 )
 from pam_driver.boards.register import DEFAULT_KIND, board_kinds
-from pam_driver.identifiers import EXTENDED
+from pam_driver.can_bus.identifiers import EXTENDED
 from pam_model.errors import RigError
 from pam_model.rig import Rig
 

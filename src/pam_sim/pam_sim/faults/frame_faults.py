@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from pam_driver.bus import CanPort, ReceivedFrame, SendOutcome
+from pam_driver.can_bus.bus import CanPort, ReceivedFrame, SendOutcome
 
 Direction = Literal["up", "down"]
 Frame = tuple[int, bytes]

@@ -14,7 +14,7 @@ from pam_driver.boards.conversion import Source
 from pam_driver.boards.dbc_file import load_dbc
 from pam_driver.boards.mapped.device import Selected
 from pam_driver.boards.mapped.signal_layout import SignalLayout
-from pam_driver.identifiers import EXTENDED, FD
+from pam_driver.can_bus.identifiers import EXTENDED, FD
 from pam_model.rig.keys import Section
 
 _MAX_DBC_BYTES: Final = 20_000_000

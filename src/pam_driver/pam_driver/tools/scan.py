@@ -14,9 +14,9 @@ from typing import Final
 from pam_driver.boards.frame_errors import FrameError
 from pam_driver.boards.identifier_clashes import canopen_use
 from pam_driver.boards.pam_board.codec import BoardCodec, Heartbeat
-from pam_driver.bus import ReceivedFrame, open_bus
-from pam_driver.canopen_scan import Identity, ask_nodes
-from pam_driver.identifiers import FD, shown
+from pam_driver.can_bus.bus import ReceivedFrame, open_bus
+from pam_driver.can_bus.identifiers import FD, shown
+from pam_driver.tools.canopen_scan import Identity, ask_nodes
 from pam_model.command_line import Arguments, Outcome
 
 _POLL: Final = 0.005  # s

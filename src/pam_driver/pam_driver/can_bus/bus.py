@@ -18,8 +18,8 @@ from typing import Any, Final, NamedTuple
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
-from pam_driver.bus_opening import DEFAULT_BITRATE, BusError, bus_name, open_can_bus
-from pam_driver.identifiers import EXTENDED, FD, number_of
+from pam_driver.can_bus.bus_opening import DEFAULT_BITRATE, BusError, bus_name, open_can_bus
+from pam_driver.can_bus.identifiers import EXTENDED, FD, number_of
 
 # A flood of frames must not block the caller: the rest is fetched in the next cycle.
 MAX_FRAMES_PER_CALL: Final = 256

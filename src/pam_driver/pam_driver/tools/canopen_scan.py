@@ -13,7 +13,7 @@ from pam_driver.boards.canopen.device import Check
 from pam_driver.boards.canopen.dictionary import ObjectName
 from pam_driver.boards.canopen.sdo import SdoClient
 from pam_driver.boards.frame_errors import FrameError
-from pam_driver.bus import CanPort
+from pam_driver.can_bus.bus import CanPort
 
 _PAUSE: Final = 0.002  # s
 _TIMEOUT: Final = 0.1  # s

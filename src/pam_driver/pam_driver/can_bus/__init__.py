@@ -1,0 +1,1 @@
+"""One CAN bus: opening it, its frames, and identifiers with their flags."""
