@@ -2,7 +2,7 @@
 
 Linux may take pages of a program away that were not used for a while, even where there is no swap,
 because it can read them again from the file. A thread with a real-time priority then still waits
-for the disk, on a busy or small host for hundreds of milliseconds. Source: mlockall(2), section
+for the disk. Source: mlockall(2), section
 "Real-time processes".
 """
 
