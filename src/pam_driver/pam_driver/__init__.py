@@ -30,17 +30,17 @@ def __getattr__(name: str) -> Any:
     """Import a public name."""
     match name:
         case "CanPort" | "open_bus":
-            from pam_driver import bus
+            from pam_driver.can_bus import bus
 
             return getattr(bus, name)
         case "Driver":
-            from pam_driver import driver
+            from pam_driver.driver import Driver
 
-            return getattr(driver, name)
+            return Driver
         case "DriverSettings":
-            from pam_driver import driver_settings
+            from pam_driver.driver_settings import DriverSettings
 
-            return getattr(driver_settings, name)
+            return DriverSettings
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
