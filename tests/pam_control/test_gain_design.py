@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pam_control.compensation.inverse_dynamics import InverseDynamics
-from pam_control.feedback.linear_joint import LoopTiming, frequency_response, state_space
+from pam_control.feedback.closed_loop import is_stable, state_space
+from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.margins import ControlDesignError, margins, pid_response
 from pam_control.feedback.operating_points import operating_point
 from pam_control.feedback.pid import Pid, PidGains
@@ -62,7 +63,7 @@ def test_margins_are_those_of_python_control(rig, delay, gains):
     case = controller.cases(controller.channels[0], controller.settings)[0]
     timing = LoopTiming(0.002, delay, 0.005, 0.4, 0.01)
     pid = PidGains(*gains, 0.01)
-    found = margins(case, timing, pid)
+    found = margins(case, timing, pid, is_stable(case, timing, pid))
     omega = np.geomspace(0.05, 500.0, 4000)
     opened = pid_response(pid, omega) * frequency_response(case.point, case.loop, timing, omega)
     gain, phase, modulus, *_ = control.stability_margins(control.frd(opened, omega, smooth=True))
@@ -93,7 +94,7 @@ def test_more_delay_means_less_margin_for_the_same_gains(rig):
     channel, settings = controller.channels[0], controller.settings
     case = controller.cases(channel, settings)[-1]
     found = [
-        margins(case, LoopTiming(0.002, delay, 0.005, 0.4, 0.01), settings.gains["elbow"])
+        margins(case, LoopTiming(0.002, delay, 0.005, 0.4, 0.01), settings.gains["elbow"], True)
         for delay in (0.004, 0.012, 0.02)
     ]
     assert found[0].phase_margin > found[1].phase_margin > found[2].phase_margin

@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -74,7 +76,7 @@ def kept_file(rig, tmp_path_factory):
     """The file of the elbow's design."""
     folder = tmp_path_factory.mktemp("kept")
     started(rig, folder)
-    (path,) = folder.iterdir()
+    (path,) = folder.glob(f"*{kept_designs.GAINS}")
     return path
 
 
@@ -91,7 +93,10 @@ def test_the_next_start_reads_the_design_of_this_one(rig, fresh, tmp_path):
     again, report = started(rig, folder)
     assert (report.designed, report.read) == (0, 1)
     assert again == first == {"elbow": fresh}
-    assert len(list(folder.iterdir())) == 1
+    assert sorted("".join(path.suffixes) for path in folder.iterdir()) == [
+        ".gains.json",
+        ".poles.json",
+    ]
 
 
 def with_elbow(rig, **changes):
@@ -129,6 +134,34 @@ def test_whatever_changes_the_gains_changes_the_key(rig, tmp_path, change):
     expected, _ = started(other, None, **settings)
     found, _ = started(other, tmp_path, **settings)
     assert found == expected
+
+
+def test_a_later_start_does_not_import_python_control(rig, tmp_path):
+    """The import takes longer than all the rest of the controller's start."""
+    started(rig, tmp_path)
+    program = (
+        "import sys\nfrom pathlib import Path\n"
+        "from pam_control.feedback.kept_designs import KeptDesigns\n"
+        "from pam_control.laws.position_stiffness import PositionStiffnessController\n"
+        "from pam_control.settings import ControlSettings\n"
+        "from pam_model.rig import load_rig\n"
+        "PositionStiffnessController(load_rig('config/elbow.yaml'),\n"
+        "    ControlSettings(safe_delay=0.0), KeptDesigns(Path(sys.argv[1])))\n"
+        "print('control' in sys.modules, 'matplotlib' in sys.modules)\n"
+    )
+    words = [sys.executable, "-c", program, str(tmp_path)]
+    told = subprocess.run(words, capture_output=True, text=True, check=True, timeout=120)
+    assert told.stdout.split() == ["False", "False"]
+
+
+@pytest.mark.parametrize("spoilt", ["true", "[]", "[[true]]", '"yes"', "null"])
+def test_a_spoilt_answer_on_stability_is_decided_again(rig, tmp_path, spoilt):
+    started(rig, tmp_path)
+    (path,) = tmp_path.glob(f"*{kept_designs.POLES}")
+    text = path.read_text()
+    path.write_text(text.replace(json.dumps(json.loads(text)["stable"]), spoilt))
+    started(rig, tmp_path)
+    assert path.read_text() == text
 
 
 def test_other_code_designs_anew(rig, tmp_path, monkeypatch):

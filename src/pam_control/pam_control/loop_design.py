@@ -170,17 +170,14 @@ class LoopDesign(ABC):
         ControlDesignError
             When a loop is not safe.
         """
+        found = []
         for channel in self.channels:
             self._check_observer(channel, settings)
-        return [
-            checked_margins(
-                channel.joint.name,
-                self.cases(channel, settings),
-                self.timing(channel, settings),
-                settings.gains[channel.joint.name],
-            )
-            for channel in self.channels
-        ]
+            cases, timing = self.cases(channel, settings), self.timing(channel, settings)
+            gains = settings.gains[channel.joint.name]
+            stable = self.designs.stable(cases, timing, gains)
+            found.append(checked_margins(channel.joint.name, cases, timing, gains, stable))
+        return found
 
     def prepare(self, settings: ControlSettings) -> PreparedSettings:
         """Design and check other settings, which may take seconds; nothing changes yet.

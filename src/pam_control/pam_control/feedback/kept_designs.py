@@ -3,7 +3,8 @@
 A design depends only on its task: the numbers of the linearised loops, their delays and the
 requirements. Therefore the task is the key: any change in the rig file, the parameters or the
 physics that changes a loop also changes the key. On disk the key also contains the code of the
-design and the versions of the libraries that are used in the search.
+design and the versions of the libraries that are used in the search. Whether a loop with given
+gains is stable is stored in the same way.
 
 A stored design is checked before it is used: it must belong to the same task, its numbers must be
 finite, and the cost (which includes the margins), computed again, must agree with the stored cost.
@@ -17,28 +18,29 @@ import contextlib
 import dataclasses
 import functools
 import hashlib
-import inspect
 import json
 import math
 import os
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy
 
-from pam_control.feedback import gain_design, linear_joint, loop_shape, observer_design
 from pam_control.feedback.gain_design import INFEASIBLE, DesignTask, PidCost, design_pid
+from pam_control.feedback.linear_joint import LoopTiming
+from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.observer_design import ObserverCost, design_with_observer
 from pam_control.feedback.pid import PidGains
 
 LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
-MOST_FILES = 256
+MOST_FILES = 512
 LARGEST_GAIN = 1e12  # plausibility limit of stored gains, far above any design
-SUFFIX = ".gains.json"
+GAINS, POLES = ".gains.json", ".poles.json"  # suffixes of the files
+CODE = ("closed_loop", "gain_design", "linear_joint", "loop_shape", "observer_design")
 COST_TOLERANCE = 1e-6  # relative; covers the rounding differences between processors
 
 
@@ -97,6 +99,7 @@ class KeptDesigns:
     def __init__(self, folder: Path | None = None) -> None:
         self._folder = folder
         self._found: dict[DesignTask, PidGains] = {}
+        self._stable: dict[Any, list[bool]] = {}
         self._report = DesignReport()
 
     def take_report(self) -> DesignReport:
@@ -140,19 +143,39 @@ class KeptDesigns:
         self._found[task] = gains
         return gains
 
+    def stable(self, cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains) -> list[bool]:
+        """Whether the poles of each of these closed loops lie in the left half plane."""
+        loop = (tuple(cases), timing, gains)
+        if loop in self._stable:
+            return self._stable[loop]
+        content = {
+            "cases": [dataclasses.asdict(case) for case in cases],
+            "timing": dataclasses.asdict(timing),
+            "gains": dataclasses.asdict(gains),
+        }
+        key = _key_of(content)
+        kept = (self._load(key, POLES) or {}).get("stable")
+        if isinstance(kept, list) and len(kept) == len(cases):
+            found = [answer is True for answer in kept]
+        else:
+            # python-control takes more than a second to import
+            from pam_control.feedback.closed_loop import is_stable  # noqa: PLC0415
+
+            found = [is_stable(case, timing, gains) for case in cases]
+            self._store(key, POLES, {"stable": found})
+        self._stable[loop] = found
+        return found
+
     def _read(self, task: DesignTask) -> PidGains | None:
-        if self._folder is None:
+        kept = self._load(_key_of(dataclasses.asdict(task)), GAINS)
+        if kept is None:
             return None
-        key = _key_of(task)
         try:
-            with (self._folder / _name_of(key)).open("rb") as file:
-                text = file.read(LARGEST_FILE)
-            kept = json.loads(text)
             numbers = [float(kept["gains"][part]) for part in ("kp", "ki", "kd", "observer")]
-            same, written = kept["key"] == key, float(kept["cost"])
-        except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
+            written = float(kept["cost"])
+        except (ValueError, TypeError, KeyError, OverflowError):
             return None
-        if not same or not all(0.0 <= value < LARGEST_GAIN for value in numbers):
+        if not all(0.0 <= value < LARGEST_GAIN for value in numbers):
             return None
         kp, ki, kd, observer = numbers
         gains = PidGains(kp, ki, kd, task.derivative_filter, observer)
@@ -161,28 +184,38 @@ class KeptDesigns:
         return gains if reached else None
 
     def _write(self, task: DesignTask, gains: PidGains) -> None:
+        numbers = {
+            "kp": gains.proportional,
+            "ki": gains.integral,
+            "kd": gains.derivative,
+            "observer": gains.observer,
+        }
+        content = {"gains": numbers, "cost": _cost(task, gains)}
+        self._store(_key_of(dataclasses.asdict(task)), GAINS, content)
+
+    def _load(self, key: Mapping[str, Any], suffix: str) -> dict[str, Any] | None:
+        """The content of the file with this key; None without a usable one."""
+        if self._folder is None:
+            return None
+        try:
+            with (self._folder / _name_of(key, suffix)).open("rb") as file:
+                kept = json.loads(file.read(LARGEST_FILE))
+        except (OSError, ValueError, RecursionError):
+            return None
+        return kept if isinstance(kept, dict) and kept.get("key") == key else None
+
+    def _store(self, key: Mapping[str, Any], suffix: str, content: Mapping[str, Any]) -> None:
         if self._folder is None:
             return
-        key = _key_of(task)
-        content = {
-            "gains": {
-                "kp": gains.proportional,
-                "ki": gains.integral,
-                "kd": gains.derivative,
-                "observer": gains.observer,
-            },
-            "cost": _cost(task, gains),
-            "key": key,
-        }
         temporary: Path | None = None
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(prefix=".", suffix=".part", dir=self._folder)
             temporary = Path(name)
             with os.fdopen(handle, "w", encoding="utf-8") as file:
-                json.dump(content, file)
+                json.dump({**content, "key": key}, file)
             # atomic, since other processes may read or write the file at the same time
-            temporary.replace(self._folder / _name_of(key))
+            temporary.replace(self._folder / _name_of(key, suffix))
             self._forget_oldest()
         except OSError as error:
             self._report.problem = f"{error.strerror or error}: {self._folder}"
@@ -191,9 +224,10 @@ class KeptDesigns:
                     temporary.unlink(missing_ok=True)
 
     def _forget_oldest(self) -> None:
-        """Delete the oldest designs; only files with SUFFIX are touched."""
+        """Delete the oldest designs; other files are not touched."""
         assert self._folder is not None
-        files = sorted(self._folder.glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime)
+        own = (path for path in self._folder.iterdir() if path.name.endswith((GAINS, POLES)))
+        files = sorted(own, key=lambda path: path.stat().st_mtime)
         for path in files[:-MOST_FILES]:
             path.unlink(missing_ok=True)
 
@@ -208,22 +242,22 @@ def _cost(task: DesignTask, gains: PidGains) -> float:
     return cost.of(gains)
 
 
-def _key_of(task: DesignTask) -> dict[str, Any]:
-    """The task and the code as JSON returns them: exact numbers, and lists in place of tuples."""
-    key: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(task)))
+def _key_of(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Content and code as JSON returns them: exact numbers, and lists in place of tuples."""
+    key: dict[str, Any] = json.loads(json.dumps(content))
     key["code"] = _code_version()
     return key
 
 
-def _name_of(key: Mapping[str, Any]) -> str:
+def _name_of(key: Mapping[str, Any], suffix: str) -> str:
     text = json.dumps(key, sort_keys=True).encode()
-    return hashlib.sha256(text).hexdigest() + SUFFIX
+    return hashlib.sha256(text).hexdigest() + suffix
 
 
 @functools.cache
 def _code_version() -> str:
     """Digest of the code and library versions that lead from a task to its gains."""
     digest = hashlib.sha256(f"numpy {np.__version__}, scipy {scipy.__version__}".encode())
-    for module in (gain_design, linear_joint, loop_shape, observer_design):
-        digest.update(inspect.getsource(module).encode())
+    for name in CODE:
+        digest.update(Path(__file__).with_name(f"{name}.py").read_bytes())
     return digest.hexdigest()

@@ -18,14 +18,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import control
 import numpy as np
 import numpy.typing as npt
 
 Pair = tuple[float, float]
 Complex = npt.NDArray[np.complex128]
-
-PADE_ORDER = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,72 +175,3 @@ def response_parts(
         spring = spring - n * (H * (k * h + feedforward) * late - c * s) / inner
         drive = drive + n * H * k * g / inner
     return drive, spring, late
-
-
-def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
-    """The system from w to q as a `control.StateSpace`, the delay as a Pade approximation."""
-    if timing.regulated:
-        return _regulated_state_space(point, loop, timing)
-    k = loop.pressure_gain
-    (na, nb), (ca, cb) = point.torque_slopes, point.motion_pressure
-    J = point.inertia
-    joint = control.ss(
-        [
-            [0.0, 1.0, 0.0, 0.0],
-            [-point.spring / J, -point.damping / J, na / J, nb / J],
-            [0.0, -ca, 0.0, 0.0],
-            [0.0, -cb, 0.0, 0.0],
-        ],
-        [[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
-        np.eye(4),
-        np.zeros((4, 2)),
-    )
-    delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
-    lag = control.ss(control.tf([1.0], [max(timing.residual_lag, 1e-6), 1.0]))
-    valve = control.series(delay, lag)
-    valves = control.append(valve, valve)
-    filtered = control.ss(control.tf([1.0], [max(timing.velocity_filter, 1e-6), 1.0]))
-    measured = control.append(
-        control.ss([], [], [], np.eye(1)), filtered, control.ss([], [], [], np.eye(2))
-    )
-    if timing.position_delay > 0.0:
-        late = _late(timing)
-        measured = control.series(
-            control.append(late, late, control.ss([], [], [], np.eye(2))), measured
-        )
-    velocity = 1.0 if loop.measured_velocity else 0.0
-    (ga, gb), (ha, hb) = loop.input, loop.position_feedback
-    # ui = k gi w + k hi q + ci qd - k pi: positive feedback of these gains on (q, qd, pa, pb).
-    gains = np.array(
-        [[k * ha, velocity * ca, -k, 0.0], [k * hb, velocity * cb, 0.0, -k]], dtype=float
-    )
-    opened = control.series(valves, joint)
-    returned = control.series(measured, _gain(gains))
-    closed = control.feedback(opened, returned, sign=1)
-    into = _gain([[k * ga], [k * gb]])
-    out = _gain([[1.0, 0.0, 0.0, 0.0]])
-    result = control.series(into, closed, out)
-    return control.series(result, _late(timing)) if timing.position_delay > 0.0 else result
-
-
-def _late(timing: LoopTiming) -> Any:
-    return control.ss(control.tf(*control.pade(timing.position_delay, PADE_ORDER)))
-
-
-def _gain(matrix: npt.ArrayLike) -> Any:
-    return control.ss([], [], [], np.asarray(matrix, dtype=float))
-
-
-def _regulated_state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
-    (na, nb), (ga, gb), (ha, hb) = point.torque_slopes, loop.input, loop.position_feedback
-    J = point.inertia
-    joint = control.ss(
-        [[0.0, 1.0], [-point.spring / J, -point.damping / J]], [[0.0], [1.0 / J]], [[1.0, 0.0]], 0.0
-    )
-    delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
-    lag = control.ss(control.tf([1.0], [max(timing.valve_time_constant, 1e-6), 1.0]))
-    opened = control.series(delay, lag, lag, joint)
-    if timing.position_delay > 0.0:
-        opened = control.series(opened, _late(timing))
-    closed = control.feedback(opened, _gain([[na * ha + nb * hb]]), sign=1)
-    return control.series(_gain([[na * ga + nb * gb]]), closed)

@@ -2,8 +2,8 @@
 
 The margins are those of the exact frequency response, including the transport delay. The response
 is sampled on a grid. Around each crossing and each minimum it is sampled again on finer and finer
-grids, so the result contains no interpolation. Stability is decided by the closed-loop poles, which
-python-control computes with a Pade approximation of the delay.
+grids, so the result contains no interpolation. Stability is decided by the closed-loop poles
+(`closed_loop`).
 
 Source: K. J. Astrom and R. M. Murray, Feedback Systems, Princeton 2008, section 9.3 (gain, phase
 and modulus margin). If there are several crossings, the one nearest to instability counts, as in
@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import control
 import numpy as np
 import numpy.typing as npt
 
@@ -28,7 +27,6 @@ from pam_control.feedback.linear_joint import (
     LoopTiming,
     OperatingPoint,
     frequency_response,
-    state_space,
 )
 from pam_control.feedback.pid import PidGains
 from pam_model.errors import PamError
@@ -167,36 +165,29 @@ def _least_distance(respond: Response, grid: Frequencies, opened: Complex) -> fl
     return float(distance[place])
 
 
-def margins(case: LoopCase, timing: LoopTiming, gains: PidGains) -> Margins:
-    """Margins of one joint's loop with these gains at one operating point."""
+def margins(case: LoopCase, timing: LoopTiming, gains: PidGains, stable: bool) -> Margins:
+    """Margins of one joint's loop with these gains at one operating point.
+
+    `stable` is the answer of `closed_loop.is_stable` for the same arguments.
+    """
 
     def respond(omega: Frequencies) -> Complex:
         joint = frequency_response(case.point, case.loop, timing, omega)
         return pid_response(gains, omega) * joint
 
-    stable = _is_stable(case, timing, gains)
     return Margins(case.point.position, case.point.stiffness, stable, *loop_margins(respond))
 
 
-def _is_stable(case: LoopCase, timing: LoopTiming, gains: PidGains) -> bool:
-    """Whether all closed-loop poles lie in the left half plane."""
-    pid = control.ss([[0.0]], [[1.0]], [[gains.integral]], [[gains.proportional]])
-    if gains.integral == 0.0:
-        pid = control.ss([], [], [], [[gains.proportional]])
-    if gains.derivative != 0.0:
-        Tf = max(gains.derivative_filter, 1e-4)
-        slope = control.ss(
-            [[-1.0 / Tf]], [[1.0]], [[-gains.derivative / Tf**2]], [[gains.derivative / Tf]]
-        )
-        pid = control.parallel(pid, slope)
-    closed = control.feedback(control.series(pid, state_space(case.point, case.loop, timing)), 1)
-    return bool(np.all(closed.poles().real < 0.0))
-
-
 def checked_margins(
-    joint: str, cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains
+    joint: str,
+    cases: Sequence[LoopCase],
+    timing: LoopTiming,
+    gains: PidGains,
+    stable: Sequence[bool],
 ) -> list[Margins]:
     """Margins at every operating point, the one with the least phase margin first.
+
+    `stable` has one answer of `closed_loop.is_stable` for each of the cases.
 
     Raises
     ------
@@ -204,7 +195,7 @@ def checked_margins(
         When a loop is unstable or has less than 30 degrees of phase margin.
     """
     found = sorted(
-        (margins(case, timing, gains) for case in cases),
+        (margins(case, timing, gains, s) for case, s in zip(cases, stable, strict=True)),
         key=lambda each: (each.stable, each.phase_margin),
     )
     worst = found[0]

@@ -1,0 +1,104 @@
+"""Whether a joint's closed loop is stable, decided by its poles.
+
+python-control builds the closed loop, with Pade approximations of its delays. Importing it takes
+more than a second, because it brings plotting and statistics; therefore only a design that has not
+been made before imports this module (`kept_designs`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+import numpy.typing as npt
+
+from pam_control.feedback.linear_joint import LoopStructure, LoopTiming, OperatingPoint
+from pam_control.feedback.margins import LoopCase
+from pam_control.feedback.pid import PidGains
+
+PADE_ORDER = 4
+
+
+def is_stable(case: LoopCase, timing: LoopTiming, gains: PidGains) -> bool:
+    """Whether all closed-loop poles lie in the left half plane."""
+    pid = control.ss([[0.0]], [[1.0]], [[gains.integral]], [[gains.proportional]])
+    if gains.integral == 0.0:
+        pid = control.ss([], [], [], [[gains.proportional]])
+    if gains.derivative != 0.0:
+        Tf = max(gains.derivative_filter, 1e-4)
+        slope = control.ss(
+            [[-1.0 / Tf]], [[1.0]], [[-gains.derivative / Tf**2]], [[gains.derivative / Tf]]
+        )
+        pid = control.parallel(pid, slope)
+    closed = control.feedback(control.series(pid, state_space(case.point, case.loop, timing)), 1)
+    return bool(np.all(closed.poles().real < 0.0))
+
+
+def state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
+    """The system from w to q as a `control.StateSpace`, the delay as a Pade approximation."""
+    if timing.regulated:
+        return _regulated_state_space(point, loop, timing)
+    k = loop.pressure_gain
+    (na, nb), (ca, cb) = point.torque_slopes, point.motion_pressure
+    J = point.inertia
+    joint = control.ss(
+        [
+            [0.0, 1.0, 0.0, 0.0],
+            [-point.spring / J, -point.damping / J, na / J, nb / J],
+            [0.0, -ca, 0.0, 0.0],
+            [0.0, -cb, 0.0, 0.0],
+        ],
+        [[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+        np.eye(4),
+        np.zeros((4, 2)),
+    )
+    delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
+    lag = control.ss(control.tf([1.0], [max(timing.residual_lag, 1e-6), 1.0]))
+    valve = control.series(delay, lag)
+    valves = control.append(valve, valve)
+    filtered = control.ss(control.tf([1.0], [max(timing.velocity_filter, 1e-6), 1.0]))
+    measured = control.append(
+        control.ss([], [], [], np.eye(1)), filtered, control.ss([], [], [], np.eye(2))
+    )
+    if timing.position_delay > 0.0:
+        late = _late(timing)
+        measured = control.series(
+            control.append(late, late, control.ss([], [], [], np.eye(2))), measured
+        )
+    velocity = 1.0 if loop.measured_velocity else 0.0
+    (ga, gb), (ha, hb) = loop.input, loop.position_feedback
+    # ui = k gi w + k hi q + ci qd - k pi: positive feedback of these gains on (q, qd, pa, pb).
+    gains = np.array(
+        [[k * ha, velocity * ca, -k, 0.0], [k * hb, velocity * cb, 0.0, -k]], dtype=float
+    )
+    opened = control.series(valves, joint)
+    returned = control.series(measured, _gain(gains))
+    closed = control.feedback(opened, returned, sign=1)
+    into = _gain([[k * ga], [k * gb]])
+    out = _gain([[1.0, 0.0, 0.0, 0.0]])
+    result = control.series(into, closed, out)
+    return control.series(result, _late(timing)) if timing.position_delay > 0.0 else result
+
+
+def _late(timing: LoopTiming) -> Any:
+    return control.ss(control.tf(*control.pade(timing.position_delay, PADE_ORDER)))
+
+
+def _gain(matrix: npt.ArrayLike) -> Any:
+    return control.ss([], [], [], np.asarray(matrix, dtype=float))
+
+
+def _regulated_state_space(point: OperatingPoint, loop: LoopStructure, timing: LoopTiming) -> Any:
+    (na, nb), (ga, gb), (ha, hb) = point.torque_slopes, loop.input, loop.position_feedback
+    J = point.inertia
+    joint = control.ss(
+        [[0.0, 1.0], [-point.spring / J, -point.damping / J]], [[0.0], [1.0 / J]], [[1.0, 0.0]], 0.0
+    )
+    delay = control.ss(control.tf(*control.pade(timing.delay, PADE_ORDER)))
+    lag = control.ss(control.tf([1.0], [max(timing.valve_time_constant, 1e-6), 1.0]))
+    opened = control.series(delay, lag, lag, joint)
+    if timing.position_delay > 0.0:
+        opened = control.series(opened, _late(timing))
+    closed = control.feedback(opened, _gain([[na * ha + nb * hb]]), sign=1)
+    return control.series(_gain([[na * ga + nb * gb]]), closed)
