@@ -180,8 +180,16 @@ def test_a_reserved_raw_value_is_named_and_is_no_measurement() -> None:
     ("data", "error", "text"),
     [
         (actual(2.0, 2.0, 7.0, 1)[:7], FrameLengthError, "has 7 bytes, expected 8"),
-        (actual(2.0, 2.0, 7.0, 1)[:7] + b"\0", FrameCrcError, "PVM_Actual fails its checksum"),
-        (actual(16.5, 2.0, 7.0, 1), FrameRangeError, "PVM_Actual.P_Act_A is 32000 raw, expected"),
+        (
+            actual(2.0, 2.0, 7.0, 1)[:7] + b"\0",
+            FrameCrcError,
+            "PVM_Actual of board manifold fails its checksum",
+        ),
+        (
+            actual(16.5, 2.0, 7.0, 1),
+            FrameRangeError,
+            "PVM_Actual.P_Act_A of board manifold is 32000 raw, expected",
+        ),
     ],
 )
 def test_a_wrong_frame_changes_nothing_and_is_named(

@@ -9,31 +9,13 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
 from pam_driver.boards.protocol import Address
 from pam_model.errors import PamError
-from pam_sim.faults import rig_faults
-from pam_sim.faults.frame_faults import Direction, FrameFault, FrameFaults
-from pam_sim.faults.kinds import KINDS
-from pam_sim.simulated_rig import SimulatedRig
-
-Values = Mapping[str, float]
-FOR_EVER = 1e6  # s
-
-
-class Stage(Protocol):
-    """The objects on which faults act."""
-
-    sim: SimulatedRig
-    frames: FrameFaults
-    now: float
-
-    def at(self, time: float, action: Callable[[], None]) -> None:
-        """Call `action` at a time [s]."""
-
-
-Injection = Callable[[Stage, Values, random.Random], None]
+from pam_sim.faults import device_faults, rig_faults
+from pam_sim.faults.frame_faults import Direction, FrameFault
+from pam_sim.faults.kinds import ALL_KINDS
+from pam_sim.faults.stage import FOR_EVER, Injection, Stage, Values
 
 
 def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
@@ -60,7 +42,9 @@ def _board(stage: Stage, draw: random.Random) -> Address:
 def _input(stage: Stage, draw: random.Random, *, encoder: bool = False) -> tuple[Address, int]:
     """A randomly chosen pressure sensor or encoder."""
     wired = stage.sim.wired
-    board = draw.choice([name for name, b in wired.items() if b.angles or not encoder])
+    board = draw.choice(
+        [name for name, one in wired.items() if (one.angles if encoder else one.pressures)]
+    )
     place = rig_faults.POSITION if encoder else draw.choice(range(len(wired[board].pressures)))
     return board, place
 
@@ -210,6 +194,7 @@ INJECTIONS: Mapping[str, Injection] = {
     "muscle_leak_small": _leak,
     "supply_lost": _supply,
     "supply_sags": _supply,
+    **device_faults.INJECTIONS,
 }
 
 
@@ -224,7 +209,7 @@ def parse_injection(text: str) -> tuple[str, dict[str, float]]:
     name, *pairs = text.split()[:16] or [""]
     if name not in INJECTIONS:
         raise PamError(f"fault {name[:64]!r}: expected one of {', '.join(INJECTIONS)}")
-    kind = next(kind for kind in KINDS if kind.name == name)
+    kind = next(kind for kind in ALL_KINDS if kind.name == name)
     values = {key: 0.5 * (low + high) for key, (low, high) in kind.parameters.items()}
     for pair in pairs:
         key, _, number = pair.partition("=")

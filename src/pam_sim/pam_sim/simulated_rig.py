@@ -167,8 +167,11 @@ class SimulatedRig:
         """
         whole = self._whole_steps(now)
         self._go_on(min(round((now - age - self._now) / self._period), whole))
+        faults = self.faults
         for address, board in self._boards.items():
-            if address not in self.faults.frozen and bus in {None, self.wired[address].bus}:
+            if address in faults.frozen or address in faults.unplugged:
+                continue
+            if bus in {None, self.wired[address].bus}:
                 board.on_frame(frame_id, data, now)
 
     def begin(self, now: float) -> None:
@@ -219,7 +222,8 @@ class SimulatedRig:
             if self.faults.sensors or self.faults.swapped:
                 pressures, angles = self.faults.readings(address, pressures, angles, now)
             polled = board.poll(now, pressures, angles, self._supply(wired))
-            frames += [(wired.bus, frame) for frame in polled]
+            if address not in self.faults.unplugged:
+                frames += [(wired.bus, frame) for frame in polled]
         return frames
 
     def ground_truth(self) -> GroundTruth:

@@ -83,7 +83,10 @@ COMMANDS = (
         _declare_faults,
         _faults,
         bad_news="if a fault is out of bounds",
-        examples=("python -m pam_check faults --kind encoder_stuck --trials 50",),
+        examples=(
+            "python -m pam_check faults --kind encoder_stuck --trials 50",
+            "python -m pam_check faults --rig config/elbow_canopen.yaml",
+        ),
     ),
     Command(
         "delays",

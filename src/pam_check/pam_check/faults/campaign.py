@@ -20,12 +20,13 @@ from pam_check.faults.chain import FaultChain
 from pam_check.faults.report import as_markdown, write_report
 from pam_check.faults.trial import Trial, draw_values, run_trial
 from pam_control.controller_parameters import create_controller, parameter_table
+from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_sim.faults.fault_kind import FaultKind
-from pam_sim.faults.kinds import ALL_KINDS, KINDS, kinds_called
+from pam_sim.faults.kinds import ALL_KINDS, KINDS, kinds_called, kinds_for
 
 TRIALS = 1000  # by default, and at least one of each kind
 LONGEST_PHASE = 0.4  # s, between two trials; the motion's period is 1.7 s
@@ -144,9 +145,10 @@ def run(given: Arguments) -> Outcome:
     PamError
         For a rig or a fault that cannot be used.
     """
-    kinds = kinds_called(given.kind, ALL_KINDS if given.kind else KINDS)
-    trials = given.trials or max(TRIALS * len(kinds) // len(KINDS), len(kinds))
     rig = load_rig(chosen_rig(given))
+    boards = {kind_name(wired) for wired in RigWiring(rig).boards.values()}
+    kinds = kinds_called(given.kind, ALL_KINDS if given.kind else kinds_for(boards))
+    trials = given.trials or max(TRIALS * len(kinds) // len(KINDS), len(kinds))
     done: list[Trial] = []
     with progress(trials, "fault campaign") as bar:
         for trial in run_campaign(rig, kinds, trials, given.seed, given.jobs):

@@ -15,6 +15,8 @@ from collections.abc import Callable, Mapping
 from threading import Lock
 from typing import Final
 
+import can
+
 from pam_check.faults.virtual_can import VirtualCan
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
@@ -112,7 +114,7 @@ class FaultChain:
         self.sim = SimulatedRig(rig, seed=seed, effects=effects)
         self.frames = FrameFaults(seed)
         self.can = VirtualCan()
-        self.port = CanPort({"interface": "simulated", "channel": "faults"}, self.can)
+        self.port = self.open_port("faults", self.can)
         self.settings = settings or DriverSettings()
         self.driver = self.make_driver()
         self.controller = controller
@@ -152,6 +154,11 @@ class FaultChain:
         """Make another driver on the same bus."""
         plausibility = PressurePlausibility(self.rig, 1.0 / 500.0)
         return Driver(self.rig, port or self.port, self.settings, plausibility)
+
+    def open_port(self, channel: str, bus: can.BusABC) -> CanPort:
+        """Open an end of the bus that receives the frames of this rig's boards."""
+        extended = self.sim.wiring.extended_identifiers("")
+        return CanPort({"interface": "simulated", "channel": channel}, bus, extended)
 
     def _reason_against(self) -> str:
         if not self.controller.active:

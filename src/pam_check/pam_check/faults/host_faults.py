@@ -15,7 +15,6 @@ import can
 from pam_check.faults.chain import STEP, FaultChain
 from pam_check.faults.virtual_can import BUS_OFF, CONTROLLER, RESTARTED
 from pam_control.controller_parameters import parameter_table, settings_from
-from pam_driver.can_bus.bus import CanPort
 from pam_driver.safety.command_intake import NamedCommand
 from pam_model.errors import PamError
 from pam_ros.errors import ParameterError
@@ -79,7 +78,7 @@ class _SecondEnd(can.BusABC):
 
 
 def _two_drivers(chain: FaultChain, values: Values, draw: random.Random) -> None:
-    port = CanPort({"interface": "simulated", "channel": "second"}, _SecondEnd(chain))
+    port = chain.open_port("second", _SecondEnd(chain))
     second = chain.make_driver(port)
     chain.inject.append(lambda now: second.cycle(now, chain.wall) and None)
 

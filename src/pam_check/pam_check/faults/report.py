@@ -82,11 +82,16 @@ def as_markdown(kinds: Sequence[FaultKind], trials: Sequence[Trial], command: st
             "",
             f"    {command}",
         ]
-    if OPEN:
+    if OPEN and not any(kind.boards for kind in kinds):
         left_out = ", ".join(f"`{name}`" for name in sorted(OPEN))
         lines += ["", f"Not kept at present, and therefore left out: {left_out}."]
     lines += ["", "| " + " | ".join(HEADINGS) + " |", "|---" * len(HEADINGS) + "|"]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in table]) + "\n"
+    lines += ["| " + " | ".join(row) + " |" for row in table]
+    said = {trial.kind: trial.message for trial in trials if trial.message}
+    if said:
+        lines += ["", "What the driver said, in one trial of each kind:", ""]
+        lines += [f"- `{kind}`: {message}" for kind, message in said.items()]
+    return "\n".join(lines) + "\n"
 
 
 def write_report(kinds: Sequence[FaultKind], trials: Sequence[Trial], folder: Path) -> Path:

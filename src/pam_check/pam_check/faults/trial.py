@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from collections import Counter
 from dataclasses import dataclass, field
 
@@ -55,6 +56,8 @@ class Trial:
         The true angle that was farthest from 0 [rad].
     peak_error : float
         Largest deviation of the angle from its reference while air flowed [rad].
+    message : str
+        What the driver said, if the kind demands a message that names device and object.
     problem : str
         How the reaction differs from the stated one; empty if it does not.
     """
@@ -73,6 +76,7 @@ class Trial:
     thrown: float = 0.0
     farthest: float = 0.0
     peak_error: float = 0.0
+    message: str = ""
     problem: str = ""
 
 
@@ -103,6 +107,7 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
     before = _counts(chain)
     seen: set[str] = set()
     chain.after.append(lambda now: _note(trial, chain, seen))
+    wanted = re.compile(kind.message)
     INJECTIONS[kind.name](chain, values, draw)
     start = last_air = chain.now  # some faults take acts before they happen
     origin = chain.truth.positions[0]
@@ -131,8 +136,10 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
         if trial.stopped_after is None and chain.driver.state is not SafetyState.ACTIVE:
             trial.stopped_after = chain.now - start
         trial.problem = trial.problem or _model_problem(chain)
+        trial.message = trial.message or _message(chain, wanted)
         calm = chain.now - last_air > AFTERWARDS + STEP and abs(truth.velocities[0]) < AT_REST
-        if vents and calm and trial.empty_after is not None:
+        said = trial.message or not kind.message
+        if vents and calm and said and trial.empty_after is not None:
             break
     if not chain.moves_air:
         trial.safe_after = last_air - start
@@ -155,6 +162,16 @@ def _note(trial: Trial, chain: FaultChain, seen: set[str]) -> None:
         trial.peak_error = max(trial.peak_error, abs(truth.positions[0] - chain.reference))
     for claim in chain.claims:
         trial.problem = trial.problem or claim()
+
+
+def _message(chain: FaultChain, wanted: re.Pattern[str]) -> str:
+    """A message of the driver that contains the text which the kind demands; "" without one."""
+    if not wanted.pattern:
+        return ""
+    driver = chain.driver
+    texts = [str(one) for one in (*driver.faults, *driver.conditions)]
+    texts += driver.last_frame_error.values()
+    return next((text for text in texts if wanted.search(text)), "")
 
 
 def _counts(chain: FaultChain) -> Counter[str]:
@@ -196,6 +213,8 @@ def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
     must_be_noticed = kind.detected_by and kind.reaction is not Reaction.EITHER
     if must_be_noticed and not set(kind.detected_by) & set(trial.noticed):
         return f"noticed by {', '.join(trial.noticed) or 'nobody'}"
+    if kind.message and not trial.message:
+        return f"no message like {kind.message}"
     if kind.reaction in STOPS:
         problem = _venting_problem(kind, trial, bounds)
         if problem:

@@ -7,6 +7,8 @@ from collections import deque
 
 import can
 
+from pam_driver.can_bus.identifiers import EXTENDED, FD, number_of
+
 BUS_OFF, RESTARTED, CONTROLLER = 0x40, 0x100, 0x04  # linux/can/error.h
 
 
@@ -29,7 +31,15 @@ class VirtualCan(can.BusABC):
     def deliver(self, frame: tuple[int, bytes], wall: float) -> None:
         """Queue a frame for the driver."""
         if not (self.down or self.bus_off):
-            self._waiting.append(can.Message(wall, frame[0], False, data=frame[1]))
+            frame_id, data = frame
+            message = can.Message(
+                wall,
+                number_of(frame_id),
+                bool(frame_id & EXTENDED),
+                is_fd=bool(frame_id & FD),
+                data=data,
+            )
+            self._waiting.append(message)
 
     def error(self, kind: int, detail: int = 0, wall: float = 0.0) -> None:
         """Queue an error frame of the CAN controller."""
@@ -50,7 +60,8 @@ class VirtualCan(can.BusABC):
             self.full or self.bus_off
         ):  # a CAN controller that is bus-off sends no frame of its queue
             raise can.CanOperationError("no buffer space available", errno.ENOBUFS)
-        self.to_boards.append((msg.arbitration_id, bytes(msg.data)))
+        flags = (EXTENDED if msg.is_extended_id else 0) | (FD if msg.is_fd else 0)
+        self.to_boards.append((msg.arbitration_id | flags, bytes(msg.data)))
 
     def shutdown(self) -> None:
         """There is nothing to close."""

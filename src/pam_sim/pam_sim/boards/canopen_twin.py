@@ -32,6 +32,10 @@ from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 
 _DEVICE_HARDWARE: Final = 0x5000
 _GENERIC: Final = 0x01
+_CANNOT_STORE: Final = 0x0800_0020
+"""Abort code: data cannot be transferred or stored to the application."""
+_PROFILE_BITS: Final = 0xFFFF
+"""The bits of 0x1000 with the number of the device profile."""
 
 
 class SimulatedCanopenDevice:
@@ -148,16 +152,23 @@ class SimulatedCanopenDevice:
         """Behave as a defective device would, until the next call with "mended".
 
         "emergency" sends an EMCY with the code `value`, "sdo_abort" refuses SDO requests to the
-        index `value`, and "leave" stops the device by itself.
+        index `value`, "refuse_configuration" those to an object that every boot writes, "leave"
+        stops the device by itself, and "other_device" turns it into one with another profile.
         """
         if fault == "emergency":
             self.slave.emergency(int(value), _GENERIC)
         elif fault == "sdo_abort":
-            self.slave.refused[int(value)] = 0x0800_0020
+            self.slave.refused[int(value)] = _CANNOT_STORE
+        elif fault == "refuse_configuration":
+            self.slave.refused[0x1017] = _CANNOT_STORE
+        elif fault == "other_device":
+            own = int(self.slave.number(0x1000))
+            self.slave.store(ObjectName(0x1000), own ^ _PROFILE_BITS)
         elif fault == "leave":
             self.slave.state = STOPPED
         elif fault == "mended":
             self.slave.refused.clear()
+            self.slave.values.pop(ObjectName(0x1000), None)
 
     def _obey_state(self) -> None:
         """What the outputs do when the device is stopped or has missed the host."""

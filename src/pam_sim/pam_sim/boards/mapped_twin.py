@@ -98,6 +98,7 @@ class SimulatedMappedBoard:
         self._wanted: dict[tuple[int, int, int], dict[str, Any]] = {}
         self._echo = 0
         self._counter_step = 1
+        self._other_dbc = ""
         self._sent = self._regular_frames()
         self._state_sent: object = None
         frames = device.answers
@@ -127,14 +128,23 @@ class SimulatedMappedBoard:
         return SimulatedMappedBoard(self._wired, self._device, self._messages, self._settings, now)
 
     def misbehave(self, fault: str, value: float) -> None:
-        """Let the counters of the measurements jump or freeze, as faulty firmware would."""
+        """Behave as a defective device, or one with another DBC file, until "mended".
+
+        Counters of measurements jump or freeze ("counter_jump", "counter_frozen"); it reports a
+        "fault" of its own; its measurements have the "other_byte_order" or an "other_checksum".
+        """
         if fault == "counter_jump":
             for sent in self._sent:
                 sent.count += round(value)
         elif fault == "counter_frozen":
             self._counter_step = 0
+        elif fault == "fault":
+            self._faults.add("SENSOR")
+            self._stop()
+        elif fault in {"other_byte_order", "other_checksum"}:
+            self._other_dbc = fault
         elif fault == "mended":
-            self._counter_step = 1
+            self._counter_step, self._other_dbc = 1, ""
 
     def on_frame(self, frame_id: int, data: bytes, now: float) -> None:
         """Receive a frame from the bus; a frame for another device is ignored."""
@@ -334,9 +344,14 @@ class SimulatedMappedBoard:
         data = message.encode(values, scaling=False, strict=False)
         data = (data + bytes(frame.length))[: frame.length]
         checksum = frame.checksum
+        if frame.inputs and self._other_dbc == "other_byte_order":
+            data = data[::-1]
         if checksum is not None:
             order: Literal["big", "little"] = "big" if checksum.layout.big else "little"
-            own = checksum.value(data).to_bytes(checksum.end - checksum.start, order)
+            value = checksum.value(data)
+            if frame.inputs and self._other_dbc == "other_checksum":
+                value ^= checksum.layout.mask
+            own = value.to_bytes(checksum.end - checksum.start, order)
             data = data[: checksum.start] + own + data[checksum.end :]
         return data
 

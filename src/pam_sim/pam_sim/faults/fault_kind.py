@@ -74,6 +74,11 @@ class FaultKind:
         How far the joint may be from its reference while air moves, unless the fault must vent.
     keeps_air : bool
         Whether a muscle may keep its air, since no valve of it opens to ambient.
+    boards : tuple of str
+        The kinds of board that can have this fault; empty for faults that are stated for the board
+        of this project.
+    message : str
+        Regular expression that a message of the driver must contain; it names device and object.
     """
 
     name: str
@@ -87,3 +92,5 @@ class FaultKind:
     bounds_driver: bool = False
     stays: Stays = Stays.NEAR
     keeps_air: bool = False
+    boards: tuple[str, ...] = ()
+    message: str = ""

@@ -42,6 +42,8 @@ class FrameFault:
         When the fault ends [s].
     period : float
         Time from the beginning of one gap to that of the next [s].
+    only : frozenset of int
+        The identifiers whose frames are affected; empty for all.
     """
 
     kind: str
@@ -50,6 +52,11 @@ class FrameFault:
     delay: float
     until: float
     period: float = 1.0
+    only: frozenset[int] = frozenset()
+
+    def hits(self, frame_id: int, direction: Direction) -> bool:
+        """Whether it may affect a frame."""
+        return direction == self.direction and (not self.only or frame_id in self.only)
 
 
 class FrameFaults:
@@ -83,7 +90,7 @@ class FrameFaults:
         self.faults = [fault for fault in self.faults if now < fault.until]
         frames = [frame]
         for fault in self.faults:
-            if fault.direction == direction and self._random.random() < fault.share:
+            if fault.hits(frame[0], direction) and self._random.random() < fault.share:
                 self.hit += 1
                 frames = [out for one in frames for out in self._spoil(one, fault, now, bus)]
         return frames

@@ -6,15 +6,17 @@ docs/safety_tables.md`), and the fault campaign compares its measurements with t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 from typing import Final
 
+from pam_driver.boards.register import DEFAULT_KIND
 from pam_driver.safety.states import table_as_markdown as states_as_markdown
 from pam_driver.safety.states_page import diagram_as_mermaid
 from pam_driver.safety.stop_categories import categories_as_markdown
 from pam_model.errors import PamError
 from pam_sim.faults.bus_and_board_kinds import BUS_AND_BOARD_KINDS
+from pam_sim.faults.device_kinds import DEVICE_KINDS, FOR_ALL_BOARDS
 from pam_sim.faults.fault_kind import STOPS, FaultKind
 from pam_sim.faults.host_and_command_kinds import HOST_AND_COMMAND_KINDS
 from pam_sim.faults.operator_kinds import HIDDEN_KINDS, OPERATOR_KINDS, while_held
@@ -36,6 +38,7 @@ ALL_KINDS: Final = (
     *OPERATOR_KINDS,
     *while_held(_PLAIN, HELD),
     *HIDDEN_KINDS,
+    *DEVICE_KINDS,
 )
 # faults whose promise is not kept yet: they are injected by name only
 OPEN: Final = frozenset(
@@ -47,12 +50,30 @@ OPEN: Final = frozenset(
         "valve_stuck_open_while_held",
     }
 )
-KINDS: Final = tuple(kind for kind in ALL_KINDS if kind.name not in OPEN)
+KINDS: Final = tuple(kind for kind in ALL_KINDS if not kind.boards and kind.name not in OPEN)
+"""The kinds that are stated for the board of this project."""
 
 
 def kind_called(name: str) -> FaultKind:
     """The kind with this name; StopIteration if there is none."""
     return next(kind for kind in ALL_KINDS if kind.name == name)
+
+
+def kinds_for(boards: Collection[str]) -> list[FaultKind]:
+    """The kinds that are stated for a rig with these kinds of board.
+
+    Parameters
+    ----------
+    boards : collection of str
+        Names of kinds of board, as the rig file has them.
+    """
+    if set(boards) <= {DEFAULT_KIND}:
+        return list(KINDS)
+    return [
+        kind
+        for kind in ALL_KINDS
+        if kind.name in FOR_ALL_BOARDS or not set(kind.boards).isdisjoint(boards)
+    ]
 
 
 def kinds_called(names: Sequence[str] | None, kinds: Sequence[FaultKind]) -> list[FaultKind]:
@@ -72,11 +93,11 @@ def kinds_called(names: Sequence[str] | None, kinds: Sequence[FaultKind]) -> lis
     return [kind for kind in kinds if not names or kind.name in names]
 
 
-def bounds_as_markdown() -> str:
+def bounds_as_markdown(kinds: Sequence[FaultKind] = KINDS) -> str:
     """The table of faults and bounds as docs/safety_tables.md shows it."""
     lines = ["| fault | what happens | must follow | within | by |", "|---|---|---|---|---|"]
     layer = ""
-    for kind in KINDS:
+    for kind in kinds:
         if kind.layer != layer:
             layer = kind.layer
             lines.append(f"| **{layer}** | | | | |")
@@ -99,6 +120,7 @@ def write_into(page: str) -> str:
         "states": states_as_markdown(),
         "categories": categories_as_markdown(),
         "faults": bounds_as_markdown(),
+        "devices": bounds_as_markdown(DEVICE_KINDS),
     }
     for name, part in parts.items():
         begin, end = MARK.format(f"{name}: begin"), MARK.format(f"{name}: end")

@@ -86,6 +86,8 @@ class RigFaults:
     frozen : dict of int or str to float
         Boards whose processor hangs, with the time at which a hardware watchdog resets them [s];
         it is not the watchdog that supervises commands.
+    unplugged : set of int or str
+        Boards that are not connected to their bus, with their supply of power.
     """
 
     sensors: dict[tuple[Address, int], Reading] = field(default_factory=dict)
@@ -93,6 +95,7 @@ class RigFaults:
     exhausts: dict[tuple[Address, int], float] = field(default_factory=dict)
     crossed: set[Address] = field(default_factory=set)
     frozen: dict[Address, float] = field(default_factory=dict)
+    unplugged: set[Address] = field(default_factory=set)
     swapped: set[Address] = field(default_factory=set)
 
     def clear(self) -> None:
@@ -102,6 +105,7 @@ class RigFaults:
         self.exhausts.clear()
         self.crossed.clear()
         self.frozen.clear()
+        self.unplugged.clear()
         self.swapped.clear()
 
     @property

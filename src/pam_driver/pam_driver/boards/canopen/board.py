@@ -42,7 +42,9 @@ from pam_driver.boards.protocol import (
     WiredBoard,
 )
 
-_HEARTBEATS_MISSED: Final = 5
+HEARTBEATS_MISSED: Final = 5
+"""So many missing heartbeats of a device are a fault."""
+_REFUSED_PDO: Final = frozenset({0x8210, 0x8220})  # EMCY, CiA 301: PDO not processed
 # Another device's frame with an identifier of this one is a fault for so long [s].
 _CLASH_MEMORY: Final = 1.0
 WITHOUT: Final[Mapping[str, tuple[str, str]]] = {
@@ -141,6 +143,11 @@ class CanopenBoard:
         if boot.stage is not Stage.DONE:
             frames += boot.frames(now)
             return frames
+        if self._takes_no_setpoints:  # not even those that vent
+            if not self._stopped:
+                self._stopped = True
+                frames.append((NMT, bytes([STOP, device.node])))
+            return frames
         if setpoints is not None:
             self._opened = True
             if self._stopped:
@@ -179,7 +186,7 @@ class CanopenBoard:
         missing: list[str] = []
         if self.boot.stage is Stage.REFUSED:  # the reason is more exact
             return missing
-        limit = min(timeout, max(_HEARTBEATS_MISSED * self._device.heartbeat_period, 0.1))
+        limit = min(timeout, max(HEARTBEATS_MISSED * self._device.heartbeat_period, 0.1))
         if now - self._heartbeat_at > limit:
             missing.append(f"heartbeat (0x{self._heartbeat_id:03X}) for {limit:g} s")
         if self._state in {OPERATIONAL, None} and self.boot.stage in {Stage.DONE, Stage.IDLE}:
@@ -270,6 +277,11 @@ class CanopenBoard:
         if self._state is None:
             return "no heartbeat received"
         return STATES.get(self._state, str(self._state))
+
+    @property
+    def _takes_no_setpoints(self) -> bool:
+        """Whether the device has refused PDOs with set points for their length."""
+        return not _REFUSED_PDO.isdisjoint(self._emergencies)
 
     def _hear_heartbeat(self, data: bytes, time: float, stamp: float) -> None:
         name = f"heartbeat of node {self._device.node}"

@@ -253,7 +253,7 @@ class MappedBoard:
         readings = tuple((entry, self._store(entry)) for entry in frame.inputs)
 
         def hear(data: bytes, time: float, stamp: float) -> None:
-            self._check(frame.name, frame.frame_id, frame.length, frame.checksum, data)
+            self._check(frame, data)
             little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
             found = []
             for entry, store in readings:
@@ -267,7 +267,7 @@ class MappedBoard:
                 if not name and not layout.raw_low <= value <= layout.raw_high:
                     raise FrameRangeError(
                         frame.frame_id,
-                        f"{frame.name}.{layout.name} is {value:g} raw, expected "
+                        f"{frame.name}.{layout.name} of {self.name} is {value:g} raw, expected "
                         f"{layout.raw_low:g} to {layout.raw_high:g}",
                     )
                 found.append((entry, store, name, entry.gain * value + entry.bias))
@@ -330,21 +330,22 @@ class MappedBoard:
 
     def _foreign(self, frame: CommandFrame) -> Hear:
         def hear(data: bytes, time: float, stamp: float) -> None:
-            self._check(frame.name, frame.frame_id, frame.length, frame.checksum, data)
+            self._check(frame, data)
             raise ForeignCommandError(frame.frame_id, f"a command to {self.name}")
 
         return hear
 
-    @staticmethod
-    def _check(
-        name: str, frame_id: int, length: int, checksum: FrameChecksum | None, data: bytes
-    ) -> None:
-        if len(data) != length:
-            raise FrameLengthError(frame_id, f"{name} has {len(data)} bytes, expected {length}")
+    def _check(self, frame: AnswerFrame | CommandFrame, data: bytes) -> None:
+        name = f"{frame.name} of {self.name}"
+        if len(data) != frame.length:
+            raise FrameLengthError(
+                frame.frame_id, f"{name} has {len(data)} bytes, expected {frame.length}"
+            )
+        checksum = frame.checksum
         if checksum is not None:
             little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
             if checksum.layout.raw(little, big) != checksum.value(data):
-                raise FrameCrcError(frame_id, f"{name} fails its checksum")
+                raise FrameCrcError(frame.frame_id, f"{name} fails its checksum")
 
 
 def _swapped(word: int, length: int) -> int:
