@@ -12,10 +12,11 @@ from collections.abc import Callable, Mapping
 
 from pam_driver.boards.protocol import Address
 from pam_model.errors import PamError
-from pam_sim.faults import device_faults, rig_faults
+from pam_sim import device_fault_injection
+from pam_sim.fault_stage import FOR_EVER, Injection, Stage, Values
+from pam_sim.faults import rig_faults
 from pam_sim.faults.frame_faults import Direction, FrameFault
 from pam_sim.faults.kinds import ALL_KINDS
-from pam_sim.faults.stage import FOR_EVER, Injection, Stage, Values
 
 
 def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
@@ -194,7 +195,7 @@ INJECTIONS: Mapping[str, Injection] = {
     "muscle_leak_small": _leak,
     "supply_lost": _supply,
     "supply_sags": _supply,
-    **device_faults.INJECTIONS,
+    **device_fault_injection.INJECTIONS,
 }
 
 

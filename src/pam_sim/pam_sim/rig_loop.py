@@ -40,7 +40,7 @@ class RigLoop:
     truth_time : float
         Its wall-clock time [s].
     sim, frames, now
-        The objects on which faults act, see `fault_injection.Stage`.
+        The objects on which faults act, see `fault_stage.Stage`.
     """
 
     def __init__(

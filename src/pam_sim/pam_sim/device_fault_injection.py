@@ -12,8 +12,8 @@ from pam_driver.boards.mapped.kind import read_device as read_mapped_device
 from pam_driver.boards.protocol import Address, WiredBoard
 from pam_driver.boards.wiring import kind_name
 from pam_model.errors import PamError
+from pam_sim.fault_stage import FOR_EVER, Injection, Stage, Values
 from pam_sim.faults.frame_faults import Direction, FrameFault
-from pam_sim.faults.stage import FOR_EVER, Injection, Stage, Values
 
 _HEARTBEAT: Final = 0x700
 _TPDOS: Final = (0x180, 0x280, 0x380, 0x480)
