@@ -11,19 +11,27 @@ from functools import cache
 from importlib.metadata import entry_points
 from typing import Final
 
-from pam_driver.boards.canopen.kind import CanopenKind
 from pam_driver.boards.mapped.kind import MappedKind
 from pam_driver.boards.pam_board.kind import PamBoardKind
-from pam_driver.boards.protocol import MakeKind
+from pam_driver.boards.protocol import BoardKind, KindOptions, MakeKind
 from pam_model.errors import PamError
 
 GROUP: Final = "pam_driver.board_kinds"
 DEFAULT_KIND: Final = "pam_board"
 """The kind of a board for which the rig file gives a number only."""
+
+
+def _canopen(options: KindOptions) -> BoardKind:
+    # the library takes a fifth of the time in which a driver without such devices starts
+    from pam_driver.boards.canopen.kind import CanopenKind  # noqa: PLC0415
+
+    return CanopenKind(options)
+
+
 _OWN: Final[Mapping[str, MakeKind]] = {
     DEFAULT_KIND: PamBoardKind,
     "mapped": MappedKind,
-    "canopen": CanopenKind,
+    "canopen": _canopen,
 }
 
 
