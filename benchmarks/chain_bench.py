@@ -1,0 +1,176 @@
+"""Share of a processor that each node takes at 500 Hz, by number of joints, and its start.
+
+    python benchmarks/chain_bench.py [--joints 1 2 4 7] [--seconds 8] [--json]
+
+Rig, driver, model and controller run as processes and hold the joints. Beside them, in the same
+run, a bare node is measured that publishes and takes the same number of messages of the same size
+and does nothing with them: what is above it is the suite's own work. Its start contains what every
+Python node needs. The figures hold for an idle machine with at least two cores.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from pam_check.chain import Chain, multicast_bus, private_domain
+from pam_model.argument_types import count, number
+from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
+from pam_model.rig import Rig, load_rig, rig_from_parameters, save_rig
+
+ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"
+BARE = Path(__file__).with_name("bare_node.py")
+RATE = 500.0  # Hz; the default of driver and controller
+NODES = ("driver", "controller", "model", "rig")
+READY = {"driver": "measuring on", "controller": "worst at", "rig": "simulating"}
+SETTLING = 3.0  # s
+TIMEOUT = 120.0  # s
+TICK = os.sysconf("SC_CLK_TCK")
+
+
+def arm(joints: int) -> Rig:
+    """The elbow, `joints` times, each on a board of its own."""
+    tree = load_rig(ELBOW).to_parameters()
+    names = [f"joint_{index}" for index in range(joints)]
+    tree["joints"] = names
+    for board, name in enumerate(names):
+        muscles = [f"{name}_flexor", f"{name}_extensor"]
+        encoder = {"board": board, "channel": 0}
+        tree[name] = {**tree["elbow"], "muscles": muscles, "encoder": encoder}
+        for channel, muscle in enumerate(muscles):
+            tree[muscle] = {**tree["elbow_flexor"], "board": board, "channel": channel}
+    for name in ("elbow", "elbow_flexor", "elbow_extensor"):
+        del tree[name]
+    return rig_from_parameters(tree)
+
+
+def processor_seconds(pid: int) -> float:
+    """Processor time of a process so far [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICK
+
+
+def shares(pids: Mapping[str, int], seconds: float) -> dict[str, float]:
+    """Share of one processor that each process takes [-]."""
+    before = {name: processor_seconds(pid) for name, pid in pids.items()}
+    start = time.monotonic()
+    time.sleep(seconds)
+    passed = time.monotonic() - start
+    return {name: (processor_seconds(pid) - before[name]) / passed for name, pid in pids.items()}
+
+
+def measured_chain(joints: int, seconds: float) -> tuple[dict[str, float], dict[str, float]]:
+    """Share of each node, and the time from its start to its first cycle [s]."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "arm.yaml"
+        save_rig(arm(joints), path)
+        starts: dict[str, float] = {}
+        with Chain([path], multicast_bus(), private_domain()) as chain:
+            for name in reversed(NODES):
+                settings = {"activate_on_start": True} if name == "driver" else None
+                begin = time.monotonic()
+                process = chain.start(name, settings)
+                if name in READY:
+                    process.wait_for_output(READY[name], TIMEOUT)
+                    starts[name] = time.monotonic() - begin
+            chain.processes["driver"].wait_for_output("active:", TIMEOUT)
+            time.sleep(SETTLING)
+            pids = {name: process.pid for name, process in chain.processes.items()}
+            found = shares(pids, seconds)
+            chain.check()
+    return found, starts
+
+
+def bare_node(
+    rate: float, joints: int, topics: tuple[str, str], domain: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
+    """A node that publishes and hears the topics of two comma-separated lists."""
+    words = [sys.executable, str(BARE), f"{rate:g}", str(joints), *topics]
+    return subprocess.Popen(words, env={**os.environ, **domain}, stderr=subprocess.PIPE)
+
+
+def measured_bare(joints: int, seconds: float) -> float:
+    """Share of a bare node that exchanges the driver's messages with two others [-]."""
+    domain = private_domain()
+    driver = bare_node(RATE, joints, ("joint_states,pressure_states", "valve_commands"), domain)
+    controller = bare_node(RATE, joints, ("valve_commands", "joint_states,pressure_states"), domain)
+    model = bare_node(RATE, joints, ("", "joint_states,pressure_states"), domain)
+    return _share_of_first([driver, controller, model], seconds)
+
+
+def measured_loop(seconds: float) -> tuple[float, float]:
+    """A bare loop that publishes 16 joints at 1 kHz, heard by nobody.
+
+    Returns
+    -------
+    share : float
+        Share of a processor [-].
+    start : float
+        From the start of the process to its first cycle [s].
+    """
+    begin = time.monotonic()
+    node = bare_node(1000.0, 16, ("joint_states", ""), private_domain())
+    assert node.stderr is not None
+    node.stderr.readline()
+    start = time.monotonic() - begin
+    return _share_of_first([node], seconds), start
+
+
+def _share_of_first(processes: Sequence[subprocess.Popen[bytes]], seconds: float) -> float:
+    try:
+        time.sleep(SETTLING)
+        return shares({"bare": processes[0].pid}, seconds)["bare"]
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGINT)
+        for process in processes:
+            process.wait(TIMEOUT)
+
+
+def _declare(parser: Parser) -> None:
+    parser.add_argument(
+        "--joints", type=count(1, 7), nargs="+", default=[1, 2, 4, 7], help="sizes of the arm"
+    )
+    parser.add_argument(
+        "--seconds",
+        type=number("s", least=1.0, most=600.0),
+        default=8.0,
+        help="time of each measurement",
+    )
+
+
+def _run(given: Arguments) -> Outcome:
+    """Measure and print a table."""
+    loop, bare_start = measured_loop(given.seconds)
+    print(f"a bare loop that publishes 16 joints at 1 kHz: {100 * loop:.1f} % of a processor")
+    print("% of a processor       " + "".join(f"{name:>12s}" for name in (*NODES, "bare node")))
+    rows, starts = {}, {}
+    for joints in given.joints:
+        found, starts[joints] = measured_chain(joints, given.seconds)
+        rows[joints] = {**found, "bare node": measured_bare(joints, given.seconds)}
+        cells = "".join(f"{100 * rows[joints][name]:12.1f}" for name in (*NODES, "bare node"))
+        print(f"{joints} joint{'s' if joints > 1 else ' '}, {RATE:g} Hz       {cells}")
+    print(f"start to first cycle, gains designed before; a bare node: {bare_start:.2f} s")
+    for name, joints in itertools.product(READY, given.joints):
+        print(f"  {name:12s} {joints} joints  {starts[joints][name]:6.2f} s")
+    return Outcome(
+        {
+            "bare_loop": loop,
+            "shares": rows,
+            "start_seconds": starts,
+            "bare_start_seconds": bare_start,
+        }
+    )
+
+
+BENCH = Command("chain", "share of a processor of each node, and its start", _declare, _run)
+
+if __name__ == "__main__":
+    sys.exit(run_command(BENCH, "python benchmarks/chain_bench.py"))
