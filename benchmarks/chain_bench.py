@@ -32,6 +32,7 @@ NODES = ("driver", "controller", "model", "rig")
 READY = {"driver": "measuring on", "controller": "worst at", "rig": "simulating"}
 SETTLING = 3.0  # s
 TIMEOUT = 120.0  # s
+CACHED = {"PYTHONDONTWRITEBYTECODE": ""}  # as a user starts nodes: compiled once
 TICK = os.sysconf("SC_CLK_TCK")
 
 
@@ -72,7 +73,7 @@ def measured_chain(joints: int, seconds: float) -> tuple[dict[str, float], dict[
         path = Path(folder) / "arm.yaml"
         save_rig(arm(joints), path)
         starts: dict[str, float] = {}
-        with Chain([path], multicast_bus(), private_domain()) as chain:
+        with Chain([path], multicast_bus(), {**private_domain(), **CACHED}) as chain:
             for name in reversed(NODES):
                 settings = {"activate_on_start": True} if name == "driver" else None
                 begin = time.monotonic()
@@ -93,7 +94,7 @@ def bare_node(
 ) -> subprocess.Popen[bytes]:
     """A node that publishes and hears the topics of two comma-separated lists."""
     words = [sys.executable, str(BARE), f"{rate:g}", str(joints), *topics]
-    return subprocess.Popen(words, env={**os.environ, **domain}, stderr=subprocess.PIPE)
+    return subprocess.Popen(words, env={**os.environ, **domain, **CACHED}, stderr=subprocess.PIPE)
 
 
 def measured_bare(joints: int, seconds: float) -> float:

@@ -4,6 +4,8 @@
 set -uo pipefail
 cd "$(dirname "$0")/.."
 export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
+# the process tests start hundreds of interpreters, which would all compile the suite again
+unset PYTHONDONTWRITEBYTECODE
 out=out/test
 rm -rf "$out"
 mkdir -p "$out"
