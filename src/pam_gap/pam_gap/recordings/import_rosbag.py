@@ -7,6 +7,7 @@ finished or is cut short is read as far as it is intact; a remark says what is m
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections import defaultdict
 from collections.abc import Sequence
@@ -73,21 +74,22 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
 
 def _commands(message: Any) -> tuple[list[tuple[str, float]], tuple[str, ...]]:
     """Commands in a message as rows, and the muscles whose command is ambiguous."""
-    read = commands_of_any_kind(message.name, message.position, message.effort)
+    position, effort = message.position.tolist(), message.effort.tolist()
+    read = commands_of_any_kind(message.name, position, effort)
     return [(f"{COMMANDS}{name}", value) for name, value in read.values.items()], read.ambiguous
 
 
 def _joint_state(topic: str, message: Any) -> list[tuple[str, float]]:
     rows: list[tuple[str, float]] = []
     for field in _FIELDS[topic]:
-        values = getattr(message, field)
+        values = getattr(message, field).tolist()
         if len(values) != len(message.name):
             continue
         end = "" if topic == "pressure_states" else f".{field}"
         rows += [
-            (f"{topic}.{name}{end}", float(value))
+            (f"{topic}.{name}{end}", value)
             for name, value in zip(message.name, values, strict=True)
-            if np.isfinite(value)
+            if math.isfinite(value)
         ]
     return rows
 
