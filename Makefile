@@ -1,9 +1,9 @@
 # Every target sets up what it needs: Python 3.12 and apt are all the machine must have.
-.PHONY: setup demo test faults bench report lint lock clean
+.PHONY: setup demo test faults bench report docs view lint lock clean
 PYTHON := .venv/bin/python
 
 help:
-	@echo "make demo | test | faults | bench | report | lint | setup | lock | clean"
+	@echo "make demo | test | faults | bench | report | docs | view | lint | setup | lock | clean"
 
 setup:
 	@tools/setup.sh
@@ -22,6 +22,9 @@ bench: setup
 
 report: setup
 	@$(PYTHON) -m pam_gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report
+
+docs: setup
+	@tools/docs.sh
 
 lint: setup
 	@tools/lint.sh

@@ -6,3 +6,4 @@ cd "$(dirname "$0")/.."
 .venv/bin/ruff format --check .
 .venv/bin/mypy --strict src benchmarks
 .venv/bin/lint-imports --no-logo --no-cache
+.venv/bin/codespell

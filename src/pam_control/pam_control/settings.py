@@ -52,7 +52,7 @@ class ControlSettings:
     derivative_filter : float
         Time constant for measured velocities and for the PID's derivative [s].
     phase_margin, sensitivity : float
-        Minimum phase margin [rad] and maximum |S| [-] of designed gains.
+        Minimum phase margin [rad] and maximum sensitivity [-] of designed gains.
     gains : mapping of str to PidGains
         Gains by joint; those of other joints are designed.
     partial_gains : mapping
