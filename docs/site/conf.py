@@ -11,7 +11,7 @@ import pam_model
 
 project = "PAM suite"
 author = "PAM suite authors"
-copyright = "PAM suite authors, Apache-2.0"  # noqa: A001
+copyright = "PAM suite authors, Apache-2.0"
 version = release = pam_model.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "sphinx_copybutton", "sphinx_design"]

@@ -21,5 +21,5 @@ def test_the_site_builds_without_warnings_and_finds_every_page(tmp_path):
         assert made.exists(), page
     assert "diagnose" in (tmp_path / "site/searchindex.js").read_text(encoding="utf-8")
     assert "valve_commands" in (tmp_path / "site/topics.html").read_text(encoding="utf-8")
-    for name in ("load_rig", "EFFECTS", "MuscleGeometry"):
+    for name in ("load_rig", "simulate", "MuscleGeometry"):
         assert f'id="pam_model.{name}"' in (tmp_path / "site/api/pam_model.html").read_text()
