@@ -32,6 +32,12 @@ def _declare_demo(parser: Parser) -> None:
         "--short", action="store_true", help="only the arm's motion and the chirp, full controller"
     )
     parser.add_argument(
+        "--firmware",
+        type=input_file,
+        metavar="PROGRAM",
+        help="host build of firmware/ that runs as each valve board (default: boards in Python)",
+    )
+    parser.add_argument(
         "--true-rig",
         type=input_file,
         metavar="FILE",

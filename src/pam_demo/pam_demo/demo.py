@@ -153,6 +153,8 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     if given.true_rig:
         load_rig(given.true_rig)
         plant["true_rig"] = str(given.true_rig)
+    if given.firmware:
+        plant["firmware"] = str(given.firmware.resolve())
     if given.true_effects:
         apply_effects(rig, rig, parse_effects(given.true_effects, "--true-effects"))
         plant["hidden_effects"] = " ".join(given.true_effects)

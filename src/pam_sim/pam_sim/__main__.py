@@ -38,6 +38,12 @@ def _declare_rig(parser: Parser) -> None:
     add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
     add("--dbc", type=input_file, metavar="FILE", help="CAN database (default: the driver's own)")
     add(
+        "--firmware",
+        type=input_file,
+        metavar="PROGRAM",
+        help="host build of firmware/, which then runs as each valve board of this project",
+    )
+    add(
         "--rate",
         type=number("Hz", above=0.0),
         default=1000.0,

@@ -60,7 +60,10 @@ def _make_loop(given: Arguments) -> RigLoop:
         rig,
         truth=load_rig(given.true_rig) if given.true_rig else None,
         effects=dict(given.effect),
-        options={"dbc": given.dbc or ""},
+        options={
+            "dbc": given.dbc or "",
+            "firmware": str(given.firmware.resolve()) if given.firmware else "",
+        },
         board=board,
         quality=SensorQuality(**{n: value for n, value in named.items() if value is not None}),
         rate=given.rate,

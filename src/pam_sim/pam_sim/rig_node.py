@@ -42,6 +42,14 @@ PARAMETERS = (
     Parameter("bus.options", "", "-", 0, 0, "further options of the interface: name=value, ..."),
     Parameter("bus.dbc", "", "-", 0, 0, "DBC file of the boards; empty: the one of the driver"),
     Parameter(
+        "firmware",
+        "",
+        "-",
+        0,
+        0,
+        "host build of firmware/, which then runs as each pam_board; empty: boards in Python",
+    ),
+    Parameter(
         "true_rig", "", "-", 0, 0, "rig file with the true parameters of the plant; empty: the rig"
     ),
     Parameter(
@@ -88,7 +96,7 @@ def _simulated_rig(rig: Rig, values: NodeParameters[Rig]) -> SimulatedRig:
         effects=parse_effects(
             str(values["hidden_effects"]).replace(",", " ").split(), "hidden_effects"
         ),
-        options={"dbc": dbc},
+        options={"dbc": dbc, "firmware": str(values["firmware"])},
         board=BoardSettings(
             measurement_rate=number("measurement_rate"),
             watchdog_period=number("watchdog") or None,

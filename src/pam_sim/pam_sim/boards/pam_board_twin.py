@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 from pam_driver.boards.pam_board.codec import (
     CHANNELS,
@@ -30,6 +31,7 @@ from pam_driver.boards.pam_board.codec import (
 )
 from pam_driver.boards.pam_board.kind import PamBoardKind, number_of
 from pam_driver.boards.protocol import Frame, KindOptions, WiredBoard
+from pam_sim.boards.firmware_twin import FirmwareBoard
 from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 
 FIRMWARE_VERSION = 1
@@ -338,22 +340,29 @@ class SimulatedPamBoard:
 
 
 class PamBoardTwins:
-    """Makes the twins of the kind `pam_board`; its options are those of the kind."""
+    """Makes the twins of the kind `pam_board`.
+
+    Parameters
+    ----------
+    options : mapping of str to str
+        Those of the kind, and `firmware`: the host build of the firmware, which then runs in a
+        process of its own in place of the simulated board.
+    """
 
     def __init__(self, options: KindOptions) -> None:
         self._codec = PamBoardKind(options).codec
+        self._firmware = options.get("firmware", "")
 
     def make(self, wired: WiredBoard, settings: BoardSettings, now: float) -> SimulatedBoard:
         """The twin of one board, powered up at `now` [s]."""
-        return SimulatedPamBoard(
-            number_of(wired),
-            self._codec,
-            settings,
-            [BoardValve.of(wire.muscle) for wire in wired.valves],
-            [int(wire.channel) for wire in wired.valves],
-            now,
-            [int(wire.channel) for wire in wired.pressures],
-        )
+        number = number_of(wired)
+        valves = [BoardValve.of(wire.muscle) for wire in wired.valves]
+        channels = [int(wire.channel) for wire in wired.valves]
+        sensors = [int(wire.channel) for wire in wired.pressures]
+        if self._firmware:
+            program = Path(self._firmware)
+            return FirmwareBoard(program, number, settings, valves, channels, sensors, now)
+        return SimulatedPamBoard(number, self._codec, settings, valves, channels, now, sensors)
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:
