@@ -9,13 +9,14 @@
 #define LARGEST_RAW 65534
 #define LARGEST_ANGLE 8388607 /* microradians */
 
-/* By message: identifiers of board 0 on a bus of its own (from the DBC file), and on one with CANopen. */
+/* By message, identifiers of board 0: on a bus of its own, and on one with CANopen devices
+ * (IdWithCanopen in the DBC file, which cantools does not pass on; a test compares them). */
 static const uint16_t OWN_BUS[] = {
     PAM_BOARD_DBC_BOARD_COMMAND_FRAME_ID, PAM_BOARD_DBC_VALVE_COMMAND_FRAME_ID,
     PAM_BOARD_DBC_MEASUREMENT_FRAME_ID, PAM_BOARD_DBC_STATUS_FRAME_ID,
     PAM_BOARD_DBC_HEARTBEAT_FRAME_ID,
 };
-static const uint16_t WITH_CANOPEN[] = {0x110, 0x120, 0x130, 0x140, 0x150};
+static const uint16_t WITH_CANOPEN[] = {0x010, 0x020, 0x030, 0x040, 0x050};
 
 uint8_t pam_crc8(uint16_t identifier, const uint8_t *data, uint8_t length)
 {

@@ -32,6 +32,7 @@ OTHER_PROGRAMS = {
     "cp": "shell",
     "git": "version control",
     "rosdep": "needs a ROS installation",
+    "firmware/out/pam_board": "tests/firmware builds and runs it",
     "colcon": "tests/system builds the workspace",
 }
 ROS2_VERBS = {"bag", "lifecycle", "security", "node", "param", "interface"}
@@ -98,7 +99,10 @@ def _file(name: str) -> None:
 
 
 def _make(words: list[str]) -> None:
-    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    folder = ROOT
+    if words[:1] == ["-C"]:
+        folder, words = ROOT / words[1], words[2:]
+    text = (folder / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([\w-]+):", text, re.MULTILINE))
     for word in words:
         if "=" not in word and word not in targets:

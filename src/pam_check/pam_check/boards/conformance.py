@@ -122,7 +122,7 @@ def run(given: Arguments) -> Outcome:
     PamError
         If the bus cannot be used, the board does not answer, or somebody else commands it.
     """
-    codec = BoardCodec.from_dbc(given.dbc)
+    codec = BoardCodec.from_dbc(given.dbc, with_canopen=given.with_canopen)
     if given.board >= codec.board_count:
         raise PamError(f"--board {given.board}: expected 0 to {codec.board_count - 1}")
     if given.over_pressure is not None and given.over_pressure <= given.max_pressure:

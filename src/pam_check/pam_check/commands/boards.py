@@ -13,6 +13,11 @@ def _declare_board(parser: Parser) -> None:
     add("--bitrate", type=count(10_000), default=1_000_000, help="[bit/s] (default: %(default)s)")
     add("--port", type=count(1, 65535), help="UDP port, used by udp_multicast only")
     add("--dbc", type=input_file, metavar="FILE", help="CAN database (default: the driver's own)")
+    add(
+        "--with-canopen",
+        action="store_true",
+        help="the board uses the identifiers that share a bus with CANopen devices",
+    )
     add("--board", type=count(0), default=0, help="number of the board (default: %(default)s)")
     add("--yes", action="store_true", help="open the valves without asking")
     add("--no-air", action="store_true", help="only the rules that do not open the valves")

@@ -29,7 +29,7 @@ from pam_driver.boards.pam_board.codec import (
     Status,
     ValveCommand,
 )
-from pam_driver.boards.pam_board.kind import PamBoardKind, number_of
+from pam_driver.boards.pam_board.kind import WITH_CANOPEN, PamBoardKind, number_of
 from pam_driver.boards.protocol import Frame, KindOptions, WiredBoard
 from pam_sim.boards.firmware_twin import FirmwareBoard
 from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
@@ -350,19 +350,20 @@ class PamBoardTwins:
     """
 
     def __init__(self, options: KindOptions) -> None:
-        self._codec = PamBoardKind(options).codec
+        self._kind = PamBoardKind(options)
         self._firmware = options.get("firmware", "")
 
     def make(self, wired: WiredBoard, settings: BoardSettings, now: float) -> SimulatedBoard:
         """The twin of one board, powered up at `now` [s]."""
-        number = number_of(wired)
+        number, codec = number_of(wired), self._kind.codec_of(wired)
+        shares = wired.settings.get("identifiers") == WITH_CANOPEN
         valves = [BoardValve.of(wire.muscle) for wire in wired.valves]
         channels = [int(wire.channel) for wire in wired.valves]
         sensors = [int(wire.channel) for wire in wired.pressures]
         if self._firmware:
             program = Path(self._firmware)
-            return FirmwareBoard(program, number, settings, valves, channels, sensors, now)
-        return SimulatedPamBoard(number, self._codec, settings, valves, channels, now, sensors)
+            return FirmwareBoard(program, number, settings, valves, channels, sensors, now, shares)
+        return SimulatedPamBoard(number, codec, settings, valves, channels, now, sensors)
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:

@@ -125,15 +125,23 @@ class BoardCodec:
         )
 
     @classmethod
-    def from_dbc(cls, path: str | Path | None = None) -> BoardCodec:
+    def from_dbc(cls, path: str | Path | None = None, *, with_canopen: bool = False) -> BoardCodec:
         """Compile a DBC file, by default the one that comes with this package.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            The DBC file.
+        with_canopen : bool, optional
+            Use the identifiers that share a bus with CANopen devices.
 
         Raises
         ------
         DbcError
             If the file cannot be read, is incomplete, or contradicts what the codec needs.
         """
-        return cls(read_dbc(default_dbc_path() if path is None else path))
+        found = default_dbc_path() if path is None else path
+        return cls(read_dbc(found, with_canopen=with_canopen))
 
     def frame_id(self, message: type[BoardMessage], board: int) -> int:
         """Identifier of one board's messages of a given kind."""

@@ -23,6 +23,7 @@ PROTOCOL_VERSION: Final = 2
 CLASSIC_CAN_BYTES: Final = 8
 _MAX_DBC_BYTES: Final = 1_000_000
 _NOT_AVAILABLE: Final = "not_available"
+_ID_WITH_CANOPEN: Final = "IdWithCanopen"
 
 _FAULT_SIGNALS: Final = {
     f"Fault{''.join(part.title() for part in str(fault.name).split('_'))}": fault
@@ -142,8 +143,15 @@ def _attribute(path: Path, database: Database, name: str) -> int | str:
     return value if isinstance(value, str) else int(value)
 
 
-def read_dbc(path: str | Path) -> BoardDbc:
+def read_dbc(path: str | Path, *, with_canopen: bool = False) -> BoardDbc:
     """Check that a DBC file has everything that the codec needs, and reduce it to layouts.
+
+    Parameters
+    ----------
+    path : str or Path
+        The DBC file.
+    with_canopen : bool, optional
+        Use the identifiers that the attribute `IdWithCanopen` gives to each message.
 
     Raises
     ------
@@ -164,6 +172,11 @@ def read_dbc(path: str | Path) -> BoardDbc:
         raise DbcError(f"{path}: attributes BoardCount and WatchdogTimeout must be at least 1")
     messages = {message.name: message for message in database.messages}
     layouts = {name: _layout(path, messages.get(name), name) for name in LAYOUT}
+    if with_canopen:
+        layouts = {
+            name: layout._replace(frame_id=_id_with_canopen(path, messages[name]))
+            for name, layout in layouts.items()
+        }
     taken: dict[int, str] = {}
     for layout in layouts.values():
         for frame_id in range(layout.frame_id, layout.frame_id + board_count):
@@ -174,6 +187,14 @@ def read_dbc(path: str | Path) -> BoardDbc:
                     f"of {other} or exceed 0x7FF"
                 )
     return BoardDbc(layouts, board_count, watchdog * 1e-3)
+
+
+def _id_with_canopen(path: Path, message: DbcMessage) -> int:
+    """The identifier of a message on a bus with CANopen devices."""
+    attributes = message.dbc.attributes if message.dbc is not None else {}
+    if _ID_WITH_CANOPEN not in attributes:
+        raise DbcError(f"{path}: attribute {_ID_WITH_CANOPEN} of {message.name} is missing")
+    return int(attributes[_ID_WITH_CANOPEN].value)
 
 
 def _layout(path: Path, message: DbcMessage | None, name: str) -> Layout:
