@@ -144,6 +144,9 @@ def test_another_recording_rig_version_or_constant_is_diagnosed_again(
     monkeypatch.setattr("pam_gap.__version__", "99.0")
     assert kept_result(task, key_of(task)) is None
     monkeypatch.undo()
+    monkeypatch.setattr("pam_gap.fleet.diagnose_job.source_hash", lambda: "changed code")
+    assert kept_result(task, key_of(task)) is None
+    monkeypatch.undo()
     rig_file.write_text(rig_file.read_text() + "\n# changed\n")
     assert kept_result(task, key_of(task)) is None
 

@@ -7,6 +7,7 @@ import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ import numpy as np
 import scipy
 
 import pam_gap
+import pam_model
+from pam_model.effects.registry import effect_files
 from pam_model.errors import PamError
 
 _CHUNK = 1 << 20
@@ -89,6 +92,24 @@ def source_file(path: str | Path) -> SourceFile:
     return SourceFile(str(path), digest.hexdigest(), size)
 
 
+@cache
+def source_hash() -> str:
+    """SHA-256 of all source files on which an answer depends: pam_gap, pam_model, own effects.
+
+    The version number alone does not tell two states of the source apart between releases.
+    """
+    digest = hashlib.sha256()
+    for package in (pam_gap, pam_model):
+        root = Path(str(package.__file__)).parent
+        for file in sorted(root.rglob("*.py")):
+            digest.update(f"{package.__name__}/{file.relative_to(root).as_posix()}\n".encode())
+            digest.update(file.read_bytes())
+    for file in effect_files():
+        digest.update(f"{file.name}\n".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
 def provenance(rig: str | Path, recordings: Sequence[str | Path], command: str = "") -> Provenance:
     """Collect what an answer is made from."""
     return Provenance(
@@ -96,7 +117,7 @@ def provenance(rig: str | Path, recordings: Sequence[str | Path], command: str =
         tuple(source_file(path) for path in recordings),
         command,
         (
-            ("pam_gap", pam_gap.__version__),
+            ("pam_gap", f"{pam_gap.__version__} (source {source_hash()[:12]})"),
             ("Python", platform.python_version()),
             ("numpy", np.__version__),
             ("scipy", scipy.__version__),

@@ -1,8 +1,8 @@
 """Diagnoses one recording of a fleet, on any worker, and keeps the result in a folder.
 
 The folder of a recording holds what `diagnose` writes and, written last, the file `done.json`. Its
-key is made of the hashes of recording and rig file, the version of the suite and the settings. A
-recording whose key is unchanged is not diagnosed again.
+key is made of the hashes of recording, rig file and source code, the version of the suite and the
+settings. A recording whose key is unchanged is not diagnosed again.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pam_gap
-from pam_gap.answer.provenance import source_file
+from pam_gap.answer.provenance import source_file, source_hash
 from pam_gap.diagnosis_files import diagnose_files
 from pam_gap.fleet.jobs import Job
 from pam_gap.fleet.recording_time import time_of
@@ -70,6 +70,7 @@ def key_of(task: Task) -> dict[str, str]:
         "recording": source_file(task.job.recording).sha256,
         "rig": source_file(task.job.rig).sha256,
         "version": pam_gap.__version__,
+        "source": source_hash(),
         "settings": f"{column_map} {task.rules!r}" if task.rules != DEFAULT else column_map,
     }
 
