@@ -14,10 +14,12 @@ from support.source_tree import PACKAGES, ROOT, SOURCE, foreign_imports
 # ROS and of this suite are their own keys. Keys that end in -pip are not in Ubuntu.
 ROSDEP_KEYS = {
     "PIL": "python3-pil",
+    "bokeh": "python3-bokeh-pip",
     "can": "python3-can",
     "canopen": "canopen-pip",
     "cantools": "python3-cantools-pip",
     "control": "python-control-pip",
+    "h5py": "python3-h5py",
     "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pam_gap.fleet.change_points import FEWEST, SLOPE, STEP, Course, deviations, find_changes
+from pam_gap.fleet.change_points import SLOPE, STEP, Course, deviations, find_changes
+from pam_gap.rules import DEFAULT
 
 WEEK = 7 * 86400.0
 SCATTER = 0.05
@@ -83,11 +84,13 @@ def test_the_unit_of_the_values_changes_nothing():
     assert tiny.changes[0].size == pytest.approx(1e-11 * plain.changes[0].size, rel=1e-6)
 
 
-@pytest.mark.parametrize("value", [np.zeros(8), np.linspace(0.0, 5.0, FEWEST - 1), np.zeros(0)])
+@pytest.mark.parametrize(
+    "value", [np.zeros(8), np.linspace(0.0, 5.0, DEFAULT.fleet.fewest - 1), np.zeros(0)]
+)
 def test_too_few_or_equal_values_have_no_change(value):
     found = find_changes(np.arange(value.size) * WEEK, value, np.zeros(value.size))
     assert found.changes == ()
-    assert found.enough == (value.size >= FEWEST)
+    assert found.enough == (value.size >= DEFAULT.fleet.fewest)
 
 
 def test_deviations_are_those_of_90_percent_intervals():

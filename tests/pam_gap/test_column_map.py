@@ -1,12 +1,18 @@
 """Tables with other names, units and formats, read with a map of their columns."""
 
+import json
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
+from pam_gap.recordings.array_files import read_arrays
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import RecordingError
@@ -39,6 +45,22 @@ def write(path: Path, suffix: str) -> Path:
         np.savez(file, **LOG, note=np.array("text"))
     elif suffix == ".mat":
         savemat(file, {**LOG, "fs": 500.0})
+    elif suffix == ".7.3.mat":
+        with h5py.File(file, "w", userblock_size=512) as table:  # as MATLAB writes -v7.3
+            for name, column in LOG.items():
+                table[name] = column[None]
+    elif suffix == ".h5":
+        with h5py.File(file, "w") as table:
+            for name, column in LOG.items():
+                table[name] = column
+            table["remark"] = "text"
+    elif suffix == ".json":
+        file.write_text(json.dumps({k: v.tolist() for k, v in LOG.items()} | {"robot": "left"}))
+    elif suffix == ".jsonl":
+        rows = [
+            dict(zip(LOG, map(float, row), strict=True)) for row in zip(*LOG.values(), strict=True)
+        ]
+        file.write_text("\n".join(map(json.dumps, rows)))
     elif suffix == ".parquet":
         pd.DataFrame(LOG).to_parquet(file)
     else:
@@ -46,7 +68,9 @@ def write(path: Path, suffix: str) -> Path:
     return file
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".parquet", ".npz", ".mat"])
+@pytest.mark.parametrize(
+    "suffix", [".csv", ".csv.gz", ".parquet", ".npz", ".mat", ".7.3.mat", ".h5", ".json", ".jsonl"]
+)
 def test_units_signs_and_names_of_any_table_are_mapped(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "map.yaml").write_text(MAP)
     column_map = load_column_map(tmp_path / "map.yaml")
@@ -76,7 +100,10 @@ def test_a_table_without_a_time_has_a_rate_and_arrays_have_columns(tmp_path: Pat
     [
         ("channels: [", "not a readable map"),
         ("time: t", "no `channels`"),
-        (f"channels: {{{FLEXOR}: p1}}", "either `time` or `rate`"),
+        (f"time: t\nrate: 5\nchannels: {{{FLEXOR}: p1}}", "either `time` or `rate`"),
+        (f"rate: 5\nchannels: {{{FLEXOR}: {{columns: {{}}}}}}", "`columns` is empty"),
+        (f"rate: 5\nchannels: {{{FLEXOR}: {{columns: {{a: x}}}}}}", "a is 'x'; expected a number"),
+        (f"rate: 5\nchannels: {{{FLEXOR}: {{columns: {{a: 1}}, column: b}}}}", "expected the name"),
         (f"rate: 0\nchannels: {{{FLEXOR}: p1}}", "rate is 0; expected Hz"),
         (f"rate: 5\nchannels: {{{FLEXOR}: {{column: p1, unit: torr}}}}", "unit 'torr'; expected"),
         (f"rate: 5\nchannels: {{{FLEXOR}: {{column: p1, units: bar}}}}", "unknown key units"),
@@ -103,8 +130,90 @@ def test_a_column_that_is_missing_is_named_with_those_there_are(tmp_path: Path) 
         import_recording(file, column_map=load_column_map(tmp_path / "map.yaml"))
 
 
-def test_a_mat_file_that_is_hdf5_or_broken_is_one_line(tmp_path: Path) -> None:
-    for content in (b"\x89HDF\r\n\x1a\n" + bytes(600), b"no matrix"):
-        (tmp_path / "log.mat").write_bytes(content)
-        with pytest.raises(RecordingError, match="not a readable table"):
-            import_recording(tmp_path / "log.mat")
+@pytest.mark.parametrize("suffix", [".mat", ".h5", ".json", ".jsonl", ".npz"])
+def test_a_broken_file_of_arrays_is_one_line(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"log{suffix}"
+    for content in (b"\x89HDF\r\n\x1a\n" + bytes(600), b"no matrix", b"[]", b"\xff\xfe"):
+        file.write_bytes(content)
+        with pytest.raises(RecordingError, match="not a readable table") as error:
+            import_recording(file)
+        assert "\n" not in str(error.value)
+
+
+def test_structures_and_rows_of_objects_have_names_with_dots(tmp_path: Path) -> None:
+    savemat(tmp_path / "log.mat", {"arm": {"t": TIME, "p": np.stack([GAUGE, GAUGE])}, "fs": 500.0})
+    rows = [{"t": t, "joint": {"q": [a, 0.0]}} for t, a in zip(TIME, ANGLE, strict=True)]
+    (tmp_path / "log.json").write_text(json.dumps(rows))
+    assert set(read_arrays(tmp_path / "log.mat")) == {"arm.t", "arm.p.0", "arm.p.1"}
+    assert set(read_arrays(tmp_path / "log.json")) == {"t", "joint.q.0", "joint.q.1"}
+    np.testing.assert_allclose(read_arrays(tmp_path / "log.json")["joint.q.0"], ANGLE)
+
+
+def test_a_log_of_mean_and_differential_pressure_gives_both_pressures(tmp_path: Path) -> None:
+    table = {"t": TIME, "mean": 1e-5 * GAUGE, "difference": 1e-5 * 2e4 * ANGLE}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    (tmp_path / "map.yaml").write_text(
+        "time: t\nchannels:\n"
+        f"  {FLEXOR}: {{columns: {{mean: 1, difference: 0.5}}, unit: bar}}\n"
+        f"  {EXTENSOR}: {{columns: {{mean: 1, difference: -0.5}}, unit: bar}}\n"
+    )
+    recording = import_recording(
+        tmp_path / "log.csv", column_map=load_column_map(tmp_path / "map.yaml")
+    )
+    np.testing.assert_allclose(recording.values[FLEXOR], GAUGE + 1e4 * ANGLE, rtol=1e-6)
+    np.testing.assert_allclose(recording.values[EXTENSOR], GAUGE - 1e4 * ANGLE, rtol=1e-6)
+
+
+def write_bag(path: Path, kind: str) -> Path:
+    """A bag of another robot: a list of numbers without stamps, and a JointState with names."""
+    store = get_typestore(Stores.ROS1_NOETIC if kind == "rosbag1" else Stores.ROS2_JAZZY)
+    types = store.types
+    header: dict[str, object] = {"seq": 0} if kind == "rosbag1" else {}
+    layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    if kind == "rosbag1":
+        writer = Writer1(path / "log.bag")
+    else:
+        writer = Writer(path / "bag", version=9, storage_plugin=StoragePlugin[kind])
+    write = store.serialize_ros1 if kind == "rosbag1" else store.serialize_cdr
+    with writer as bag:
+        names = {
+            "/arm/bar": "std_msgs/msg/Float64MultiArray",
+            "/arm/j": "sensor_msgs/msg/JointState",
+        }
+        connections = {t: bag.add_connection(t, n, typestore=store) for t, n in names.items()}
+        for t, p, q in zip(TIME, GAUGE, ANGLE, strict=True):
+            at = 1_700_000_000_000_000_000 + round(1e9 * t)
+            stamp = types["builtin_interfaces/msg/Time"](at // 10**9, at % 10**9)
+            messages = {
+                "/arm/bar": types[names["/arm/bar"]](layout, 1e-5 * np.array([p, 2.0 * p])),
+                "/arm/j": types[names["/arm/j"]](
+                    types["std_msgs/msg/Header"](**header, stamp=stamp, frame_id=""),
+                    ["shoulder", "elbow"], np.array([0.0, q]), np.zeros(0), np.zeros(0),
+                ),
+            }  # fmt: skip
+            for topic, message in messages.items():
+                data = write(message, names[topic])
+                bag.write(connections[topic], at, bytes(data))
+    return path / ("log.bag" if kind == "rosbag1" else "bag")
+
+
+@pytest.mark.parametrize("kind", ["MCAP", "SQLITE3", "rosbag1"])
+def test_a_bag_of_other_topics_is_mapped_with_its_own_stamps(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "map.yaml").write_text(
+        "channels:\n"
+        f"  {FLEXOR}: {{column: /arm/bar.data.0, unit: bar}}\n"
+        f"  {EXTENSOR}: {{columns: {{/arm/bar.data.1: 0.5, /arm/bar.data.0: 0}}, unit: bar}}\n"
+        f"  {POSITION}: /arm/j.position.elbow\n"
+    )
+    bag = write_bag(tmp_path, kind)
+    column_map = load_column_map(tmp_path / "map.yaml")
+    recording = import_recording(bag, column_map=column_map)
+    for name in (FLEXOR, EXTENSOR):
+        np.testing.assert_allclose(recording.values[name], GAUGE[: recording.time.size], rtol=1e-6)
+    np.testing.assert_allclose(recording.values[POSITION], ANGLE, atol=1e-6)
+    (tmp_path / "map.yaml").write_text(f"channels: {{{FLEXOR}: /arm/bar.data.7}}")
+    with pytest.raises(RecordingError, match=r"no column /arm/bar\.data\.7"):
+        import_recording(bag, column_map=load_column_map(tmp_path / "map.yaml"))
+    (tmp_path / "map.yaml").write_text(f"rate: 5\nchannels: {{{FLEXOR}: /arm/bar.data.0}}")
+    with pytest.raises(RecordingError, match=r"`time` and `rate` are for tables"):
+        import_recording(bag, column_map=load_column_map(tmp_path / "map.yaml"))

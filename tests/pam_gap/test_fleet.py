@@ -24,6 +24,7 @@ from pam_gap.fleet.series import WEEK, Point, as_json, in_words, make_series, so
 from pam_gap.fleet.tables import PARAMETERS, RECORDINGS
 from pam_gap.fleet.tracking import effects_to_follow, labels_found, typical_values
 from pam_gap.fleet.workers import Ended, cluster, run_all
+from pam_gap.rules.fleet_rules import FleetRules
 from pam_model.errors import PamError
 from pam_model.rig import save_rig
 
@@ -222,6 +223,54 @@ def test_the_whole_way_with_a_stub_keeps_failures_and_diagnoses_only_what_is_new
     fleet.diagnose_all(None, [Task(j, out / "recordings" / folder_name(j.name))
                               for j in one_rig(folder, rig_file)], settings)  # fmt: skip
     assert [task.job.name for task in again] == ["1.csv", "3.csv"]
+
+
+def test_one_recording_of_each_period_is_diagnosed_and_a_failed_one_is_replaced():
+    """Later recordings do not change the choice, so that nothing is diagnosed twice."""
+    robots, times = ["a"] * 5 + ["b"], [START + k * WEEK / 2.0 for k in range(5)] + [START]
+    nothing = [None] * 6
+    assert fleet.to_diagnose(robots, times, nothing, 0.0) == [0, 1, 2, 3, 4, 5]
+    first = fleet.to_diagnose(robots, times, nothing, 7.0)
+    assert 0 in first and 5 in first and len(first) == 4
+    failed, good = {"joints": []}, {"joints": [answer()]}
+    results = [failed if k == first[1] else good if k in first else None for k in range(6)]
+    (replaced,) = fleet.to_diagnose(robots, times, results, 7.0)
+    assert replaced == first[1] + 1
+    results[replaced] = good
+    assert fleet.to_diagnose(robots, times, results, 7.0) == []
+
+
+def test_recordings_that_are_only_followed_are_points_and_damaged_ones_failures(
+    tmp_path, rig_file, monkeypatch
+):
+    folder, out = tmp_path / "bags", tmp_path / "out"
+    for k in range(6):
+        write(folder / f"{k}.csv", START + k * WEEK / 7.0)
+
+    def diagnosed(client, function, tasks):
+        for number, task in enumerate(tasks):
+            row = {"key": key_of(task), "time": START, "time_from": "stamps", "seconds": 0.0,
+                   "joints": [answer()], "failure": ""}  # fmt: skip
+            yield Ended(number, row)
+
+    def fitted(client, function, tasks):
+        for number, task in enumerate(tasks):
+            fit = {"effect": "coulomb_friction", "parameter": "torque", "value": 0.5, "low": 0.4,
+                   "high": 0.6, "unit": "N m", "is_shape": False, "improvement": 1.0}  # fmt: skip
+            damaged = task.recording.name == "4.csv"
+            yield Ended(number, None, "4.csv: damaged") if damaged else Ended(number, [fit])
+
+    monkeypatch.setattr(fleet, "run_all", diagnosed)
+    monkeypatch.setattr("pam_gap.fleet.follow_all.run_all", fitted)
+    monkeypatch.setattr("pam_gap.fleet.tracking.RULES", FleetRules(several=1))
+    settings = fleet.Settings(folder, out, rig=rig_file, workers=1, full_every=365.0)
+    document = fleet.analyse_fleet(settings)
+    assert document["diagnosed_now"] == 1
+    rows = {row["recording"]: row for row in document["recordings"]}
+    assert [name for name, row in rows.items() if row["failure"]] == ["4.csv"]
+    assert [name for name, row in rows.items() if row["verdict"]] == ["0.csv"]
+    assert len(document["series"][0]["points"]) == 5
+    assert "Only followed, not diagnosed" in (out / fleet.PAGE).read_text()
 
 
 def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch):

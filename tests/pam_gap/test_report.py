@@ -9,16 +9,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from pam_gap.answer import report_figures
+from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
 from pam_gap.answer.provenance import provenance
-from pam_gap.answer.report import (
-    RankedCandidate,
-    ReportData,
-    StageGap,
-    Trace,
-    render,
-    thinned,
-    write_report,
-)
+from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, render, write_report
+from pam_gap.answer.traces import CLOSEST, IMPROVED, MEASURED, NOMINAL, Trace, draw, thinned
 from pam_gap.diagnosis_files import _delay
 
 CHANNEL = "joint_states.elbow.position"
@@ -50,7 +44,7 @@ def data(title: str = "elbow", **changes: object) -> ReportData:
         stages=[StageGap("valve", 1.1), StageGap("muscle", None, "no load cell"),
                 StageGap("joint", 8.0), StageGap("sensing", 1.0)],
         regimes=[("low speed", 0.7)],
-        traces=[Trace(CHANNEL, "rad", time, measured, 0.9 * measured, measured, ((10, 14),))],
+        traces=[Trace(CHANNEL, "rad", time, measured, 0.9 * measured, measured)],
         ranking=[RankedCandidate("coulomb_friction", 0.93, 0.05, 0.04, 0.07),
                  RankedCandidate("hysteresis", 0.04, 0.4, 0.3, 0.5)],
         horizons=[("0.5 s", CHANNEL, 0.03, 0.002, 0.0004, "rad")],
@@ -63,16 +57,23 @@ def data(title: str = "elbow", **changes: object) -> ReportData:
 def test_page_is_self_contained() -> None:
     """One file that can be mailed: no address outside it is needed to show it."""
     page = render(data())
-    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert not re.search(r'(src|href)="(?!data:)', without_scripts(page))
+    assert not re.search(r"<script[^>]+src=|<link", page)
     assert "closes 94 % of the gap" in page
     assert page.index("The joint rubs") < page.index("<h2>")
 
 
 def test_names_from_outside_are_escaped() -> None:
     """A channel or rig called like a script must not become one."""
-    page = render(data(title="<script>alert(1)</script>"))
-    assert "<script>" not in page
-    assert "&lt;script&gt;" in page
+    bad = "</script><script>alert(1)</script>"
+    named = replace(data(title=bad), traces=[replace(data().traces[0], channel=bad)])
+    page = render(named)
+    assert "<script>alert" not in page
+    assert "&lt;script&gt;" in without_scripts(page)
+
+
+def without_scripts(page: str) -> str:
+    return re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
 
 
 def test_verdicts_without_a_name_have_a_page(tmp_path) -> None:
@@ -115,7 +116,6 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
         found.append(figure)
         return "data:image/png;base64,"
 
-    monkeypatch.setattr(report_figures, "_png", keep)
     monkeypatch.setattr(report_figures, "_svg", keep)
     return found
 
@@ -131,17 +131,15 @@ def test_only_the_stage_to_blame_is_coloured(drawn: list[Figure]) -> None:
         assert (colours[2] != colours[0]) == (named == "joint")
 
 
-def test_legends_name_what_is_drawn_and_nothing_else(drawn: list[Figure]) -> None:
-    """The page spoke of grey parts that it did not have, and hid the measured line."""
-    with_parts = data().traces[0]
-    without = replace(with_parts, held_out=())
-    for trace, grey in ((with_parts, True), (without, False)):
-        report_figures.draw_trace(trace)
-        upper, lower = drawn[-1].axes
-        assert ("grey" in lower.get_xlabel()) == grey == bool(upper.patches)
-    measured, *predictions = upper.get_lines()
-    assert measured.get_linewidth() > 2.0 * max(line.get_linewidth() for line in predictions)
-    assert upper.get_ylabel() == "[rad]"
+def test_the_measured_curve_is_wide_and_light_and_all_curves_have_names() -> None:
+    """The measured line was hidden under the improved one."""
+    trace = replace(
+        data().traces[0], closest=data().traces[0].nominal, closest_name="closest: creep"
+    )
+    page = "".join(draw([trace], trace).script.split("docs_json")[1:])
+    for name in ("measured", "rig file as written", "improved rig file", "closest: creep"):
+        assert f'"value":"{name}"' in page
+    assert f'"line_color":"{MEASURED}","line_width":4.0' in page
 
 
 def test_two_sides_of_one_effect_have_rows_of_their_own(drawn: list[Figure]) -> None:
@@ -195,3 +193,60 @@ def test_sizes_stand_in_the_units_of_the_user() -> None:
     for text in ("7.1 mrad", "0.9 mrad", "0.7 mrad", "0.1 % of the motion", "0.7 rad",
                  "yes; what is left does not"):  # fmt: skip
         assert text in page
+
+
+def test_probabilities_are_shown_and_why_a_simpler_cause_was_preferred() -> None:
+    """A cause was named with weight 0.0 while a pair had 0.88, and the page did not say why."""
+    why = "creep + hysteresis fits this recording better, but hysteresis was preferred because"
+    shares = {"hysteresis": 0.62, "creep + hysteresis": 0.31, "unknown": 0.066, "none": 0.004}
+    page = without_scripts(render(data(probabilities=shares, preferred=why)))
+    for text in ("62 %", "31 %", "6.6 %", "creep + hysteresis", why):
+        assert text in page
+    assert page.index("62 %") < page.index("31 %") < page.index("Which effect explains")
+    assert page.count(why) == 1
+    assert "How probable" not in render(data())
+
+
+def test_what_is_left_is_said_with_its_size() -> None:
+    left = {"rms": 0.0009, "unit": "rad", "channel": CHANNEL, "share_of_motion": 0.0013,
+            "material": True, "ordinary": False}  # fmt: skip
+    assert f"0.9 mrad at {CHANNEL}, 0.13 % of its motion, are not explained. That matters." in (
+        render(data(leftover=left))
+    )
+    assert "no more than ordinary imperfections" in render(data(leftover=left | {"ordinary": True}))
+
+
+def test_a_page_of_many_long_traces_is_below_three_megabytes() -> None:
+    trace = data().traces[0]
+    time = np.linspace(0.0, 600.0, 75_000)
+    noise = np.random.default_rng(1).standard_normal((3, time.size))
+    long = [
+        replace(trace, channel=f"c{k}", time=time, measured=noise[0], nominal=noise[1],
+                improved=noise[2], closest=noise[0], closest_name="closest: creep")
+        for k in range(6)
+    ]  # fmt: skip
+    assert len(render(replace(data(), traces=long)).encode()) < 3_000_000
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance by WCAG 2.2."""
+    digits = colour.lstrip("#")
+    digits = "".join(2 * d for d in digits) if len(digits) == 3 else digits
+    parts = [int(digits[k : k + 2], 16) / 255.0 for k in (0, 2, 4)]
+    linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+
+def contrast(first: str, second: str) -> float:
+    high, low = sorted((luminance(first), luminance(second)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_text_has_the_contrast_of_wcag_aa_in_light_and_dark() -> None:
+    light, dark = (dict(re.findall(r"--(\w+): (#\w+)", part)) for part in STYLE.split("@media")[:2])
+    for scheme in (light, light | dark):
+        for ink in ("ink", "quiet"):
+            for paper in ("paper", "box"):
+                assert contrast(scheme[ink], scheme[paper]) >= 4.5, (ink, paper)
+    for colour in (*VERDICT_COLOURS.values(), NOMINAL, IMPROVED, CLOSEST, MEASURED):
+        assert contrast(colour, "#fff") >= 3.0, colour  # graphics, WCAG 1.4.11

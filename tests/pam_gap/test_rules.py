@@ -28,6 +28,9 @@ DECIDING = (
     "prediction/*.py",
     "recordings/noise_floor.py",
     "recordings/computed_channels.py",
+    "fleet/change_points.py",
+    "fleet/follow_all.py",
+    "fleet/tracking.py",
     "experiments/next_experiment.py",
     "answer/write_answer.py",
 )
@@ -36,6 +39,7 @@ NO_RULES = {
     "LOW": "90 % interval",
     "HIGH": "90 % interval",
     "NORMAL_90": "90 % interval",
+    "PROFILE_90": "90 % interval",
     "HARMONICS": "regressors of a figure that enters no verdict",
     "N_CHANNELS": "layout",
     "N_SENSORS": "layout",

@@ -44,7 +44,7 @@ def _declare_diagnose(parser: Parser) -> None:
         nargs="*",
         type=input_path,
         metavar="RECORDING",
-        help="rosbag2, CSV(.gz), Parquet, NPZ or MAT; several of one rig may be given",
+        help="bag, CSV(.gz), Parquet, NPZ, MAT, HDF5 or JSON; several of one rig may be given",
     )
     add_rig(parser, required=True)
     parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
@@ -131,6 +131,14 @@ def _declare_fleet(parser: Parser) -> None:
         default=[],
         metavar="EFFECT.PARAMETER=VALUE",
         help="value that is too much, to tell when it is reached; may be given several times",
+    )
+    parser.add_argument(
+        "--full-every",
+        type=number("days", least=0.0),
+        default=0.0,
+        metavar="DAYS",
+        help="diagnose one recording of each robot in this time in full and only fit the followed "
+        "effects on the others, which takes far less time (default: 0, all in full)",
     )
     parser.add_argument(
         "--map", type=input_file, metavar="FILE", help="names and units of the columns of tables"

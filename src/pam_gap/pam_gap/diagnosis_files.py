@@ -1,7 +1,8 @@
 """`python -m pam_gap diagnose RECORDING... --rig RIG --out DIR`: a diagnosis from files to files.
 
 It writes diagnosis.json, report.html and, where an effect was found, rig_improved.yaml, which
-simulation, model node and controller can read in place of the rig file.
+simulation, model node and controller can read in place of the rig file. For a verdict of `unknown`
+it writes rig_retuned.yaml: the numbers of the rig file changed within their tolerance.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.provenance import provenance
-from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, Trace, write_report
-from pam_gap.answer.report_figures import RETUNED, WITH_ANSWER
+from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, write_report
+from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace
 from pam_gap.diagnose_recordings import UnknownJointError, diagnose_joint, joints_to_diagnose
 from pam_gap.experiments.files import FOLDER
 from pam_gap.prediction.channel_order import UNITS
@@ -37,7 +38,7 @@ from pam_model.command_line import Arguments, Outcome, Progress, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, save_rig
 
-IMPROVED_RIG = "rig_improved.yaml"
+IMPROVED_RIG, RETUNED_RIG = "rig_improved.yaml", "rig_retuned.yaml"
 EVIDENCE = "evidence.npz"
 
 
@@ -73,7 +74,10 @@ def import_as_mounted(
 
 def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
     """Measured, nominal and improved predictions of the first recording."""
-    vectors = np.array([diagnosis.written_values, diagnosis.improved_values])
+    known = [diagnosis.written_values, diagnosis.improved_values]
+    if diagnosis.closest_values is not None:
+        known.append(diagnosis.closest_values)
+    vectors = np.array(known)
     errors = problem.errors(vectors)[:, : problem.offsets[1]]
     data = problem.data[0]
     rows = errors.shape[1]
@@ -92,6 +96,10 @@ def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
                 measured=measured,
                 nominal=predicted[0],
                 improved=predicted[1] if has_answer else None,
+                closest=predicted[2] if len(known) > 2 else None,
+                closest_name=f"closest: {' + '.join(diagnosis.ranking[0].effects)}"
+                if diagnosis.ranking
+                else "",
                 improved_name=WITH_ANSWER if diagnosis.effects else RETUNED,
                 limit=limits.get(problem.names[c], 0.0),
             )
@@ -222,9 +230,10 @@ def diagnose_files(
             )
         diagnosis.provenance = origin
         improved_name = ""
-        if diagnosis.improved is not None:
-            save_rig(diagnosis.improved, folder / IMPROVED_RIG)
-            improved_name = IMPROVED_RIG
+        for made, file in ((diagnosis.improved, IMPROVED_RIG), (diagnosis.retuned, RETUNED_RIG)):
+            if made is not None:
+                improved_name = file
+                save_rig(made, folder / file)
         if diagnosis.proposal is not None:
             diagnosis.proposal.write(folder / FOLDER)
         diagnosis.write(folder / "diagnosis.json")

@@ -146,7 +146,11 @@ def run(given: Arguments) -> Outcome:
     started, used = time.monotonic(), os.times()
     document = analyse_fleet(
         Settings(
-            folder / "recordings", folder / "answer", rig=folder / "rig.yaml", workers=given.workers
+            folder / "recordings",
+            folder / "answer",
+            rig=folder / "rig.yaml",
+            workers=given.workers,
+            full_every=given.full_every,
         )
     )
     now = os.times()

@@ -25,6 +25,13 @@ def _declare(parser: Parser) -> None:
             help=f"{words} (default: {usual:g})",
         )
     parser.add_argument(
+        "--full-every",
+        type=number("days", least=0.0),
+        default=0.0,
+        metavar="DAYS",
+        help="as for python -m pam_gap fleet (default: 0, diagnose all in full)",
+    )
+    parser.add_argument(
         "--out", type=output_folder, default="out/fleet_check", help="folder (default: %(default)s)"
     )
 

@@ -109,6 +109,11 @@ class Diagnosis:
         Shares of the motion below which a gap does not matter, and one that no effect explains.
     not_shown : tuple of str
         Effects that would stay below the noise in these recordings at their usual size.
+    improved, retuned : Rig or None
+        The rig with the effects that were found; for `unknown`, with its numbers changed within
+        their tolerance.
+    closest_values : ndarray or None
+        For `unknown`: parameters of the plant with the effects that come closest.
     ordinary : tuple of str
         Effects that the chosen hypothesis contains but that are no larger than on an ordinary good
         rig. They belong to the background and are not named.
@@ -141,10 +146,12 @@ class Diagnosis:
     unexplained_share: float = 0.0
     ordinary: tuple[str, ...] = ()
     improved: Rig | None = None
+    retuned: Rig | None = None
     survivors: tuple[Hypothesis, ...] = ()
     proposal: Proposal | None = None
     written_values: Any = None
     improved_values: Any = None
+    closest_values: Any = None
     facts: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:

@@ -19,6 +19,11 @@ STYLE = """
  text-align: left; vertical-align: top; overflow-wrap: normal; }
  .n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
  img { max-width: 100%; min-width: 38rem; background: #fff; border-radius: .3rem; }
+ .plot { margin: 1rem 0; background: #fff; color: #1c1c1c; border-radius: .3rem; padding: .3rem; }
+ .plot figcaption { color: #555; padding: 0 .6rem .3rem; font-size: .92rem; }
+ .bars { width: 100%; } .bars td { white-space: normal; }
+ .bar { width: 45%; } .bar span { display: block; height: .8rem; margin-top: .35rem;
+        background: #00798c; border-radius: .15rem; min-width: 1px; }
  code { background: var(--box); padding: 0 .25rem; }
  .quiet { color: var(--quiet); }
  @media print { body { margin: 0; } img { min-width: 0; } h2 { break-after: avoid; } }

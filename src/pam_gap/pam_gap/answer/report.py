@@ -16,29 +16,16 @@ import matplotlib as mpl
 
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS, VERDICT_WORDS
 from pam_gap.answer.report_figures import (
-    RETUNED,
-    WITH_ANSWER,
     RankedCandidate,
     StageGap,
-    Trace,
-    draw_error,
     draw_ranking,
     draw_shrinkage,
     draw_stages,
-    draw_trace,
-    thinned,
 )
+from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw
 from pam_gap.answer.user_units import percent, plain, told, user_unit
 
-__all__ = [
-    "RankedCandidate",
-    "ReportData",
-    "StageGap",
-    "Trace",
-    "render",
-    "thinned",
-    "write_report",
-]
+__all__ = ["RankedCandidate", "ReportData", "StageGap", "Trace", "render", "write_report"]
 
 
 @dataclass(frozen=True)
@@ -72,9 +59,24 @@ _PAGE = """<!doctype html>
 <div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>{{ d.verdict_sentence }}
 {% if closed %}<small>{{ closed }}</small>{% endif %}</div>
 
-{% if headline %}<div class="wide"><img alt="Error of the prediction of {{ headline_channel }} over
-the whole recording, for the rig file as written and with the answer" src="{{ headline }}"></div>
+{% if drawn %}<figure class="plot" role="group" aria-label="Error of the prediction of
+{{ headline_channel }} over the whole recording: {{ headline_words }}">{{ drawn.parts[0] | safe }}
+<figcaption class="quiet">{{ headline_words }} {{ band }}Drag over a part to enlarge it; the
+circular arrow shows all again; a click on a name in the legend hides its curve.</figcaption>
+</figure><noscript><p>The traces need JavaScript, which is in this page itself.</p></noscript>
 {% endif %}
+
+{% if probabilities %}<h2>How probable each explanation is</h2>
+<div class="wide"><table class="bars">
+<tr><th>explanation</th><th class="n">probability</th><th></th></tr>
+{% for p in probabilities %}<tr><td>{{ p.name }}</td><td class="n">{{ p.words }}</td>
+<td class="bar"><span style="width: {{ '%.1f' % p.width }}%"></span></td></tr>
+{% endfor %}</table></div>
+<p class="quiet">These explanations exclude each other, and their probabilities add up to 100 %.
+&ldquo;Unknown&rdquo; is a cause that is not in the table of effects; &ldquo;none&rdquo; is an
+ordinary good rig. How far such numbers can be trusted was measured on simulated rigs.</p>
+{% if diagnosis.get('preferred') %}<p>{{ diagnosis.preferred }}</p>{% endif %}{% endif %}
+{% if leftover %}<p><b>What is left.</b> {{ leftover }}</p>{% endif %}
 
 {% if sizes %}<h2>How large the gap is</h2>
 <div class="wide"><table>
@@ -112,7 +114,7 @@ the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %
 {% if ranking %}<h2>Which effect explains the gap</h2>
 <div class="wide"><img alt="Share of the gap that each candidate leaves, with intervals"
 src="{{ ranking }}"></div>
-{% if diagnosis.get('preferred') %}<p>{{ diagnosis.preferred }}</p>{% endif %}
+{% if diagnosis.get('preferred') and not probabilities %}<p>{{ diagnosis.preferred }}</p>{% endif %}
 {% endif %}
 {% if diagnosis.indistinguishable %}
 <p>This recording cannot distinguish:
@@ -131,14 +133,18 @@ answer" src="{{ shrinkage }}"></div>
 <td class="n">{{ after }}</td><td class="n">{{ floor }}</td></tr>
 {% endfor %}</table></div>{% endif %}
 
-{% if traces %}<h2>Measured and predicted</h2>
-{% for name, picture in traces %}<div class="wide"><img alt="{{ name }}: measured, predicted, and
-the error below" src="{{ picture }}"></div>{% endfor %}{% endif %}
+{% if drawn %}<h2>Measured and predicted</h2>
+{% for trace in d.traces %}<figure class="plot" role="group" aria-label="{{ trace.channel }}:
+measured and predicted">{{ drawn.parts[2 * loop.index0 + 1] | safe }}</figure>
+<figure class="plot" role="group" aria-label="{{ trace.channel }}: predicted minus measured">
+{{ drawn.parts[2 * loop.index0 + 2] | safe }}</figure>{% endfor %}{% endif %}
 
 <h2>What to do next</h2>
 <p>{{ diagnosis.next_experiment or 'This verdict needs no further experiment.' }}</p>
-{% if d.improved_rig %}<p>The improved rig file is <code>{{ d.improved_rig }}</code>. Simulation,
-model node and controller can read it in place of your rig file.</p>{% endif %}
+{% if d.improved_rig %}<p>The {{ 'improved' if diagnosis.effects else 're-tuned' }} rig file is
+<code>{{ d.improved_rig }}</code>. Simulation, model node and controller can read it in place of
+your rig file.{% if not diagnosis.effects %} It contains no effect, only numbers that were changed
+within their tolerance.{% endif %}</p>{% endif %}
 
 <h2>The data</h2>
 <ul>{% for r in d.repairs %}<li>{{ r }}</li>{% else %}<li>The recordings needed no repair.</li>
@@ -151,6 +157,7 @@ in this recording, so that nothing is said about them:
 {% for key, value in origin %}<tr><td>{{ key }}</td><td>{{ value }}</td></tr>{% endfor %}
 {% for key, value in d.facts.items() %}<tr><td>{{ key }}</td><td>{{ value }}</td></tr>
 {% endfor %}</table></div>
+{% if drawn %}{{ drawn.script | safe }}{% endif %}
 </body></html>
 """
 
@@ -171,6 +178,46 @@ def _stage_words(stage: str | None, verdict: str) -> str:
         return "No stage is coloured, because none is to blame."
     why = "the largest gap over its noise" if verdict == "unknown" else "the cause"
     return f"The coloured stage is that of {why}; errors of the others can come from it."
+
+
+BAND_WORDS = "In the grey band, an error does not matter. "
+LEAST_SHOWN = 0.005
+"""Probability below which an explanation is told together with the others."""
+
+
+def _probabilities(found: Mapping[str, float]) -> list[dict[str, Any]]:
+    shown = {name: p for name, p in found.items() if p >= LEAST_SHOWN}
+    rest = sum(found.values()) - sum(shown.values())
+    rows = [(name.replace("_", " "), p) for name, p in shown.items()]
+    if rest >= LEAST_SHOWN:
+        rows.append((f"{len(found) - len(shown)} others together", rest))
+    return [{"name": n, "words": percent(p), "width": min(100.0 * p, 100.0)} for n, p in rows]
+
+
+def _leftover(left: Mapping[str, Any] | None) -> str:
+    """What the answer does not explain, where it is largest."""
+    if not left:
+        return ""
+    amount = (
+        f"{told(left['rms'], left['unit'])} at {left['channel']}, "
+        f"{percent(left['share_of_motion'])} of its motion, are not explained."
+    )
+    if left["ordinary"]:
+        return f"{amount} That is no more than ordinary imperfections of a good rig leave."
+    return f"{amount} {'That matters.' if left['material'] else 'That is too little to matter.'}"
+
+
+def _headline_words(first: Trace, channels: Mapping[str, Any]) -> str:
+    """The first figure in words."""
+    size = channels.get(first.channel)
+    if not size:
+        return f"Error of {first.channel}."
+    unit = str(size["unit"])
+    after = f", {told(size['after'], unit)} with the {first.improved_name}"
+    return (
+        f"RMS error of {first.channel}: {told(size['before'], unit)} as written"
+        f"{after if first.improved is not None else ''}."
+    )
 
 
 def _size_rows(materiality: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -242,8 +289,12 @@ def render(data: ReportData) -> str:
         colour=VERDICT_COLOURS.get(verdict, "#6b7280"),
         word=VERDICT_WORDS.get(verdict, verdict),
         closed=_closed_sentence(diagnosis.get("closed")) if named else "",
-        headline=draw_error(first) if first is not None else "",
+        drawn=None if first is None else draw(data.traces, first),
         headline_channel=first.channel if first is not None else "",
+        headline_words=_headline_words(first, channels) if first is not None else "",
+        band=BAND_WORDS if first is not None and first.limit > 0.0 else "",
+        probabilities=_probabilities(diagnosis.get("probabilities") or {}),
+        leftover=_leftover(diagnosis.get("leftover")),
         sizes=_size_rows(materiality),
         limit=percent(materiality.get("limit", 0.0)),
         limit_unexplained=percent(materiality.get("limit_unexplained", 0.0)),
@@ -257,7 +308,6 @@ def render(data: ReportData) -> str:
             (h, channel, told(before, unit), told(after, unit), told(floor, unit))
             for h, channel, before, after, floor, unit in data.horizons
         ],
-        traces=[(trace.channel, draw_trace(trace)) for trace in data.traces],
         origin=_origin(diagnosis.get("provenance")),
     )
 

@@ -1,4 +1,4 @@
-"""The figures of the report, as data URLs.
+"""The still figures of the report, as data URLs.
 
 Axes are in the units that people use (mrad, kPa). Only the stage that the verdict names is
 coloured, so that no innocent one looks guilty. Legends name what is drawn, and nothing else.
@@ -13,17 +13,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
-import numpy.typing as npt
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pam_gap.answer.user_units import percent, told, user_unit
+from pam_gap.answer.traces import IMPROVED, NOMINAL, WITH_ANSWER, WRITTEN
+from pam_gap.answer.user_units import percent, told
 
-Array = npt.NDArray[np.float64]
-
-MEASURED, NOMINAL, IMPROVED = "0.25", "#c2410c", "#00798c"
 GUILTY, NEUTRAL = "#fbd5c0", "#f4f4f4"
 STAGES = ("valve", "muscle", "joint", "sensing")
 STAGE_FLOW = {
@@ -32,27 +28,6 @@ STAGE_FLOW = {
     "joint": "force → motion",
     "sensing": "true → measured",
 }
-MAX_POINTS = 4000
-"""A longer trace is thinned for the picture; the extremes of each bin are kept."""
-WRITTEN, RETUNED, WITH_ANSWER = "rig file as written", "rig file re-tuned", "improved rig file"
-
-
-@dataclass(frozen=True)
-class Trace:
-    """One channel as measured and as predicted, at the same times."""
-
-    channel: str
-    unit: str
-    time: Array
-    measured: Array
-    nominal: Array
-    improved: Array | None = None
-    held_out: tuple[tuple[float, float], ...] = ()
-    """Time intervals [s] that were not used for fitting."""
-    improved_name: str = WITH_ANSWER
-    """What the improved prediction is: the improved rig file, or the rig file re-tuned."""
-    limit: float = 0.0
-    """Error below which a gap does not matter, in the channel's unit; 0 for none."""
 
 
 @dataclass(frozen=True)
@@ -76,102 +51,12 @@ class StageGap:
     note: str = ""
 
 
-def thinned(time: Array, values: Array, points: int = MAX_POINTS) -> tuple[Array, Array]:
-    """Keep the smallest and largest value of each bin, so that no peak is lost.
-
-    Parameters
-    ----------
-    time, values : (n,) ndarray
-        A trace.
-    points : int
-        Largest number of values that are kept.
-    """
-    if time.size <= points:
-        return time, values
-    edges = np.linspace(0, time.size, points // 2 + 1).astype(np.intp)
-    filled = np.where(np.isfinite(values), values, 0.0)
-    picks: list[int] = []
-    for start, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        part = filled[start:end]
-        picks += sorted((start + int(part.argmin()), start + int(part.argmax())))
-    return time[picks], values[picks]
-
-
 def _svg(figure: Figure) -> str:
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg")
     plt.close(figure)
     text = buffer.getvalue()
     return "data:image/svg+xml;base64," + base64.b64encode(text.encode()).decode()
-
-
-def _png(figure: Figure) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    plt.close(figure)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
-
-
-def _size_of(values: Array) -> float:
-    return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
-
-
-def _grey_where_held_out(axes: Sequence[Axes], trace: Trace) -> None:
-    for start, end in trace.held_out:
-        for axis in axes:
-            axis.axvspan(start, end, color="0.92", zorder=0)
-    note = "   (grey: not used for fitting)" if trace.held_out else ""
-    axes[-1].set_xlabel(f"time [s]{note}")
-
-
-def draw_trace(trace: Trace) -> str:
-    """Draw a channel and, below it, its residuals; return the picture as a data URL."""
-    figure, (upper, lower) = plt.subplots(
-        2, 1, figsize=(9.5, 4.2), sharex=True, layout="constrained", height_ratios=(2, 1)
-    )
-    unit, factor = user_unit(_size_of(trace.measured), trace.unit)
-    # The measured signal lies wide and light under the predictions, so that all can be seen.
-    upper.plot(
-        *thinned(trace.time, factor * trace.measured), color="0.55", lw=3.0, label="measured"
-    )
-    curves = [(WRITTEN, trace.nominal, NOMINAL, "-")]
-    if trace.improved is not None:
-        curves.append((trace.improved_name, trace.improved, IMPROVED, "--"))
-    residuals = [values - trace.measured for _, values, _, _ in curves]
-    small, scale = user_unit(max(map(_size_of, residuals)), trace.unit)
-    for (label, values, colour, line), left in zip(curves, residuals, strict=True):
-        upper.plot(
-            *thinned(trace.time, factor * values), color=colour, ls=line, lw=0.9, label=label
-        )
-        lower.plot(*thinned(trace.time, scale * left), color=colour, lw=0.7)
-    _grey_where_held_out((upper, lower), trace)
-    upper.set_ylabel(f"[{unit}]")
-    lower.set_ylabel(f"error [{small}]")
-    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper right", ncols=3)
-    upper.set_title(trace.channel, fontsize=10, loc="left")
-    return _png(figure)
-
-
-def draw_error(trace: Trace) -> str:
-    """Draw the error of one channel over the whole recording, before and after."""
-    figure, axis = plt.subplots(figsize=(9.5, 2.9), layout="constrained")
-    curves = [(WRITTEN, trace.nominal - trace.measured, NOMINAL)]
-    if trace.improved is not None:
-        curves.append((trace.improved_name, trace.improved - trace.measured, IMPROVED))
-    unit, scale = user_unit(max(_size_of(left) for _, left, _ in curves), trace.unit)
-    if trace.limit > 0.0:
-        axis.axhspan(
-            -scale * trace.limit, scale * trace.limit, color="0.88", zorder=0,
-            label="does not matter",
-        )  # fmt: skip
-    for label, left, colour in curves:
-        axis.plot(*thinned(trace.time, scale * left), color=colour, lw=0.8, label=label)
-    axis.set_ylabel(f"error [{unit}]")
-    axis.set_xlabel("time [s]")
-    axis.margins(x=0.0)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
-    axis.set_title(f"predicted minus measured, {trace.channel}", fontsize=10, loc="left")
-    return _png(figure)
 
 
 def draw_stages(stages: Sequence[StageGap], named: str | None) -> str:

@@ -114,9 +114,11 @@ class AnswerForm:
             location=location,
             horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
             improved=self.improved(final.hypothesis) if is_named else None,
+            retuned=self.improved(final.hypothesis) if verdict == "unknown" else None,
             ordinary=() if decision.chosen is None else decision.chosen.ordinary,
             written_values=self.problem.base.values,
             improved_values=values,
+            closest_values=self.closest(tried) if verdict == "unknown" else None,
             survivors=(final.hypothesis, *(r.hypothesis for r in decision.rivals))
             if is_named
             else (),
@@ -156,6 +158,13 @@ class AnswerForm:
             written_values=self.problem.base.values,
             improved_values=self.problem.base.values,
         )
+
+    def closest(self, tried: Sequence[HeldOut]) -> Array | None:
+        """Values of the plant with the effects that leave the smallest error."""
+        if not tried:
+            return None
+        best = min(tried, key=self.judge.level).hypothesis
+        return self.fitter.vector(best.members, best.result.values)
 
     def parameters(self, h: Hypothesis) -> dict[str, dict[str, FoundParameter]]:
         """Parameters of the named effects with intervals and units."""

@@ -28,6 +28,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as student_quantile
 
+from pam_gap.rules import DEFAULT
+
 Array = npt.NDArray[np.float64]
 
 STEP, SLOPE = "step", "slope"
@@ -35,23 +37,9 @@ NORMAL_90 = 1.645
 """Standard deviations to either side of a 90 % interval."""
 PROFILE_90 = 2.71
 """Rise of -2 log likelihood at the ends of a 90 % interval of a date (chi square, 1 degree)."""
-FREEDOM = 4.0
-"""Degrees of freedom of the errors."""
-FEWEST = 6
-"""Values below which no change is sought."""
-SEGMENT = 3
-"""Values before and after a change, at least; fewer could be outliers."""
-MOST = 4
-"""Changes that are sought in one series."""
-PENALTY, PENALTY_FROM_START = 4.0, 3.0
-"""Cost of a change with a searched date, and of a slope from the start, in log(number)."""
+RULES = DEFAULT.fleet
 _SPREADS = (0.0, *np.geomspace(0.05, 8.0, 14).tolist())
 """Trial standard deviations common to all values, relative to the scatter of the residuals."""
-_ROUNDS = 12
-_NEIGHBOURS = 5
-"""Values whose median is the size of the effect at a time."""
-_LEAST_SHARE = 0.1
-"""Of the spread, where the effect is 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +124,7 @@ def deviations(low: Array, high: Array) -> Array:
 
 def medians(value: Array) -> Array:
     """The median of each value and its neighbours."""
-    reach = _NEIGHBOURS // 2
+    reach = RULES.neighbours // 2
     return np.array(
         [np.median(value[max(k - reach, 0) : k + reach + 1]) for k in range(value.size)]
     )
@@ -150,7 +138,9 @@ class _Series:
         self.variance = np.maximum(deviation, 1e-9 * scale) ** 2
         self.length = max(float(time[-1] - time[0]), 1e-9)
         size = np.abs(medians(value))
-        self.share = _LEAST_SHARE + (1.0 - _LEAST_SHARE) * size / max(float(size.max()), 1e-300)
+        self.share = RULES.least_spread + (1.0 - RULES.least_spread) * size / max(
+            float(size.max()), 1e-300
+        )
 
     def columns(self, terms: Sequence[Term]) -> Array:
         rows = np.arange(self.n)
@@ -171,10 +161,10 @@ class _Series:
 
     def deviance(self, residuals: Array, spread: float) -> float:
         variance = self.variance + (self.share * spread) ** 2
-        tails = (FREEDOM + 1.0) * np.log1p(residuals**2 / (FREEDOM * variance))
+        tails = (RULES.freedom + 1.0) * np.log1p(residuals**2 / (RULES.freedom * variance))
         return float(np.sum(np.log(variance) + tails))
 
-    def solve(self, terms: tuple[Term, ...], spread: float, rounds: int = _ROUNDS) -> _Fit:
+    def solve(self, terms: tuple[Term, ...], spread: float, rounds: int = RULES.rounds) -> _Fit:
         """Iteratively reweighted least squares, which maximises the Student likelihood."""
         x, variance = self.columns(terms), self.variance + (self.share * spread) ** 2
         weights = 1.0 / variance
@@ -184,9 +174,9 @@ class _Series:
             normal[np.diag_indices_from(normal)] *= 1.0 + 1e-12
             coefficients = np.linalg.solve(normal, x.T @ (weights * self.value))
             residuals = self.value - x @ coefficients
-            weights = (FREEDOM + 1.0) / (FREEDOM * variance + residuals**2)
+            weights = (RULES.freedom + 1.0) / (RULES.freedom * variance + residuals**2)
         deviance = self.deviance(residuals, spread)
-        cost = sum(PENALTY if t.first > 0 else PENALTY_FROM_START for t in terms)
+        cost = sum(RULES.penalty if t.first > 0 else RULES.penalty_from_start for t in terms)
         # With few values, the estimated variance is too small by what the terms have used up.
         correction = self.n / max(self.n - 2.0 * len(terms) - 2.0, 1.0)
         criterion = deviance + cost * correction * math.log(self.n)
@@ -204,8 +194,8 @@ class _Series:
         taken = [t.first for t in terms if t.first > 0]
         dates = [
             k
-            for k in range(SEGMENT, self.n - SEGMENT + 1)
-            if all(abs(k - other) >= SEGMENT for other in taken)
+            for k in range(RULES.segment, self.n - RULES.segment + 1)
+            if all(abs(k - other) >= RULES.segment for other in taken)
         ]
         found = [Term(kind, k) for k in dates for kind in (STEP, SLOPE)]
         if Term(SLOPE, 0) not in terms:
@@ -232,7 +222,7 @@ class _Series:
     def search(self) -> _Fit:
         best = self.best_spread(())
         current = best
-        for _ in range(MOST):
+        for _ in range(RULES.most_changes):
             possible = self.possible(current.terms)
             if not possible:
                 break
@@ -297,7 +287,9 @@ class _Series:
             x = self.columns(fit.terms)
             # Of Student errors, the information is (f + 1)/(f + 3) of that of normal ones.
             information = (
-                (FREEDOM + 1.0) / (FREEDOM + 3.0) / (self.variance + (self.share * fit.spread) ** 2)
+                (RULES.freedom + 1.0)
+                / (RULES.freedom + 3.0)
+                / (self.variance + (self.share * fit.spread) ** 2)
             )
             # The spread was estimated with the terms and dates, and is too small by as much.
             freedom = max(self.n - 2.0 * len(fit.terms) - 1.0, 1.0)
@@ -335,11 +327,11 @@ def find_changes(time: Array, value: Array, deviation: Array) -> Course:
     Returns
     -------
     Course
-        The model; without changes if there are fewer than `FEWEST` values.
+        The model; without changes if there are fewer than `fleet.fewest` values.
     """
-    if value.size < FEWEST or not np.ptp(value) > 0.0 or not np.ptp(time) > 0.0:
+    if value.size < RULES.fewest or not np.ptp(value) > 0.0 or not np.ptp(time) > 0.0:
         level = float(np.median(value)) if value.size else math.nan
-        enough = value.size >= FEWEST
+        enough = value.size >= RULES.fewest
         return Course((), np.full(value.size, level), 0.0, level, 0.0, enough)
     # Values of any unit, so that sums of logarithms and squares have about the size of one.
     unit = float(np.max(np.abs(value)))

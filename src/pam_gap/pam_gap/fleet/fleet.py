@@ -21,11 +21,12 @@ from pam_gap.fleet.jobs import Job, many_rigs, one_rig
 from pam_gap.fleet.recording_time import time_of
 from pam_gap.fleet.series import Point, Series, as_json, limit_for, make_series, soonest
 from pam_gap.fleet.tables import FOLLOWED, found_rows, recording_rows, write_tables
-from pam_gap.fleet.workers import cluster, run_all
+from pam_gap.fleet.workers import cluster, one_line, run_all
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.command_line import Arguments, Outcome, plain, progress
 from pam_model.errors import PamError
 
+DAY = 86400.0  # s
 DOCUMENT, PAGE, RESULTS = "fleet.json", "fleet.html", "recordings"
 
 
@@ -49,6 +50,9 @@ class Settings:
         Hand-set constants.
     map_path : Path or None
         Map file for tables with other names or units.
+    full_every : float
+        Days of each period in which one recording of each robot is diagnosed in full, while the
+        others are only fitted with the effects that are followed; 0 diagnoses all in full.
     show_progress : bool
         Show a progress bar where standard error is a terminal.
     """
@@ -62,6 +66,7 @@ class Settings:
     limits: Mapping[str, float] = field(default_factory=dict)
     rules: Rules = DEFAULT
     map_path: Path | None = None
+    full_every: float = 0.0
     show_progress: bool = False
 
 
@@ -80,6 +85,49 @@ def _failed(task: Task, failure: str) -> dict[str, Any]:
         "key": {}, "time": when.seconds, "time_from": when.source, "joints": [], "seconds": 0.0,
         "failure": failure,
     }  # fmt: skip
+
+
+def _not_diagnosed(task: Task) -> dict[str, Any]:
+    """The result of a recording that is only fitted with the effects that are followed."""
+    try:
+        return _failed(task, "") | {"key": key_of(task)}
+    except PamError as error:  # the recording cannot be read
+        return _failed(task, one_line(error))
+
+
+def to_diagnose(
+    robots: Sequence[str],
+    times: Sequence[float],
+    results: Sequence[Mapping[str, Any] | None],
+    full_every: float,
+) -> list[int]:
+    """Numbers of the recordings that are diagnosed in full next.
+
+    They are all without a result, or, with periods, the first without a result of each robot and
+    period in which no recording has been diagnosed yet. Periods begin at fixed dates, so that
+    later recordings do not change the choice.
+
+    Parameters
+    ----------
+    robots, times : sequence
+        Robot and Unix time [s] of each recording.
+    results : sequence of mapping or None
+        Results so far; a failed one does not serve its period.
+    full_every : float
+        Length of a period [days]; 0 for all recordings.
+    """
+    left = [k for k, result in enumerate(results) if result is None]
+    if full_every <= 0.0:
+        return left
+    periods = [(robots[k], times[k] // (full_every * DAY)) for k in range(len(times))]
+    served = {
+        periods[k] for k, result in enumerate(results) if result is not None and result["joints"]
+    }
+    first: dict[tuple[str, float], int] = {}
+    for k in sorted(left, key=lambda k: (times[k], k)):
+        if periods[k] not in served:
+            first.setdefault(periods[k], k)
+    return sorted(first.values())
 
 
 def _kept(task: Task) -> dict[str, Any] | None:
@@ -116,6 +164,38 @@ def diagnose_all(
             results[place] = end.result or _failed(tasks[place], end.failure)
             bar.show(done)
     return [result for result in results if result is not None], len(places)
+
+
+def _diagnose_chosen(
+    client: Any,
+    tasks: Sequence[Task],
+    settings: Settings,
+    diagnose: Callable[[Task], dict[str, Any]],
+) -> tuple[list[dict[str, Any]], int]:
+    """The results of all recordings, and how many were diagnosed now."""
+    robots = [task.job.robot for task in tasks]
+    times = [time_of(task.job.recording, task.job.stated_time).seconds for task in tasks]
+    results: list[dict[str, Any] | None] = [_kept(task) for task in tasks]
+    new = 0
+    while places := to_diagnose(robots, times, results, settings.full_every):
+        found, count = diagnose_all(client, [tasks[k] for k in places], settings, diagnose)
+        new += count
+        for place, result in zip(places, found, strict=True):
+            results[place] = result
+    return [result or _not_diagnosed(tasks[k]) for k, result in enumerate(results)], new
+
+
+def _with_failures(
+    tasks: Sequence[Task], results: Sequence[dict[str, Any]], followed: Sequence[Followed]
+) -> list[dict[str, Any]]:
+    """The results; what was only fitted and could not be is a failed recording."""
+    reasons = {name: reason for joint in followed for name, reason in joint.failures}
+    return [
+        result
+        if result["joints"] or result["failure"]
+        else result | {"failure": reasons.get(task.job.name, "")}
+        for task, result in zip(tasks, results, strict=True)
+    ]
 
 
 def _link(task: Task, row: Mapping[str, Any], joints: int) -> str:
@@ -169,8 +249,9 @@ def analyse_fleet(
     for unfinished in kept_in.glob("*.part"):  # of a worker that died
         shutil.rmtree(unfinished, ignore_errors=True)
     with cluster(settings.workers, settings.scheduler) as client:
-        results, new = diagnose_all(client, tasks, settings, diagnose)
+        results, new = _diagnose_chosen(client, tasks, settings, diagnose)
         followed = follow_all(client, tasks, results, show_progress=settings.show_progress)
+    results = _with_failures(tasks, results, followed)
     series = series_of(followed, settings.limits)
     recordings = [
         row | {"link": _link(task, row, len(result["joints"]))}
@@ -212,7 +293,7 @@ def run(given: Arguments) -> Outcome:
         Settings(
             given.folder, given.out, rig=given.rig, table=given.rigs, workers=given.workers,
             scheduler=given.scheduler, limits=dict(given.limit), map_path=given.map,
-            show_progress=not given.no_progress,
+            full_every=given.full_every, show_progress=not given.no_progress,
         )
     )  # fmt: skip
     rows = document["recordings"]

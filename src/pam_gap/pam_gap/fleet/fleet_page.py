@@ -55,7 +55,8 @@ told.</p>{% endif %}
 {% for plot in group.plots %}<div class="wide">
 <img alt="{{ plot.alt }}" src="{{ plot.picture }}"></div>
 {% for text in plot.sentences %}<p>{{ text }}</p>{% endfor %}{% endfor %}
-{% for text in group.failures %}<p class="quiet">Not fitted: {{ text }}</p>{% endfor %}{% endfor %}
+{% for name, reason in group.failures %}<p class="quiet">Not fitted: {{ name }}: {{ reason }}</p>
+{% endfor %}{% endfor %}
 {% if groups %}<p class="quiet">The effects that several recordings show are fitted on every
 recording of a joint, also where the verdict was another one. Bars: 90 % intervals of single
 recordings. Line: a
@@ -202,13 +203,19 @@ def render(document: Mapping[str, Any], series: Sequence[Series]) -> str:
                 "robot": row["robot"],
                 "joint": row["joint"],
                 "effects": row["effects"].replace("_", " "),
-                "word": VERDICT_WORDS.get(row["verdict"], "failed"),
+                "word": _word(row),
                 "link": row["link"],
             }
             for row in rows
         ],
         sources=_sources(rows),
     )
+
+
+def _word(row: Mapping[str, Any]) -> str:
+    if row["failure"]:
+        return "failed"
+    return VERDICT_WORDS.get(row["verdict"], "Only followed, not diagnosed")
 
 
 def write_page(document: Mapping[str, Any], series: Sequence[Series], path: Path) -> None:

@@ -19,14 +19,10 @@ import numpy as np
 from pam_gap.fleet.diagnose_job import Task
 from pam_gap.fleet.tracking import TrackTask, effects_to_follow, follow, typical_values
 from pam_gap.fleet.workers import run_all
+from pam_gap.rules import DEFAULT
 from pam_model.command_line import plain, progress
 
-NEEDED = 0.25
-"""Share of what all effects explain together that an effect must explain to be kept."""
-WHERE_IT_HELPS = 0.25
-"""Share of the recordings on which that is judged: those where the effect helps most."""
-CHOSEN_ON = 24
-"""Recordings on which the effects are chosen, at most; evenly spaced in time."""
+RULES = DEFAULT.fleet
 
 Rows = list[dict[str, Any]]
 
@@ -43,30 +39,30 @@ class Followed:
         The effects.
     rows : tuple of (str, float, mapping)
         Recording, time, and a row of `tracking.follow`.
-    failures : tuple of str
-        Recordings on which they cannot be fitted, with the reason.
+    failures : tuple of (str, str)
+        Recordings on which they cannot be fitted, each with the reason.
     """
 
     robot: str
     joint: str
     labels: tuple[str, ...]
     rows: tuple[tuple[str, float, Mapping[str, Any]], ...]
-    failures: tuple[str, ...]
+    failures: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """One joint of one recording, with its diagnosis."""
+    """One joint of one recording, with its diagnosis; None if it was not diagnosed."""
 
     task: Task
     result: Mapping[str, Any]
-    answer: Mapping[str, Any]
+    joint: str
+    answer: Mapping[str, Any] | None
 
     def fit_of(self, labels: tuple[str, ...], starts: tuple[dict[str, float], ...]) -> TrackTask:
         job = self.task.job
         return TrackTask(
-            job.recording, job.rig, str(self.answer["joint"]), labels, starts, self.task.rules,
-            self.task.map_path,
+            job.recording, job.rig, self.joint, labels, starts, self.task.rules, self.task.map_path,
         )  # fmt: skip
 
     def kept_in(self, task: TrackTask) -> Path:
@@ -95,6 +91,7 @@ def _fit_all(
             place = left[end.number]
             ended[place] = end.failure or plain(end.result)
             if not end.failure:
+                keeps[place].parent.mkdir(parents=True, exist_ok=True)
                 keeps[place].write_text(json.dumps(ended[place]) + "\n", encoding="utf-8")
             bar.show(done)
     return ended
@@ -117,18 +114,24 @@ def share_where_it_helps(together: np.ndarray, without: np.ndarray) -> float:
     if not known.any():
         return 0.0
     gain, all_ = (together - without)[known], np.maximum(together[known], 1e-9)
-    count = max(1, round(WHERE_IT_HELPS * gain.size))
+    count = max(1, round(RULES.where_it_helps * gain.size))
     most = np.argsort(gain)[-count:]
     return float(gain[most].sum() / all_[most].sum())
+
+
+def _answers(entries: Sequence[_Entry]) -> list[Mapping[str, Any]]:
+    return [entry.answer for entry in entries if entry.answer is not None]
 
 
 def _needed(
     client: Any, entries: Sequence[_Entry], labels: tuple[str, ...], show_progress: bool
 ) -> tuple[str, ...]:
     """The effects without those that the others explain about as well."""
-    places = np.unique(np.linspace(0, len(entries) - 1, min(CHOSEN_ON, len(entries))).astype(int))
+    places = np.unique(
+        np.linspace(0, len(entries) - 1, min(RULES.chosen_on, len(entries))).astype(int)
+    )
     chosen_on = [entries[k] for k in places]
-    answers = [entry.answer for entry in entries]
+    answers = _answers(entries)
 
     def explained(kept: tuple[str, ...]) -> np.ndarray:
         starts = typical_values(answers, kept)
@@ -142,7 +145,7 @@ def _needed(
             for label in labels
         }
         least = min(labels, key=lambda label: shares[label])
-        if shares[least] >= NEEDED:
+        if shares[least] >= RULES.needed:
             break
         labels = tuple(other for other in labels if other != least)
     return labels
@@ -169,15 +172,22 @@ def follow_all(
     joints: dict[tuple[str, str], list[_Entry]] = {}
     for task, result in zip(tasks, results, strict=True):
         for answer in result["joints"]:
-            where = (task.job.robot, str(answer["joint"]))
-            joints.setdefault(where, []).append(_Entry(task, result, answer))
+            joint = str(answer["joint"])
+            entry = _Entry(task, result, joint, answer)
+            joints.setdefault((task.job.robot, joint), []).append(entry)
+    for task, result in zip(tasks, results, strict=True):
+        if result["joints"] or result.get("failure"):
+            continue
+        for (robot, joint), entries in joints.items():
+            if robot == task.job.robot:
+                entries.append(_Entry(task, result, joint, None))
     made = []
     for where, found in joints.items():
         entries = sorted(
-            (e for e in found if e.answer["verdict"] != "not_identifiable"),
+            (e for e in found if e.answer is None or e.answer["verdict"] != "not_identifiable"),
             key=lambda e: float(e.result["time"]),
         )
-        answers = [entry.answer for entry in entries]
+        answers = _answers(entries)
         labels = _needed(client, entries, effects_to_follow(answers), show_progress)
         starts = typical_values(answers, labels)
         work = [(entry, entry.fit_of(labels, starts)) for entry in entries] if labels else []
@@ -189,7 +199,7 @@ def follow_all(
             for row in fit
         )
         failures = tuple(
-            f"{entry.task.job.name}: {fit}"
+            (entry.task.job.name, fit)
             for (entry, _), fit in zip(work, fits, strict=True)
             if isinstance(fit, str)
         )

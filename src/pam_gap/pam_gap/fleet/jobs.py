@@ -11,7 +11,7 @@ import pandas as pd
 
 from pam_gap.fleet.recording_time import read_date
 from pam_gap.recordings.import_csv import TABLES, is_table
-from pam_gap.recordings.import_rosbag import is_rosbag
+from pam_gap.recordings.import_recording import is_bag
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
 
@@ -65,7 +65,7 @@ def find_recordings(folder: Path, without: Sequence[Path] = ()) -> list[Path]:
             found += [
                 path
                 for path in paths
-                if (is_rosbag(path) or is_table(path)) and path.resolve() not in left_out
+                if (is_bag(path) or is_table(path)) and path.resolve() not in left_out
             ]
     return sorted(found)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from rosbags.highlevel import AnyReader
 
-from pam_gap.recordings.import_rosbag import is_rosbag
+from pam_gap.recordings.import_recording import is_bag
 from pam_model.errors import PamError
 
 EARLIEST = datetime(2000, 1, 1, tzinfo=UTC).timestamp()
@@ -56,7 +56,7 @@ def first_stamp(path: Path) -> float | None:
     Whatever is wrong with the recording is reported when it is diagnosed.
     """
     try:
-        if is_rosbag(path):
+        if is_bag(path):
             with AnyReader([path]) as reader:
                 stamp = 1e-9 * reader.start_time
         elif path.suffix.lower() in (".parquet", ".pq"):

@@ -33,12 +33,7 @@ from pam_model.errors import PamError
 from pam_model.plant.parameters import RIG_PLACES
 from pam_model.rig import load_rig
 
-SEVERAL = 2
-"""Recordings in which an effect must be found to be followed."""
-SHARE = 0.15
-"""Share of the recordings in which it must be found, too: fewer are confusions with another one."""
-MOST_FOLLOWED = 3
-"""Effects of one joint that are fitted together."""
+RULES = DEFAULT.fleet
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +90,12 @@ def effects_to_follow(answers: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     for answer in answers:
         for group in answer.get("indistinguishable", ()):
             rivals |= {frozenset((a, b)) for a in group for b in group if a != b}
-    needed = max(SEVERAL, int(np.ceil(SHARE * len(answers))))
+    needed = max(RULES.several, int(np.ceil(RULES.several_share * len(answers))))
     chosen: list[str] = []
     for label, count in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
         effect = label.partition(" (")[0]
         known = [other.partition(" (")[0] for other in chosen]
-        if count < needed or len(chosen) == MOST_FOLLOWED:
+        if count < needed or len(chosen) == RULES.most_followed:
             break
         if effect not in known and not any(frozenset((effect, k)) in rivals for k in known):
             chosen.append(label)

@@ -6,17 +6,20 @@ contract, the unit, a scale, an offset and a sign::
     time: {column: t, unit: ms}          # or rate: 500, in Hz, for tables without a time
     channels:
       pressure_states.elbow_flexor: {column: p1, unit: bar, absolute: true}
+      pressure_states.elbow_extensor: {columns: {p_mean: 1, p_difference: -0.5}, unit: bar}
       joint_states.elbow.position: {column: phi, unit: deg, sign: -1, offset: 0.02}
       valve_commands.elbow_flexor: {column: u1, scale: 0.01}
 
-A value becomes sign * scale * column in SI units, plus the offset in SI units. For an absolute
-pressure the ambient one, 101 325 Pa, is subtracted unless `ambient` says otherwise.
+A value becomes sign * scale * column in SI units, plus the offset in SI units. `columns` in place
+of `column` is a weighted sum. For an absolute pressure the ambient one, 101 325 Pa, is subtracted
+unless `ambient` says otherwise. The columns of a bag are its topics and fields (`bag_columns`),
+with stamps of their own, so that its map has neither `time` nor `rate`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +34,7 @@ from pam_gap.recordings.recording import (
     PRESSURES,
     SUPPLY,
     Array,
+    RawChannel,
     RecordingError,
 )
 from pam_model.unit_hints import RECORDED
@@ -47,20 +51,42 @@ _UNITS = (
     (MUSCLES, ".effort", "N"),
 )
 """Beginning and end of the name of a channel, and its unit."""
-_KEYS = frozenset({"column", "unit", "scale", "offset", "sign", "absolute", "ambient"})
+_KEYS = frozenset({"column", "columns", "unit", "scale", "offset", "sign", "absolute", "ambient"})
 
 
 @dataclass(frozen=True, slots=True)
 class MappedColumn:
-    """One column of a table as a channel: value = factor * column + offset, in SI units."""
+    """One column of a table as a channel: value = factor * column + offset, in SI units.
+
+    Attributes
+    ----------
+    column : str
+        The column; the first of a weighted sum.
+    factor, offset : float
+        Factor to the unit of the channel, and what is added in that unit.
+    weight : float
+        Weight of the column.
+    more : tuple of (str, float)
+        Further columns of a weighted sum, with their weights.
+    """
 
     column: str
     factor: float = 1.0
     offset: float = 0.0
+    weight: float = 1.0
+    more: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All columns of which the channel is made."""
+        return (self.column, *(name for name, _ in self.more))
 
     def values(self, columns: Mapping[str, Array]) -> Array:
-        """The channel's values; the column must exist."""
-        result: Array = self.factor * columns[self.column] + self.offset
+        """The channel's values; the columns must exist."""
+        total: Array = self.weight * columns[self.column]
+        for name, weight in self.more:
+            total = total + weight * columns[name]
+        result: Array = self.factor * total + self.offset
         return result
 
 
@@ -77,7 +103,7 @@ class ColumnMap:
     time : MappedColumn or None
         Column of the time [s]; None for a table with a constant rate.
     rate : float
-        Rate [Hz] of a table without a time.
+        Rate [Hz] of a table without a time; 0 for a bag, which has stamps.
     """
 
     source: Path
@@ -93,14 +119,9 @@ class ColumnMap:
         RecordingError
             When a column is missing; the message names those of the table.
         """
-        wanted = [entry.column for entry in self.channels.values()]
-        wanted += [] if self.time is None else [self.time.column]
-        missing = sorted({name for name in wanted if name not in columns})
-        if missing:
-            raise RecordingError(
-                f"{path}: no column {', '.join(missing)}, which {self.source} names; it has "
-                f"{', '.join(list(columns)[:12])}"
-            )
+        if self.time is None and not self.rate:
+            raise RecordingError(f"{self.source}: expected either `time` or `rate` [Hz]")
+        self._refuse_missing(path, columns)
         result = {name: entry.values(columns) for name, entry in self.channels.items()}
         count = min((values.size for values in result.values()), default=0)
         if self.time is not None:
@@ -111,6 +132,47 @@ class ColumnMap:
         if len(set(sizes.values())) > 1:
             told = ", ".join(f"{name} {size}" for name, size in sizes.items())
             raise RecordingError(f"{path}: the columns differ in length ({told})")
+        return result
+
+    @property
+    def columns(self) -> frozenset[str]:
+        """Every column that the map names."""
+        entries = [*self.channels.values(), *([] if self.time is None else [self.time])]
+        return frozenset(name for entry in entries for name in entry.columns)
+
+    def _refuse_missing(self, path: Path, there: Collection[str]) -> None:
+        missing = sorted(self.columns - set(there))
+        if missing:
+            raise RecordingError(
+                f"{path}: no column {', '.join(missing)}, which {self.source} names; it has "
+                f"{', '.join(list(there)[:12]) or 'none'}"
+            )
+
+    def apply_to_bag(self, path: Path, columns: Mapping[str, RawChannel]) -> dict[str, RawChannel]:
+        """The channels of a bag with these columns.
+
+        The columns of a weighted sum must be of one topic, so that they share their stamps.
+
+        Raises
+        ------
+        RecordingError
+            When a column is missing, the map states a time, or stamps differ.
+        """
+        if self.time is not None or self.rate:
+            raise RecordingError(
+                f"{self.source}: `time` and `rate` are for tables; {path} has stamps"
+            )
+        self._refuse_missing(path, columns)
+        result = {}
+        for channel, entry in self.channels.items():
+            time = columns[entry.column].time
+            if any(not np.array_equal(columns[name].time, time) for name in entry.columns):
+                raise RecordingError(
+                    f"{self.source}: {channel}: the columns of a sum have different stamps in "
+                    f"{path}; expected columns of one topic"
+                )
+            values = {name: columns[name].value for name in entry.columns}
+            result[channel] = RawChannel(time, entry.values(values))
         return result
 
 
@@ -144,8 +206,12 @@ def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
     where = f"{source}: {channel}"
     if isinstance(entry, str):
         return MappedColumn(entry)
-    if not isinstance(entry, Mapping) or not isinstance(entry.get("column"), str):
-        raise RecordingError(f"{where}: expected the name of a column, or a mapping with `column`")
+    if not isinstance(entry, Mapping) or not (
+        isinstance(entry.get("column"), str) ^ isinstance(entry.get("columns"), Mapping)
+    ):
+        raise RecordingError(
+            f"{where}: expected the name of a column, or a mapping with `column`, or with `columns`"
+        )
     unknown = sorted(set(map(str, entry)) - _KEYS)
     if unknown:
         raise RecordingError(
@@ -162,7 +228,14 @@ def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
         if not channel.startswith(PRESSURES):
             raise RecordingError(f"{where}: only a {PRESSURES}<muscle> can be `absolute`")
         offset -= _number(entry, "ambient", STANDARD_AMBIENT, where)
-    return MappedColumn(entry["column"], sign * factor, offset)
+    if "column" in entry:
+        return MappedColumn(entry["column"], sign * factor, offset)
+    weights = {str(name): value for name, value in entry["columns"].items()}
+    terms = [(name, _number(weights, name, 1.0, where)) for name in weights]
+    if not terms:
+        raise RecordingError(f"{where}: `columns` is empty; expected column: weight")
+    (first, weight), *more = terms
+    return MappedColumn(first, sign * factor, offset, weight, tuple(more))
 
 
 def load_column_map(path: str | Path) -> ColumnMap:
@@ -186,7 +259,7 @@ def load_column_map(path: str | Path) -> ColumnMap:
         raise RecordingError(
             f"{source}: unknown key {', '.join(unknown)}; known are time, rate, channels"
         )
-    if ("time" in content) == ("rate" in content):
+    if "time" in content and "rate" in content:
         raise RecordingError(f"{source}: expected either `time` or `rate` [Hz]")
     strangers = [str(name) for name in content["channels"] if unit_of(str(name)) in ("?", "s")]
     if strangers:
@@ -200,4 +273,6 @@ def load_column_map(path: str | Path) -> ColumnMap:
         if not rate > 0.0:
             raise RecordingError(f"{source}: rate is {rate:g}; expected Hz above 0")
         return ColumnMap(source, channels, None, rate)
+    if "time" not in content:
+        return ColumnMap(source, channels, None)
     return ColumnMap(source, channels, _column("time", content["time"], source))

@@ -1,4 +1,4 @@
-"""Reads recordings that are tables: CSV, optionally compressed, Parquet, NPZ and MAT."""
+"""Reads recordings that are tables: CSV, optionally compressed, Parquet, and files of arrays."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
+from pam_gap.recordings.array_files import ARRAYS, read_arrays
 from pam_gap.recordings.column_map import ColumnMap
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -22,7 +22,6 @@ from pam_gap.recordings.recording import (
     from_columns,
 )
 
-ARRAYS = (".npz", ".mat")
 TABLES = (
     ".csv", ".csv.gz", ".csv.bz2", ".csv.xz", ".csv.zst", ".parquet", ".pq", *ARRAYS,
 )  # fmt: skip
@@ -42,6 +41,21 @@ def known_channel(name: str) -> bool:
     )
 
 
+def read_columns(path: Path) -> dict[str, Any]:
+    """All columns of a table as numbers; entries that are no numbers become NaN.
+
+    Raises
+    ------
+    RecordingError
+        When the file cannot be read.
+    """
+    frame = _frame(path)
+    return {
+        name: pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
+        for name in frame.columns
+    }
+
+
 def _frame(path: Path) -> Any:
     """The table as a data frame with stripped names.
 
@@ -58,42 +72,10 @@ def _frame(path: Path) -> Any:
         else:
             frame = pd.read_csv(path, comment="#")
     except (OSError, ValueError, EOFError, NotImplementedError, MatReadError) as error:
-        raise RecordingError(f"{path}: not a readable table ({error})") from error
+        reason = " ".join(str(error).split())
+        raise RecordingError(f"{path}: not a readable table ({reason})") from error
     frame.columns = [str(column).strip() for column in frame.columns]
     return frame
-
-
-def read_arrays(path: Path) -> dict[str, Any]:
-    """The numeric arrays of an NPZ or MAT file (up to version 7.2) as columns of equal length.
-
-    A two-dimensional array gives one column for each of its own, named `name.0`, `name.1`, and so
-    on. Arrays of other lengths than the longest are left out.
-
-    Raises
-    ------
-    ValueError
-        When it holds no such array.
-    NotImplementedError
-        For a MAT file of version 7.3, which is an HDF5 file.
-    """
-    columns: dict[str, Any] = {}
-    if path.suffix.lower() == ".npz":
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    else:
-        arrays = {n: v for n, v in loadmat(path).items() if not n.startswith("__")}
-    for name, array in arrays.items():
-        if not np.issubdtype(array.dtype, np.number) or array.ndim not in (1, 2):
-            continue
-        if array.ndim == 1 or 1 in array.shape:
-            columns[name] = array.ravel()
-        else:
-            tall = array if array.shape[0] >= array.shape[1] else array.T
-            columns |= {f"{name}.{k}": tall[:, k] for k in range(tall.shape[1])}
-    longest = max((column.size for column in columns.values()), default=0)
-    if longest < 2:
-        raise ValueError("no array of numbers")
-    return {name: column for name, column in columns.items() if column.size == longest}
 
 
 def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
@@ -111,14 +93,10 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
     RecordingError
         When the file cannot be read, has no usable `time`, or holds no channel of the contract.
     """
-    frame = _frame(path)
     if column_map is not None:
-        numbers = {
-            name: pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
-            for name in frame.columns
-        }
-        mapped = column_map.apply(path, numbers)
+        mapped = column_map.apply(path, read_columns(path))
         return from_columns(path, mapped.pop("time"), mapped, [f"read by {column_map.source}"])
+    frame = _frame(path)
     if "time" not in frame.columns:
         raise RecordingError(
             f"{path}: no column 'time' [s]; found {', '.join(frame.columns[:6]) or 'none'}; "

@@ -4,44 +4,57 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pam_gap.recordings.bag_columns import ROSBAG1, read_bag_columns
 from pam_gap.recordings.column_map import ColumnMap
 from pam_gap.recordings.import_csv import TABLES, is_table, read_table
 from pam_gap.recordings.import_rosbag import is_rosbag, read_rosbag
-from pam_gap.recordings.recording import Recording, RecordingError, resample
+from pam_gap.recordings.recording import RawRecording, Recording, RecordingError, resample
+
+
+def is_bag(path: Path) -> bool:
+    """Whether the path is a rosbag2 or a rosbag1."""
+    return is_rosbag(path) or (path.is_file() and path.suffix == ROSBAG1)
 
 
 def import_recording(
     path: str | Path, step: float | None = None, column_map: ColumnMap | None = None
 ) -> Recording:
-    """Read a rosbag2 (MCAP, SQLite), CSV, Parquet, NPZ or MAT recording onto an even time grid.
+    """Read a bag or a table onto an even time grid.
 
     Parameters
     ----------
     path : str or Path
-        A bag's folder or file, a table, or a folder that holds one `recording.*` table.
+        A bag's folder or file (rosbag2 in MCAP or SQLite, rosbag1), a table (CSV, Parquet, NPZ,
+        MAT, HDF5, JSON), or a folder that holds one `recording.*` table.
     step : float, optional
         Step of the grid [s]; default is the period of the fastest channel.
-
     column_map : ColumnMap, optional
-        The columns of the channels, for tables with other names or units; bags need none.
+        The columns of the channels, for logs with other names or units than the rig contract's.
 
     Raises
     ------
     RecordingError
         When the file does not exist, its format is not supported, or it holds too few samples.
     """
-    place = Path(path)
+    return resample(read_raw(Path(path), column_map), step)
+
+
+def read_raw(place: Path, column_map: ColumnMap | None = None) -> RawRecording:
+    """Read a bag or a table as it was logged; parameters and errors as `import_recording`."""
     if not place.exists():
         raise RecordingError(f"{place}: no such recording")
-    if is_rosbag(place):
-        return resample(read_rosbag(place), step)
+    if is_bag(place):
+        if column_map is None:
+            return read_rosbag(place)
+        channels = column_map.apply_to_bag(place, read_bag_columns(place, column_map.columns))
+        return RawRecording(place, channels, [f"read by {column_map.source}"])
     if is_table(place):
-        return resample(read_table(place, column_map), step)
+        return read_table(place, column_map)
     if place.is_dir():
         tables = [child for child in sorted(place.glob("recording*")) if is_table(child)]
         if len(tables) == 1:
-            return resample(read_table(tables[0], column_map), step)
+            return read_table(tables[0], column_map)
     raise RecordingError(
-        f"{place}: not a recording; expected a rosbag2 folder, .mcap, .db3 or one of "
+        f"{place}: not a recording; expected a rosbag2 folder, .mcap, .db3, .bag or one of "
         f"{', '.join(TABLES)}"
     )

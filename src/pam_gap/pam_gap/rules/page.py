@@ -13,6 +13,7 @@ GROUPS = {
     "search": "Search and held-out scores",
     "decision": "Decision",
     "experiment": "Next experiment",
+    "fleet": "Many recordings over time",
 }
 ACTS = {
     DECISION: "decision",
@@ -28,7 +29,8 @@ This page lists every hand-set constant that can change an answer of the diagnos
 
 - *decision*: the verdict can be decided again from the evidence that a diagnosis keeps;
 - *diagnosis*: the recording must be diagnosed again;
-- *no verdict*: only notes, figures or the next experiment change.
+- *no verdict*: only notes, figures, the next experiment or what is
+  followed over time change.
 
 *Decides* gives the meaning of the value. *Trades* says what happens when the value is made larger
 or smaller.

@@ -7,6 +7,7 @@ from typing import Any
 
 from pam_gap.rules.decision_rules import DecisionRules
 from pam_gap.rules.experiment_rules import ExperimentRules
+from pam_gap.rules.fleet_rules import FleetRules
 from pam_gap.rules.prediction_rules import PredictionRules
 from pam_gap.rules.recording_rules import RecordingRules
 from pam_gap.rules.search_rules import SearchRules
@@ -22,6 +23,7 @@ class Rules:
     search: SearchRules = field(default_factory=SearchRules)
     decision: DecisionRules = field(default_factory=DecisionRules)
     experiment: ExperimentRules = field(default_factory=ExperimentRules)
+    fleet: FleetRules = field(default_factory=FleetRules)
 
 
 DEFAULT = Rules()

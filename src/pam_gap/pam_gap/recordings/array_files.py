@@ -1,0 +1,164 @@
+"""Reads the numbers of NPZ, MAT, HDF5 and JSON files as named columns of equal length.
+
+A two-dimensional array gives one column for each of its own, named `name.0`, `name.1`, and so on.
+What lies in a group, a structure or an object is called `group.name`. Text, single numbers and
+arrays of other lengths than the longest are left out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+from scipy.io import loadmat
+
+HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
+_OF_MATLAB: Final = "#refs#"
+"""Group in which MATLAB keeps cells and objects of a file of version 7.3."""
+_MOST_NESTED: Final = 4
+"""Levels of structures and objects that are searched for numbers."""
+
+Named = Iterator[tuple[str, Any]]
+
+
+def _nested(name: str, value: Any, depth: int = 0) -> Named:
+    """The arrays in a value: of structures, objects, lists of objects and arrays."""
+    if depth > _MOST_NESTED:
+        return
+    inside = f"{name}." if name else ""
+    if isinstance(value, Mapping):
+        for key, part in value.items():
+            yield from _nested(f"{inside}{key}", part, depth + 1)
+    elif hasattr(value, "_fieldnames"):  # a MATLAB structure
+        for key in value._fieldnames:
+            yield from _nested(f"{inside}{key}", getattr(value, key), depth + 1)
+    elif isinstance(value, Sequence) and value and isinstance(value[0], Mapping):
+        rows = [dict(_leaves("", row)) for row in value if isinstance(row, Mapping)]
+        for key in dict.fromkeys(key for row in rows for key in row):
+            yield f"{inside}{key}", _numbers([row.get(key) for row in rows])
+    elif isinstance(value, np.ndarray) and value.dtype.names:  # a table with named fields
+        for key in value.dtype.names:
+            yield f"{inside}{key}", value[key]
+    elif isinstance(value, np.ndarray):
+        yield name, value
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        yield name, _numbers(value)
+
+
+def _leaves(name: str, value: Any) -> Named:
+    """The values of one row of a log, with the names of the objects and lists around them."""
+    inside = f"{name}." if name else ""
+    if isinstance(value, Mapping):
+        for key, part in value.items():
+            yield from _leaves(f"{inside}{key}", part)
+    elif isinstance(value, list):
+        for place, part in enumerate(value):
+            yield from _leaves(f"{inside}{place}", part)
+    else:
+        yield name, value
+
+
+def _numbers(values: Sequence[Any]) -> Any:
+    """A list as an array of numbers, with NaN for what is none; None if its rows differ."""
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        if any(isinstance(value, Sequence) and not isinstance(value, str) for value in values):
+            return None
+    return np.array([_number(value) for value in values])
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return np.nan
+
+
+def _npz(path: Path) -> Named:
+    with np.load(path, allow_pickle=False) as file:
+        for name in file.files:
+            yield from _nested(name, file[name])
+
+
+def _mat(path: Path) -> Named:
+    with path.open("rb") as file:
+        # MATLAB puts a header of 512 bytes before an HDF5 file.
+        if HDF5_SIGNATURE in (file.read(8), file.seek(512) and file.read(8)):
+            yield from _hdf5(path)
+            return
+    for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
+        if not name.startswith("__"):
+            yield from _nested(name, value)
+
+
+def _hdf5(path: Path) -> Named:
+    found: list[tuple[str, Any]] = []
+
+    def visit(name: str, item: object) -> None:
+        if not isinstance(item, h5py.Dataset) or name.startswith(_OF_MATLAB):
+            return
+        if item.attrs.get("MATLAB_class") not in (b"char", b"cell"):
+            found.extend(_nested(name.replace("/", "."), np.asarray(item[()])))
+
+    with h5py.File(path, "r") as file:
+        file.visititems(visit)
+    yield from found
+
+
+def _json(path: Path) -> Named:
+    text = path.read_text(encoding="utf-8-sig")
+    if path.suffix.lower() in (".jsonl", ".ndjson"):
+        content: Any = [json.loads(line) for line in text.splitlines() if line.strip()]
+    else:
+        content = json.loads(text)
+    yield from _nested("", content)
+
+
+_READERS: Final[Mapping[str, Callable[[Path], Named]]] = {
+    ".npz": _npz,
+    ".mat": _mat,
+    **dict.fromkeys((".h5", ".hdf5", ".he5"), _hdf5),
+    **dict.fromkeys((".json", ".jsonl", ".ndjson"), _json),
+}
+ARRAYS: Final = tuple(_READERS)
+"""Endings of the files that this module reads."""
+
+
+def read_arrays(path: Path) -> dict[str, Any]:
+    """The numbers in a file as columns of equal length.
+
+    Parameters
+    ----------
+    path : Path
+        A file with one of the endings `ARRAYS`.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+        The columns.
+
+    Raises
+    ------
+    ValueError
+        When the file holds no array of numbers, or is damaged; OSError and others of the readers.
+    """
+    columns: dict[str, Any] = {}
+    for name, array in _READERS[path.suffix.lower()](path):
+        if array is None or not np.issubdtype(array.dtype, np.number):
+            continue
+        flat = np.squeeze(array)
+        if flat.ndim == 1:
+            columns[name or "values"] = flat
+        elif flat.ndim == 2:
+            tall = flat if flat.shape[0] >= flat.shape[1] else flat.T
+            start = f"{name}." if name else ""
+            columns |= {f"{start}{k}": tall[:, k] for k in range(tall.shape[1])}
+    longest = max((column.size for column in columns.values()), default=0)
+    if longest < 2:
+        raise ValueError("no array of numbers")
+    return {name: column for name, column in columns.items() if column.size == longest}

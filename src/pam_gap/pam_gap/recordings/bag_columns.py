@@ -1,0 +1,104 @@
+"""Every number in a bag of any topics as a column with stamps of its own, for a map of columns.
+
+rosbag2 (MCAP, SQLite) and rosbag1 are read by rosbags. A column is called by its topic and the
+field of the message: `/arm/pressure.data.0`. Where a message has a list `name`, the elements of
+lists of the same length are called by these names: `/joint_states.position.elbow`.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from pam_gap.recordings.broken_bag import storage_files
+from pam_gap.recordings.recording import Array, RawChannel, RecordingError
+
+ROSBAG1: Final = ".bag"
+_MOST_ELEMENTS: Final = 64
+"""Longest list whose elements become columns; pictures and point clouds are no signals."""
+
+
+def bag_files(path: Path) -> list[Path]:
+    """What the reader is given: a rosbag1 file, a rosbag2 folder, or its storage files."""
+    if path.suffix == ROSBAG1 or (path.is_dir() and (path / "metadata.yaml").is_file()):
+        return [path]
+    return storage_files(path)
+
+
+def _numbers(name: str, value: Any, names: list[str]) -> Iterator[tuple[str, float]]:
+    """The numbers in a field of a message, with their names."""
+    if isinstance(value, bool | int | float | np.number):
+        yield name, float(value)
+    elif isinstance(value, np.ndarray | list | tuple):
+        if len(value) > _MOST_ELEMENTS:
+            return
+        keys = names if len(names) == len(value) else [str(k) for k in range(len(value))]
+        for key, element in zip(keys, value, strict=True):
+            yield from _numbers(f"{name}.{key}", element, [])
+    elif hasattr(value, "__dataclass_fields__"):
+        listed = getattr(value, "name", [])
+        inner = [str(entry) for entry in listed] if isinstance(listed, list) else []
+        for field in value.__dataclass_fields__:
+            if field not in ("header", "__msgtype__", "name"):
+                yield from _numbers(f"{name}.{field}", getattr(value, field), inner)
+
+
+def _stamp(message: Any, received: int) -> int:
+    header = getattr(message, "header", None)
+    if header is not None and (header.stamp.sec or header.stamp.nanosec):
+        return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+    return received
+
+
+def read_bag_columns(path: Path, wanted: Collection[str] | None = None) -> dict[str, RawChannel]:
+    """The numbers in the messages of a bag.
+
+    Parameters
+    ----------
+    path : Path
+        rosbag2 folder or storage file, or rosbag1 file.
+    wanted : collection of str, optional
+        The only columns that are read; topics without any of them are skipped.
+
+    Returns
+    -------
+    dict of str to RawChannel
+        Stamps of measurement [s] since the bag began, and values as recorded.
+
+    Raises
+    ------
+    RecordingError
+        When the bag cannot be read.
+    """
+    stamps: dict[str, list[float]] = defaultdict(list)
+    values: dict[str, list[float]] = defaultdict(list)
+    try:
+        with AnyReader(bag_files(path), default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+            chosen = [
+                connection
+                for connection in bag.connections
+                if wanted is None or any(w.startswith(f"{connection.topic}.") for w in wanted)
+            ]
+            if not chosen:
+                return {}
+            for connection, received, data in bag.messages(connections=chosen):
+                message = bag.deserialize(data, connection.msgtype)
+                time = 1e-9 * (_stamp(message, received) - bag.start_time)
+                for name, value in _numbers(connection.topic, message, []):
+                    if wanted is None or name in wanted:
+                        stamps[name].append(time)
+                        values[name].append(value)
+    except Exception as error:  # each layer of the reader reports damage with other exceptions
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RecordingError(f"{path}: not a readable bag ({reason})") from error
+    return {name: RawChannel(_array(stamps[name]), _array(values[name])) for name in stamps}
+
+
+def _array(values: list[float]) -> Array:
+    return np.asarray(values, dtype=np.float64)
