@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pam_gap.inference.candidates import candidates_for, ordinary_sizes
+from pam_gap.inference.candidates import candidates_for, nuisances_for, ordinary_sizes
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.probabilities import probabilities
@@ -198,3 +198,14 @@ def test_on_a_rig_without_a_background_the_closest_wrong_cause_is_not_named() ->
     # ordinary effects remove a part of what a true cause leaves on a rig with a background
     beside = ordinary(score(("pulley_radius", "hysteresis"), (3.0, 3.0, 25.0)), "hysteresis")
     assert decided(nominal, closest, beside, background=usual).verdict == "named"
+
+
+def test_lengths_have_a_tolerance_of_their_own() -> None:
+    rig = replace(ELBOW, parameter_tolerance=0.05, length_tolerance=0.005)
+    prior = {n.free.name: n.free.prior for n in nuisances_for(rig, rig.joints[0])}
+    assert prior["agonist.neutral_length"] == prior["joint.pulley_radius"]
+    assert prior["agonist.valve.sonic_conductance"] == pytest.approx(
+        10.0 * prior["joint.pulley_radius"]
+    )
+    same = replace(ELBOW, parameter_tolerance=0.05)
+    assert len({n.free.prior for n in nuisances_for(same, same.joints[0])}) == 1

@@ -77,6 +77,16 @@ def test_dotted_keys_are_the_same_rig(rig: Rig) -> None:
     assert rig_from_parameters(flat(rig.to_parameters())) == rig
 
 
+def test_the_tolerance_of_lengths_is_optional_and_kept(rig: Rig) -> None:
+    assert rig.length_tolerance is None
+    assert "length_tolerance" not in rig.to_parameters()
+    stated = rig_from_parameters(rig.to_parameters() | {"length_tolerance": 0.005})
+    assert stated.length_tolerance == 0.005
+    assert rig_from_parameters(stated.to_parameters()) == stated
+    with pytest.raises(RigError, match="length_tolerance"):
+        rig_from_parameters(rig.to_parameters() | {"length_tolerance": 0.9})
+
+
 def test_defaults(rig: Rig) -> None:
     tree = rig.to_parameters()
     for key in ("gas", "parameter_tolerance"):

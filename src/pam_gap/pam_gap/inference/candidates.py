@@ -23,6 +23,8 @@ from pam_model.plant.force_table import closed_form
 from pam_model.rig import Joint, Muscle, Rig
 
 SIDES = ("agonist", "antagonist")
+LENGTHS = ("thread_length", "turns", "neutral_length", "wall_thickness")
+"""Numbers of a muscle that `length_tolerance` of the rig file concerns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,35 +225,37 @@ class Nuisance:
 def nuisances_for(
     rig: Rig, joint: Joint, rules: SearchRules = DEFAULT.search
 ) -> tuple[Nuisance, ...]:
-    """One nuisance parameter for each nominal value, within the tolerance; none for tolerance 0."""
+    """One nuisance parameter for each nominal value, within its tolerance; none for tolerance 0."""
     tolerance = rig.parameter_tolerance
-    if tolerance <= 0.0:
-        return ()
-    names: list[str] = ["supply_pressure"]
+    of_lengths = tolerance if rig.length_tolerance is None else rig.length_tolerance
+    found: list[tuple[str, float]] = [("supply_pressure", tolerance)]
     for key in ("pulley_radius", "inertia", "viscous_friction", "gravity_torque", "gravity_angle"):
         if getattr(joint, key) != 0.0:
-            names.append(f"joint.{key}")
+            found.append((f"joint.{key}", of_lengths if key == "pulley_radius" else tolerance))
     muscles: tuple[Muscle, ...] = tuple(rig.muscle(name) for name in joint.muscles)
     for side, muscle in zip(SIDES, muscles, strict=True):
-        for key in ("thread_length", "turns", "neutral_length", "dead_volume", "wall_thickness"):
+        for key in LENGTHS:
             if getattr(muscle, key) != 0.0:
-                names.append(f"{side}.{key}")
+                found.append((f"{side}.{key}", of_lengths))
+        if muscle.dead_volume != 0.0:
+            found.append((f"{side}.dead_volume", tolerance))
         for key in ("sonic_conductance", "critical_ratio", "time_constant"):
-            names.append(f"{side}.valve.{key}")
+            found.append((f"{side}.valve.{key}", tolerance))
     return tuple(
         Nuisance(
             FreeParameter(
                 name,
-                1.0 - rules.tolerance_reach * tolerance,
-                1.0 + rules.tolerance_reach * tolerance,
-                rules.tolerance_size * tolerance,
-                prior=tolerance / math.sqrt(3.0),  # the standard deviation of a uniform range
+                1.0 - rules.tolerance_reach * reach,
+                1.0 + rules.tolerance_reach * reach,
+                rules.tolerance_size * reach,
+                prior=reach / math.sqrt(3.0),  # the standard deviation of a uniform range
                 centre=1.0,
             ),
             (name,),
             is_factor=True,
         )
-        for name in names
+        for name, reach in found
+        if reach > 0.0
     )
 
 

@@ -183,10 +183,13 @@ def normal_equations(
     n = jacobian.shape[-1]
     hessian, slope = np.zeros((n, n)), np.zeros(n)
     for channel in range(errors.shape[1]):
-        e = errors[rows, channel]
-        d = jacobian[rows, channel]
-        known = np.isfinite(e) & np.isfinite(d).all(axis=1)
-        e, d = e[known], d[known]
+        at = np.flatnonzero(rows & np.isfinite(errors[:, channel]))
+        if not at.size:
+            continue
+        e, d = errors[at, channel], jacobian[:, channel].take(at, axis=0)
+        if not np.isfinite(d.sum()):
+            known = np.isfinite(d).all(axis=1)
+            e, d = e[known], d[known]
         hessian += weights[channel] * (d.T @ d)
         slope += weights[channel] * (d.T @ e)
     return hessian, slope

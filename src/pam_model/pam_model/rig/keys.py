@@ -29,6 +29,8 @@ class Key:
 
 
 TURN = 2.0 * math.pi
+LENGTH_TOLERANCE = Key("-", 0.0, 0.5)
+"""Optional; without it, lengths have the tolerance of all numbers."""
 NUMBERS: Mapping[str, Mapping[str, Key]] = {
     "": {
         "supply_pressure": Key("Pa absolute", 1.05e5, 2.5e6),

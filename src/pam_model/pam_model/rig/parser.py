@@ -12,7 +12,7 @@ from pam_model.errors import PamError, RigError
 from pam_model.muscles.force_model import ForceModel, registered_models, unknown_model
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.bus_keys import beside_rig_file, check_buses, read_buses
-from pam_model.rig.keys import NUMBERS, TURN, Key, Problems, Section
+from pam_model.rig.keys import LENGTH_TOLERANCE, NUMBERS, TURN, Key, Problems, Section
 from pam_model.rig.people import read_people
 from pam_model.rig.types import Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
 from pam_model.rig.wiring import Encoder, PressureSensor
@@ -345,6 +345,9 @@ def parse_rig(
     problems = Problems(source)
     top = Section(tree, "", problems)
     numbers: dict[str, Any] = {key: top.number(key, entry) for key, entry in NUMBERS[""].items()}
+    if "length_tolerance" in top.tree:
+        numbers["length_tolerance"] = top.number("length_tolerance", LENGTH_TOLERANCE)
+    top.asked.append("length_tolerance")
     gas = _gas(top.section("gas"))
     supply = numbers["supply_pressure"]
     gauge = math.nan

@@ -250,6 +250,9 @@ class Rig:
         Agonist and antagonist of each joint, then the bench muscles, which have no joint.
     parameter_tolerance : float
         Relative tolerance of the values in the rig file [-].
+    length_tolerance : float or None
+        Relative tolerance of lengths and turns [-], which are measured better than other values;
+        None if it is `parameter_tolerance`.
     effects : mapping
         Effects of the whole rig.
     plausibility : Plausibility
@@ -268,6 +271,7 @@ class Rig:
     joints: tuple[Joint, ...]
     muscles: tuple[Muscle, ...]
     parameter_tolerance: float = 0.02
+    length_tolerance: float | None = None
     effects: EffectValues = field(default_factory=dict)
     plausibility: Plausibility = Plausibility()
     people: People = field(default_factory=People)
@@ -345,6 +349,8 @@ class Rig:
             "parameter_tolerance": self.parameter_tolerance,
             "joints": list(self.joint_names),
         }
+        if self.length_tolerance is not None:
+            tree["length_tolerance"] = self.length_tolerance
         bench = [m.name for m in self.muscles if self.joint_of(m.name) is None]
         if bench:
             tree["bench_muscles"] = bench
