@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from pam_driver.boards.wiring import RigWiring
 from pam_driver.driver import ActivationError
 from pam_driver.safety.states import SafetyState
 from pam_driver.tools.monitor import Monitor
+from pam_model.errors import RigError
 from pam_model.rig import Rig, load_rig
 from pam_sim.boards.canopen_twin import SimulatedCanopenDevice
 from support.canopen_device import ELBOW_CANOPEN, ELBOW_REGULATOR
@@ -372,6 +374,39 @@ def test_a_maker_s_eds_file_is_found_beside_the_rig_file_and_its_identity_is_che
     twin(other, "encoder").slave.store(ObjectName(0x1018, 1), 0x12)
     other.run(0.4)
     assert "(vendor of the identity) is 0x12, expected 0x11" in conditions(other, "encoder")[0].text
+
+
+def module_with_16_bits(folder: Path, error_value: str = "") -> Path:
+    """The rig with an I/O module whose EDS file has 0x6443 and 0x6444 with 16 bits."""
+    parts = re.split(r"(?=^\[)", profile_path("cia401_analogue").read_text(), flags=re.MULTILINE)
+    changed = [
+        re.sub("DataType=0x000[45]", "DataType=0x0006", part)
+        if re.match(r"\[644[34]sub[1-9]", part)
+        else part
+        for part in parts
+    ]
+    assert changed != parts
+    (folder / "module.eds").write_text("".join(changed))
+    text = ELBOW_CANOPEN.read_text().replace("profile: cia401_analogue", "eds: module.eds")
+    if error_value:
+        first = 'object: "0x6411:1", '
+        text = text.replace(first, f"{first}error_value: {error_value}, ")
+    (folder / "rig.yaml").write_text(text)
+    return folder / "rig.yaml"
+
+
+def test_the_error_value_has_the_size_that_the_eds_file_says(tmp_path: Path) -> None:
+    """Some modules have 16 bits where CiA 401 has 32; 4 bytes would be refused (0x06070010)."""
+    robot = Robot(load_rig(module_with_16_bits(tmp_path)))
+    robot.move()
+    assert twin(robot).slave.values[ObjectName(0x6444, 1)] == bytes(2)
+    assert twin(robot).slave.values[ObjectName(0x6443, 1)] == b"\x01\x00"
+
+
+def test_an_error_value_that_does_not_fit_is_refused(tmp_path: Path) -> None:
+    expected = "error_value = 65536: 0x6444:1 has 16 bits without sign"
+    with pytest.raises(RigError, match=expected):
+        RigWiring(load_rig(module_with_16_bits(tmp_path, "65536")))
 
 
 def test_a_monitor_decodes_without_configuring_anything() -> None:

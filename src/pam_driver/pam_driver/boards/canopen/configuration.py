@@ -105,9 +105,8 @@ def error_values(
     values: dict[ObjectName, int] = {}
     for demand in signals.demands:
         index, sub = demand.name
-        known = index == _OUTPUTS and all(
-            ObjectName(one, sub) in dictionary for one in (_ERROR_MODE, _ERROR_VALUE)
-        )
+        kinds = [dictionary.type_of(ObjectName(one, sub)) for one in (_ERROR_MODE, _ERROR_VALUE)]
+        known = index == _OUTPUTS and all(kind is not None for kind in kinds)
         if not known:
             if watchdog is not None and "outputs_off_on_error" not in top.tree:
                 top.add(
@@ -123,19 +122,33 @@ def error_values(
             top.problems.add(
                 demand.key,
                 f".error_value: missing; the valve vents at the raw value {vented:.0f}, and the "
-                f"manual says how 0x6444:{sub} (32 bits) expresses it",
+                f"manual says how 0x6444:{sub} expresses it",
             )
+            continue
+        kind = kinds[1]
+        if value and kind is not None and not kind.holds(int(value)):
+            size = f"{kind.bits} bits {'with' if kind.signed else 'without'} sign"
+            top.problems.add(demand.key, f".error_value = {value:g}: 0x6444:{sub} has {size}")
             continue
         values[demand.name] = int(value or 0)
     return values
 
 
-def error_steps(values: Mapping[ObjectName, int]) -> Iterator[Step]:
-    """The outputs go to their error value when the device is stopped or misses the host."""
+def error_steps(dictionary: Dictionary, values: Mapping[ObjectName, int]) -> Iterator[Step]:
+    """The outputs go to their error value when the device is stopped or misses the host.
+
+    CiA 401 has 8 and 32 bits for the two objects; there are modules with 16 bits for both, so the
+    EDS file decides.
+    """
     for (_, sub), value in values.items():
-        yield Write(ObjectName(_ERROR_MODE, sub), b"\1", "error mode of the output")
-        data = value.to_bytes(4, "little", signed=value < 0)
-        yield Write(ObjectName(_ERROR_VALUE, sub), data, "error value of the output")
+        for index, wanted, why in (
+            (_ERROR_MODE, 1, "error mode of the output"),
+            (_ERROR_VALUE, value, "error value of the output"),
+        ):
+            name = ObjectName(index, sub)
+            kind = dictionary.type_of(name)
+            assert kind is not None, "error_values has checked it"
+            yield Write(name, encoded(kind, wanted), why)
 
 
 def input_steps(dictionary: Dictionary, signals: SignalReader) -> Iterator[Step]:

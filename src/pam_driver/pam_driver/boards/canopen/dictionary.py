@@ -76,6 +76,11 @@ class ObjectType(NamedTuple):
     signed: bool
     is_float: bool
 
+    def holds(self, value: int) -> bool:
+        """Whether a whole number fits."""
+        low = -(1 << self.bits - 1) if self.signed else 0
+        return low <= value < 1 << self.bits - self.signed
+
 
 class Dictionary:
     """The objects of one device.

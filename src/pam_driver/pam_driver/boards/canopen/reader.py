@@ -158,7 +158,7 @@ class DeviceReader:
         )
         errors = {demand.name: demand.error_value for demand in signals.demands}
         values = configuration.error_values(dictionary, signals, errors, top, watchdog)
-        steps += configuration.error_steps(values)
+        steps += configuration.error_steps(dictionary, values)
         steps += extra
         for direction, chosen in plans.items():
             for plan in chosen:
