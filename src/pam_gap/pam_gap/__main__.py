@@ -148,6 +148,30 @@ def _declare_fleet(parser: Parser) -> None:
     )
 
 
+def _import(given: Arguments) -> Outcome:
+    from pam_gap.import_log.import_log import run  # noqa: PLC0415  (scipy, bokeh)
+
+    return run(given)
+
+
+def _declare_import(parser: Parser) -> None:
+    parser.add_argument(
+        "log", type=input_path, metavar="LOG", help="bag, CSV, Parquet, NPZ, MAT, HDF5 or JSON"
+    )
+    add_rig(parser, required=True)
+    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    parser.add_argument(
+        "--map", type=input_file, metavar="FILE", help="map of the columns (default: propose one)"
+    )
+    parser.add_argument(
+        "--rate",
+        type=number("Hz", least=0.0),
+        default=0.0,
+        metavar="HZ",
+        help="rate of a table without a time, for the proposal",
+    )
+
+
 def _compare(given: Arguments) -> Outcome:
     from pam_gap.answer.compare_page import run  # noqa: PLC0415  (scipy, matplotlib)
 
@@ -241,6 +265,17 @@ DIAGNOSE = Command(
 )
 COMMANDS = (
     DIAGNOSE,
+    Command(
+        "import",
+        "show what is understood of a log of any program, before anything is fitted",
+        _declare_import,
+        _import,
+        bad_news="if a diagnosis would refuse the log",
+        examples=(
+            "python -m pam_gap import log.mat --rig RIG.yaml --out OUT",
+            "python -m pam_gap import log.mat --map OUT/map.yaml --rig RIG.yaml --out OUT",
+        ),
+    ),
     Command(
         "compare",
         "put diagnoses of one rig side by side: what changed, and whether it is more than noise",

@@ -1,0 +1,153 @@
+"""A page that shows what was understood of a log, before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from bokeh.embed import components
+from bokeh.models import Range1d
+from bokeh.plotting import figure
+from bokeh.resources import Resources
+
+from pam_gap.answer.page_style import STYLE
+from pam_gap.answer.traces import IMPROVED, thinned
+from pam_gap.answer.user_units import told, user_unit
+from pam_gap.recordings.column_map import ColumnMap, unit_of
+from pam_gap.recordings.recording import COMMANDS, Recording
+
+POINTS = 3000
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What the page shows.
+
+    Attributes
+    ----------
+    source : Path
+        The log.
+    columns : mapping of str to (int, float, float)
+        Number of values, smallest and largest of each column of the log, in its own unit.
+    column_map : ColumnMap
+        What is read from it.
+    recording : Recording or None
+        The recording on an even time grid; None if it cannot be made.
+    problems : sequence of str
+        Why a diagnosis would refuse it; empty if it would not.
+    missing : sequence of str
+        What a diagnosis cannot judge without channels that are not there.
+    """
+
+    source: Path
+    columns: Mapping[str, tuple[int, float, float]]
+    column_map: ColumnMap
+    recording: Recording | None
+    problems: Sequence[str]
+    missing: Sequence[str]
+
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Preview of {{ name }}</title>
+<style>{{ style | safe }}</style></head><body>
+<h1>Preview of {{ name }}</h1>
+<div class="verdict" style="--verdict: {{ '#c2410c' if p.problems else '#00798c' }}">
+<b>{{ 'A diagnosis would refuse this' if p.problems else 'Understood' }}</b>
+{% for text in p.problems %}{{ text }}<br>{% else %}{{ summary }}{% endfor %}</div>
+{% if rows %}<h2>Channels</h2>
+<div class="wide"><table>
+<tr><th>channel</th><th>column of the log</th><th>read as</th><th class="n">smallest</th>
+<th class="n">largest</th></tr>
+{% for row in rows %}<tr><td>{{ row.channel }}</td><td>{{ row.column }}</td><td>{{ row.how }}</td>
+<td class="n">{{ row.low }}</td><td class="n">{{ row.high }}</td></tr>
+{% endfor %}</table></div>{% endif %}
+{% for plot in plots %}<figure class="plot" role="group" aria-label="{{ plot.alt }}">
+{{ plot.part | safe }}</figure>{% endfor %}
+{% if p.recording and p.recording.repairs %}<h2>Repairs</h2>
+<ul>{% for text in p.recording.repairs %}<li>{{ text }}</li>{% endfor %}</ul>{% endif %}
+{% if p.missing %}<h2>What is missing</h2>
+<ul>{% for text in p.missing %}<li>{{ text }}</li>{% endfor %}</ul>{% endif %}
+{% if unused %}<h2>Columns that are not used</h2>
+<div class="wide"><table><tr><th>column</th><th class="n">values</th><th class="n">smallest</th>
+<th class="n">largest</th></tr>
+{% for row in unused %}<tr><td>{{ row[0] }}</td><td class="n">{{ row[1] }}</td>
+<td class="n">{{ '%.4g' % row[2] }}</td><td class="n">{{ '%.4g' % row[3] }}</td></tr>{% endfor %}
+</table></div>{% endif %}
+{{ script | safe }}
+</body></html>
+"""
+
+
+def _row(recording: Recording, column_map: ColumnMap, channel: str) -> dict[str, str]:
+    entry, values = column_map.channels[channel], recording.values[channel]
+    unit = unit_of(channel).split()[0] if unit_of(channel) else ""
+    factor = f"× {entry.factor:.6g}" if entry.factor != 1.0 else ""
+    offset = f"{entry.offset:+.6g} {unit}" if entry.offset else ""
+    return {
+        "channel": channel,
+        "column": " + ".join(entry.columns),
+        "how": " ".join(part for part in (factor, offset) if part) or "as it is",
+        "low": told(float(values.min()), unit, 3),
+        "high": told(float(values.max()), unit, 3),
+    }
+
+
+def _plots(recording: Recording) -> tuple[str, list[dict[str, str]]]:
+    if not recording.values:
+        return "", []
+    shared: Any = Range1d(0.0, float(recording.time[-1]), bounds="auto")
+    figures, alts = [], []
+    for channel, values in recording.values.items():
+        unit, factor = user_unit(float(np.abs(values).max()), unit_of(channel).split(" ")[0])
+        made: Any = figure(
+            height=190, sizing_mode="stretch_width", min_width=280, x_range=shared, title=channel,
+            tools="xpan,xbox_zoom,reset", active_drag="xbox_zoom",
+            y_axis_label="" if unit in ("", "-") else f"[{unit}]", x_axis_label="time [s]",
+        )  # fmt: skip
+        made.toolbar.logo = None
+        x, y = thinned(recording.time, factor * values, POINTS)
+        draw = made.step if channel.startswith(COMMANDS) else made.line
+        draw(x.astype(np.float32), y.astype(np.float32), color=IMPROVED, line_width=1.3)
+        figures.append(made)
+        low, high = told(float(values.min()), "", 3), told(float(values.max()), "", 3)
+        alts.append(f"{channel} over time, from {low} to {high} {unit_of(channel)}")
+    script, parts = components(tuple(figures))
+    library = Resources(mode="inline", components=["bokeh"]).render_js()
+    return f"{library}\n{script}", [
+        {"part": part, "alt": alt} for part, alt in zip(parts, alts, strict=True)
+    ]
+
+
+def render(preview: Preview) -> str:
+    """Return the page as text."""
+    recording, used = preview.recording, preview.column_map.columns
+    script, plots = _plots(recording) if recording is not None else ("", [])
+    summary = ""
+    if recording is not None:
+        summary = (
+            f"{recording.duration:.3g} s at {1.0 / recording.sample_time:.4g} Hz, "
+            f"{len(recording.values)} channels."
+        )
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    return environment.from_string(_PAGE).render(
+        p=preview,
+        name=preview.source.name,
+        style=STYLE,
+        summary=summary,
+        rows=[]
+        if recording is None
+        else [
+            _row(recording, preview.column_map, channel)
+            for channel in preview.column_map.channels
+            if recording.has(channel)
+        ],
+        plots=plots,
+        unused=[(name, *size) for name, size in preview.columns.items() if name not in used],
+        script=script,
+    )
