@@ -70,8 +70,8 @@ def _diagnosed(
 ) -> tuple[str, tuple[str, ...], str]:
     try:
         answers = diagnose_files(
-            [] if shut else recordings, rig, out, shut=recordings if shut else [], map_path=column_map,
-            show_progress=False,
+            [] if shut else recordings, rig, out, shut=recordings if shut else [],
+            map_path=column_map, show_progress=False,
         )  # fmt: skip
     except PamError as error:
         return REFUSED, (), str(error)
