@@ -9,9 +9,10 @@ import pytest
 
 from pam_check.faults.campaign import in_a_fork, make_chain
 from pam_check.faults.rig_bounds import EMPTY, bounds_of
-from pam_check.faults.trial import Trial, problem_of, run_trial
+from pam_check.faults.stuck_valve import RECOGNISED, stuck_valve_speed
+from pam_check.faults.trial import Trial, problem_of, run_trial, speed_bound
 from pam_sim.faults.fault_kind import LOWERING
-from pam_sim.faults.kinds import kind_called
+from pam_sim.faults.kinds import KINDS, kind_called
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +109,31 @@ def test_a_blocked_exhaust_is_seen_in_the_muscle_although_the_valves_are_vented(
     trial = in_a_fork(blocked)
     assert trial.safe_after < LOWERING
     assert "20 kPa" in trial.problem
+
+
+def test_a_valve_stuck_open_drives_a_held_joint_beyond_its_limit_although_the_other_valve_shuts(
+    rig,
+):
+    """7.6 rad/s from 0.8 rad: what the driver may do at most, at once, is not enough."""
+    assert stuck_valve_speed(rig) == pytest.approx(7.6, abs=0.1)
+    slow = rig
+    for muscle in rig.muscles:
+        valve = dataclasses.replace(muscle.valve, sonic_conductance=1e-9)
+        slow = slow.with_muscle(dataclasses.replace(muscle, valve=valve))
+    assert stuck_valve_speed(slow) < rig.joints[0].max_velocity
+
+
+def test_only_a_valve_that_stays_open_on_a_held_joint_may_exceed_the_speed_limit(chain):
+    faster = {kind.name for kind in KINDS if kind.supply_drives}
+    assert faster == {"valve_stuck_open_while_held"}
+    bounds = bounds_of(chain.rig)
+    kind = kind_called("valve_stuck_open_while_held")
+    assert speed_bound(kind, chain.rig, bounds) == RECOGNISED * stuck_valve_speed(chain.rig)
+    trial = within(chain)
+    trial.kind, trial.noticed = kind.name, ["pressure_implausible"]
+    trial.safe_after = kind.bound
+    trial.peak_speed = RECOGNISED * stuck_valve_speed(chain.rig)
+    assert problem_of(chain, kind, trial) == ""
+    trial.peak_speed += 0.01
+    assert "rad/s" in problem_of(chain, kind, trial)
+    assert speed_bound(kind_called("valve_stuck_open"), chain.rig, bounds) == bounds.speed

@@ -178,6 +178,26 @@ def test_swapped_sensors(rig: Rig) -> None:
     assert found["torque_implausible", "elbow"] > 1.0
 
 
+def test_crossed_hoses_are_a_fault_of_both_muscles_before_either_has_deviated_by_its_limit(
+    rig: Rig,
+) -> None:
+    """A driver that knows of one implausible muscle would brake with the wrong one."""
+    plausibility = PressurePlausibility(rig, PERIOD)
+    parameters = PlantParameters.from_rig(rig)
+    plant = Plant(parameters, state=initial_state(parameters, pressures=(1e5, 1e5)))
+    largest = 0.0
+    for _ in range(100):
+        position, *pressures = plant.step([-0.5, 0.5], PERIOD)
+        plausibility.update([0.5, -0.5], pressures, [position], [0.0], [math.nan] * 2)
+        found = [d for d in plausibility.deviations() if d.kind == "pressure_implausible"]
+        residuals = [float(d.text.split()[3]) for d in found]
+        largest = max(map(abs, residuals), default=0.0)
+        if any(d.size >= 1.0 for d in found):
+            break
+    assert [d.subject for d in found if d.size >= 1.0] == list(rig.muscle_names)
+    assert largest < rig.plausibility.pressure_residual
+
+
 def test_the_residual_of_a_leak_is_its_rate_over_the_gain(rig: Rig) -> None:
     """Valve shut, joint held, a ramp into a first-order lag: by hand."""
     plausibility = PressurePlausibility(rig, PERIOD)

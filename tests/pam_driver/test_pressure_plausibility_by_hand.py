@@ -32,13 +32,17 @@ def observed(
     supply: float = math.nan,
     steps: int = 6,
 ) -> dict[str, float]:
-    """Residuals [Pa] after some steps with the same inputs, by muscle."""
-    plausibility = PressurePlausibility(replace(rig, plausibility=SHARP), PERIOD)
-    for _ in range(steps):
-        plausibility.update([command] * 2, [pressure] * 2, [position], [velocity], [supply, supply])
-    found = {one.subject: one for one in plausibility.deviations()}
+    """Residuals [Pa] after some steps with the same inputs, by muscle.
+
+    The pressure of the other muscle is unknown, so that the pair of both is not judged.
+    """
     sizes = {}
-    for name in rig.muscle_names:
+    for place, name in enumerate(rig.muscle_names):
+        plausibility = PressurePlausibility(replace(rig, plausibility=SHARP), PERIOD)
+        pressures = [pressure if place == other else math.nan for other in range(2)]
+        for _ in range(steps):
+            plausibility.update([command] * 2, pressures, [position], [velocity], [supply, supply])
+        found = {one.subject: one for one in plausibility.deviations()}
         if name not in found:
             sizes[name] = 0.0
             continue
@@ -268,6 +272,46 @@ def test_a_residual_is_named_with_its_limit(rig: Rig) -> None:
         "(limit 100000 Pa): leak, valve or sensor"
     )
     assert found.size == pytest.approx(1.5, rel=0.02)
+
+
+@pytest.mark.parametrize(("first", "second"), [(0.6e5, -0.8e5), (-0.9e5, 0.7e5), (-0.6e5, 1.7e5)])
+def test_opposite_deviations_of_a_pair_have_half_the_limit(
+    rig: Rig, first: float, second: float
+) -> None:
+    """Both count as much as the smaller one, unless the larger one alone counts more."""
+    found = after_a_step(rig, first, second)
+    pair = min(abs(first), abs(second)) / 0.5e5
+    for name, step in zip(rig.muscle_names, (first, second), strict=True):
+        alone = abs(step) / 1e5
+        assert found[name].size == pytest.approx(max(pair, alone), rel=0.02)
+        if pair > alone:
+            assert found[name].text.endswith(
+                "(limit 50000 Pa): the other muscle of the joint the other way: hoses, sensors or "
+                "encoder"
+            )
+            assert found[name].text.startswith(f"pressure deviates by {step / 1e3:+.0f}"[:22])
+        else:
+            assert found[name].text.endswith("(limit 100000 Pa): leak, valve or sensor")
+
+
+def test_deviations_of_a_pair_in_one_direction_are_judged_alone(rig: Rig) -> None:
+    """A supply that differs moves both pressures the same way."""
+    assert after_a_step(rig, 0.45e5, 0.45e5) == {}
+    assert after_a_step(rig, 0.45e5, 0.0) == {}
+
+
+def test_a_pair_below_its_warning_share_is_not_named(rig: Rig) -> None:
+    assert after_a_step(rig, 0.22e5, -0.4e5) == {}
+    assert set(after_a_step(rig, 0.28e5, -0.4e5)) == set(rig.muscle_names)
+
+
+def after_a_step(rig: Rig, first: float, second: float) -> dict[str, Deviation]:
+    """What is said of two muscles at 200 kPa whose pressures step while the valves are shut."""
+    plausibility = PressurePlausibility(rig, PERIOD)
+    for more in (0.0, 1.0):
+        pressures = [2e5 + more * first, 2e5 + more * second]
+        plausibility.update([0.0, 0.0], pressures, [0.0], [0.0], UNKNOWN)
+    return {d.subject: d for d in plausibility.deviations() if d.kind == "pressure_implausible"}
 
 
 def test_a_muscle_without_a_joint_is_observed_at_its_neutral_length(rig: Rig) -> None:

@@ -19,6 +19,7 @@ from pam_check.faults.acts import (
 )
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.reference_faults import send_trajectory
+from pam_check.faults.stuck_valve import HELD_ANGLE
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_driver.safety.states import SafetyState
 
@@ -26,7 +27,6 @@ Values = Mapping[str, float]
 Injection = Callable[[FaultChain, Values, random.Random], None]
 STAYS = 0.1  # rad; a joint that is activated and asked for nothing stays where it is
 _RESTART = 0.3  # s until a process runs again
-_AFAR = 0.8  # rad
 
 
 def _vent(chain: FaultChain, values: Values, draw: random.Random) -> None:
@@ -203,7 +203,7 @@ def held(inject: Injection) -> Injection:
     """The same fault while the joint is held away from where it hangs."""
 
     def while_held(chain: FaultChain, values: Values, draw: random.Random) -> None:
-        hold_at(chain, math.copysign(draw.uniform(0.5, 1.0) * _AFAR, draw.uniform(-1.0, 1.0)))
+        hold_at(chain, math.copysign(draw.uniform(0.5, 1.0) * HELD_ANGLE, draw.uniform(-1.0, 1.0)))
         inject(chain, values, draw)
 
     return while_held

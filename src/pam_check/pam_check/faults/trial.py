@@ -11,7 +11,9 @@ from dataclasses import dataclass, field
 from pam_check.faults.chain import AMPLITUDE, STEP, FaultChain
 from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
+from pam_check.faults.stuck_valve import RECOGNISED, stuck_valve_speed
 from pam_driver.safety.states import SafetyState
+from pam_model.rig import Rig
 from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction, Stays
 
 AFTERWARDS = 0.3  # s, to check that the valves stay vented
@@ -226,7 +228,7 @@ def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
         return f"stopped: {reasons or chain.driver.state.value}"
     if trial.peak_error > error_bound(kind, bounds):
         return f"angle off by {trial.peak_error:.3f} rad"
-    return _motion_problem(trial, bounds)
+    return _motion_problem(trial, bounds, speed_bound(kind, chain.rig, bounds))
 
 
 def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
@@ -248,9 +250,16 @@ def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
     return ""
 
 
-def _motion_problem(trial: Trial, bounds: RigBounds) -> str:
+def speed_bound(kind: FaultKind, rig: Rig, bounds: RigBounds) -> float:
+    """Largest permitted speed [rad/s]: `max_velocity`, unless air from the supply gives more."""
+    if not kind.supply_drives:
+        return bounds.speed
+    return max(bounds.speed, RECOGNISED * stuck_valve_speed(rig))
+
+
+def _motion_problem(trial: Trial, bounds: RigBounds, speed: float) -> str:
     """What exceeds the limits of the rig, whatever the fault is."""
-    if trial.peak_speed > bounds.speed:
+    if trial.peak_speed > speed:
         return f"joint at {trial.peak_speed:.1f} rad/s"
     if not bounds.position[0] <= trial.farthest <= bounds.position[1]:
         return f"joint at {trial.farthest:.2f} rad"

@@ -9,6 +9,11 @@ produce and the torque that inertia, friction and gravity require. It detects a 
 drifts, which the gas balance cannot detect because its observer follows the drift. Nothing is
 judged close to the end stops.
 
+Both muscles of a joint together: crossed hoses, exchanged pressure sensors and an angle that is not
+the joint's make the residuals of the pair grow in opposite directions. A supply or a temperature
+that differs from the rig file makes them grow in the same direction. Opposite residuals of both
+muscles are therefore a fault at a smaller limit, `PAIR_SHARE`, than the residual of one.
+
 Measurements may be missing for a moment. Across a gap of up to `LONGEST_GAP` the observer predicts
 the pressure from the valve command, and the next measurement corrects it for the whole time since
 the last one, so that gaps hide no fault. After a longer gap the observer starts anew.
@@ -40,6 +45,7 @@ from pam_model.rig import Joint, Muscle, Rig
 
 OBSERVER_GAIN: Final = 5.0  # 1/s
 TORQUE_MEMORY: Final = 0.15  # s
+PAIR_SHARE: Final = 0.5  # of the limit of one muscle, for both muscles in opposite directions
 LONGEST_GAP: Final = 0.05  # s; at the largest flow the model's error of a few per cent adds 5 kPa
 # The torques are balanced with measurements that are not older than this [s].
 _FRESH: Final = 0.02
@@ -337,12 +343,18 @@ class PressurePlausibility:
     def deviations(self) -> Iterator[Deviation]:
         """The deviations above the warning share of their limit."""
         limits = self._limits
-        for muscle in self._muscles:
+        pairs = self._opposite_residuals()
+        for muscle, opposite in zip(self._muscles, pairs, strict=True):
             size = abs(muscle.residual) / limits.pressure_residual
+            limit, cause = limits.pressure_residual, "leak, valve or sensor"
+            pair_limit = PAIR_SHARE * limits.pressure_residual
+            if opposite / pair_limit > max(size, limits.warning_share):
+                size, limit = opposite / pair_limit, pair_limit
+                cause = "the other muscle of the joint the other way: hoses, sensors or encoder"
             if size > limits.warning_share:
                 text = (
                     f"pressure deviates by {muscle.residual:+.0f} Pa from what the valve command "
-                    f"should cause (limit {limits.pressure_residual:.0f} Pa): leak, valve or sensor"
+                    f"should cause (limit {limit:.0f} Pa): {cause}"
                 )
                 yield Deviation("pressure_implausible", muscle.muscle.name, size, text)
         for joint in self._joints:
@@ -353,3 +365,13 @@ class PressurePlausibility:
                     f"(limit {limits.torque_share * joint.scale:.2f} N m): sensor or load"
                 )
                 yield Deviation("torque_implausible", joint.joint.name, size, text)
+
+    def _opposite_residuals(self) -> list[float]:
+        """By muscle, by how much both muscles of its joint deviate in opposite directions [Pa]."""
+        found = [0.0] * len(self._muscles)
+        for joint in self._joints:
+            first, second = (self._muscles[place].residual for place in joint.muscles)
+            if first * second < 0.0:
+                for place in joint.muscles:
+                    found[place] = min(abs(first), abs(second))
+        return found

@@ -40,17 +40,7 @@ ALL_KINDS: Final = (
     *HIDDEN_KINDS,
     *DEVICE_KINDS,
 )
-# faults whose promise is not kept yet: they are injected by name only
-OPEN: Final = frozenset(
-    {
-        "encoder_stuck",  # recognised up to 60 ms too late
-        "exhausts_restricted",  # an error of up to 0.14 rad, nobody stops
-        # above the speed limit: a valve that stays fully open moves the joint as fast as its air
-        # flows, and what the driver may do, to brake with the air of the other muscle, is done
-        "valve_stuck_open_while_held",
-    }
-)
-KINDS: Final = tuple(kind for kind in ALL_KINDS if not kind.boards and kind.name not in OPEN)
+KINDS: Final = tuple(kind for kind in ALL_KINDS if not kind.boards)
 """The kinds that are stated for the board of this project."""
 
 

@@ -44,8 +44,9 @@ SENSOR_AND_VALVE_KINDS: Final = (
        ("pressure_rate", "pressure_implausible", "torque_implausible", "sensor_range"), _R.VENT,
        0.5 + BRAKING, "detected when the two pressures differ"),
     _K("encoder_stuck", "sensor", "the angle freezes", {},
-       ("torque_implausible", "pressure_implausible", "over_pressure"), _R.VENT, 1.0,
-       "detected when pressures and angle disagree", stays=Stays.IN_LIMITS),
+       ("torque_implausible", "pressure_implausible", "over_pressure"), _R.VENT, 1.2,
+       "detected when pressures and angle disagree: latest in a joint that is just turning back",
+       stays=Stays.IN_LIMITS),
     _K("encoder_noisy", "sensor", "the encoder becomes noisy", {"amplitude": (0.05, 0.3)},
        ("sensor_noise", "position_jump", "position_limit", "torque_implausible"), _R.VENT, 0.08,
        "25 samples, or sooner, since the noise implies torques that do not exist"),
@@ -94,5 +95,6 @@ SENSOR_AND_VALVE_KINDS: Final = (
        ("supply_high", "suspected supply_high"), _R.NOTICED, 1.0, "the next status"),
     _K("exhausts_restricted", "valve", "a silencer clogs: air leaves slowly",
        {"share": (0.1, 0.5)}, ("pressure_implausible", "suspected pressure_implausible"),
-       _R.EITHER, 2.0, "the loop compensates it, or a deviation shows it"),
+       _R.EITHER, 2.0, "the joint lags behind, since the valves cannot let the air out faster; a "
+       "deviation shows it, or max_tracking_error", stays=Stays.TRACKING),
 )  # fmt: skip
