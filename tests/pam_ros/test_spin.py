@@ -1,8 +1,15 @@
 """Starting a node from the command line: what is a mistake of the user, and what is a fault."""
 
+import os
+import signal
+import time
+
 import pytest
 
 pytest.importorskip("rclpy")
+
+import rclpy
+from rclpy.node import Node
 
 from pam_ros.errors import ParameterError
 from pam_ros.node_help import Endpoint, NodeHelp
@@ -90,3 +97,39 @@ def test_a_wrong_command_line_of_a_node_is_one_line(
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("error: ")
     assert told in line
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.timeout(60)
+def test_a_signal_while_a_node_is_made_ends_it_after_it_is_made(number: int) -> None:
+    """A context that a signal closes in the middle of making a node may abort the process."""
+    handler = signal.getsignal(number)
+    ends: list[str] = []
+
+    class Drawer(Node):  # type: ignore[misc]
+        def __init__(self) -> None:
+            os.kill(os.getpid(), number)
+            time.sleep(0.2)  # the handlers of rclpy close the context from a thread of their own
+            super().__init__("drawer")
+            self.create_timer(0.01, lambda: ends.append("turned"))
+            ends.append(f"made, context open: {rclpy.ok()}")
+
+        def destroy_node(self) -> None:
+            ends.append(f"destroyed, context open: {rclpy.ok()}")
+            super().destroy_node()
+
+    assert spin_node(Drawer, HELP, [], mistake=MisreadDrawingError) == 0
+    assert ends == ["made, context open: True", "destroyed, context open: True"]
+    assert not rclpy.ok()
+    assert signal.getsignal(number) is handler
+
+
+@pytest.mark.timeout(60)
+def test_a_second_signal_interrupts_a_node_that_takes_long_to_make() -> None:
+    def make_node() -> None:
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(30.0)
+        raise AssertionError("the second signal was ignored")
+
+    assert spin_node(make_node, HELP, [], mistake=MisreadDrawingError) == 0

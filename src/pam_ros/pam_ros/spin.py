@@ -1,25 +1,47 @@
 """Runs a node from the command line: signals end it cleanly, a user's mistake is one message.
 
 All nodes use this function, so that they start and end in the same way.
+
+The handlers of rclpy are not used: they close the context at once, also while a node is being made
+or a callback runs, and the libraries below may then abort the process. Here a signal is noted, and
+the node ends between two turns of the executor.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from pam_ros.errors import ParameterError
 from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
 
 TURN = 0.1
-"""How long the executor may wait before it checks the shutdown flag again [s]."""
-SHUTDOWN_DELAY = 0.5
-"""How long after a signal the shutdown flag may take until it is set [s]."""
+"""How long the executor may wait before it looks for a signal again [s]."""
+
+
+@contextmanager
+def _noted_signals() -> Iterator[list[int]]:
+    """The SIGINT and SIGTERM that have arrived; the second one interrupts whatever runs."""
+    arrived: list[int] = []
+
+    def note(number: int, frame: object) -> None:
+        arrived.append(number)
+        if len(arrived) > 1:
+            raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield arrived
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def spin_node(
@@ -55,31 +77,27 @@ def spin_node(
     ended = usage.answer(arguments)
     if ended is not None:
         return ended
-    rclpy.init(args=None if arguments is None else list(arguments))
-    node = None
-    try:
-        node = make_node()
-        executor = EventsExecutor()
-        executor.add_node(node)
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=TURN)
-            if check is not None:
-                check(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:
-        # The events executor raises this error if a signal arrives during a callback. It may do
-        # so before the shutdown flag of the signal is set.
-        deadline = time.monotonic() + SHUTDOWN_DELAY
-        while rclpy.ok():
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.01)
-    except (ParameterError, mistake) as error:
-        tell_mistake(error)
-        return MISTAKE
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+    with _noted_signals() as arrived:
+        options = SignalHandlerOptions.NO
+        rclpy.init(
+            args=None if arguments is None else list(arguments), signal_handler_options=options
+        )
+        node = None
+        try:
+            node = make_node()
+            executor = EventsExecutor()
+            executor.add_node(node)
+            while not arrived and rclpy.ok():
+                executor.spin_once(timeout_sec=TURN)
+                if check is not None:
+                    check(node)
+        except (KeyboardInterrupt, ExternalShutdownException):
+            pass
+        except (ParameterError, mistake) as error:
+            tell_mistake(error)
+            return MISTAKE
+        finally:
+            if node is not None:
+                node.destroy_node()
+            rclpy.try_shutdown()
     return 0

@@ -22,11 +22,13 @@ from pam_check.faults.reference_faults import send_trajectory
 from pam_check.faults.stuck_valve import HELD_ANGLE
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_driver.safety.states import SafetyState
+from pam_sim.faults.rig_faults import POSITION, offset
 
 Values = Mapping[str, float]
 Injection = Callable[[FaultChain, Values, random.Random], None]
 STAYS = 0.1  # rad; a joint that is activated and asked for nothing stays where it is
 _RESTART = 0.3  # s until a process runs again
+_JUMP = 0.5  # rad
 
 
 def _vent(chain: FaultChain, values: Values, draw: random.Random) -> None:
@@ -90,9 +92,16 @@ def _vented_during_start(chain: FaultChain, values: Values, draw: random.Random)
 
 
 def _make_fault(chain: FaultChain) -> None:
-    """A fault that the driver latches; its cause ends after a moment."""
-    chain.can.down = True
-    chain.at(chain.now + 0.2, lambda: setattr(chain.can, "down", False))
+    """A fault that the driver alone sees and latches; its cause ends after a moment.
+
+    The boards find nothing wrong and hear their commands: only the driver can keep this fault.
+    """
+    encoders = [(board, POSITION) for board in chain.sim.boards]
+    for encoder in encoders:
+        chain.sim.faults.sensors[encoder] = offset(_JUMP)
+    chain.wait(0.02)
+    for encoder in encoders:
+        del chain.sim.faults.sensors[encoder]
     chain.wait(0.5)
 
 
