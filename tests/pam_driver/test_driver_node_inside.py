@@ -354,6 +354,28 @@ def test_a_simulated_clock_is_refused(inside: Inside) -> None:
     assert not inside.node.get_parameter("use_sim_time").value
 
 
+def test_the_lamp_is_green_only_while_every_muscle_is_measured_empty(
+    inside: Inside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = inside.node
+    told: list[str] = []
+    monkeypatch.setattr(
+        node, "_lamp_topic", SimpleNamespace(publish=lambda message: told.append(message.data))
+    )
+    assert node.autostart()
+    inside.answer(inside.healthy)
+    assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    node._watch()
+    assert told[-1] == "yellow", "ready: a command moves the joint"
+    node._on_vent(Trigger.Request(), Trigger.Response())
+    inside.answer(inside.healthy)
+    node._watch()
+    assert told[-1] == "green"
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert told[-1] == "off"
+    assert all(one != other for one, other in itertools.pairwise(told)), "on change only"
+
+
 def test_every_change_of_state_is_published_with_its_reason(
     inside: Inside, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -162,6 +162,22 @@ def test_brake_and_dump_valve_have_current_only_while_air_may_move() -> None:
     assert outputs(robot) == {(False, False)}
 
 
+def test_the_brake_is_released_after_its_delay_and_holds_at_once() -> None:
+    """So that the controller can build up pressure before the arm hangs on its muscles."""
+    robot = robot_with(People(brake_release_delay=0.25))
+    for _ in range(2):  # the delay begins anew with each activation
+        robot.move()
+        began = robot.now
+        assert outputs(robot) == {(False, True)}
+        while outputs(robot) == {(False, True)} and robot.now < began + 1.0:
+            robot.run(0.002, command=True)
+        assert outputs(robot) == {(True, True)}
+        assert 0.1 < robot.now - began < 0.26
+        robot.driver.vent_at_once(robot.now)
+        robot.run(0.1)
+        assert outputs(robot) == {(False, False)}
+
+
 def test_the_boards_themselves_hold_brake_and_dump_valve_when_the_host_dies() -> None:
     robot = robot_with(People())
     robot.move()

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from pam_driver.safety.states import (
+    FAULTY,
+    LAMPS,
     OUTPUTS,
     TRANSITIONS,
     SafetyEvent,
@@ -44,6 +46,14 @@ def test_every_state_reacts_to_every_event() -> None:
 
 def test_air_moves_in_active_and_in_the_check_alone() -> None:
     assert {SafetyState.ACTIVE, SafetyState.CHECKING} == AIR
+
+
+def test_the_lamp_promises_safety_only_where_every_muscle_is_measured_empty() -> None:
+    """Green is for `vented` alone, red for every latched fault and for nothing else."""
+    assert set(LAMPS) == set(SafetyState)
+    assert {state for state, colour in LAMPS.items() if colour == "green"} == {SafetyState.VENTED}
+    assert {state for state, colour in LAMPS.items() if colour == "red"} == FAULTY
+    assert {LAMPS[state] for state in OPEN} == {"yellow", "red"}
 
 
 def test_the_check_begins_with_an_activation_and_ends_before_a_command() -> None:

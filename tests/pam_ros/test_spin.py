@@ -100,7 +100,6 @@ def test_a_wrong_command_line_of_a_node_is_one_line(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.timeout(60)
 def test_a_signal_while_a_node_is_made_ends_it_after_it_is_made(number: int) -> None:
     """A context that a signal closes in the middle of making a node may abort the process."""
     handler = signal.getsignal(number)
@@ -124,7 +123,6 @@ def test_a_signal_while_a_node_is_made_ends_it_after_it_is_made(number: int) -> 
     assert signal.getsignal(number) is handler
 
 
-@pytest.mark.timeout(60)
 def test_a_second_signal_interrupts_a_node_that_takes_long_to_make() -> None:
     def make_node() -> None:
         for _ in range(2):

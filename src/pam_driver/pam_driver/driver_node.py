@@ -24,7 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from pam_driver.boards.weaker_promises import weaker_promises
@@ -36,7 +36,7 @@ from pam_driver.driver_end import end_driver
 from pam_driver.driver_parameters import HELP, PEOPLE_TOPICS, TABLE, bus_options
 from pam_driver.driver_topics import DriverTopics
 from pam_driver.safety.command_intake import CommandError, NamedCommand
-from pam_driver.safety.states import FAULTY, SafetyState
+from pam_driver.safety.states import FAULTY, LAMPS, SafetyState
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError
@@ -101,6 +101,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
         # a plain publisher: that of a lifecycle node is silent until the node is active
         self._state_topic = Node.create_publisher(self, DiagnosticStatus, "~/state", LATCHED)
+        self._lamp_topic = Node.create_publisher(self, String, "~/lamp", LATCHED)
+        self._lamp = ""
         self._publish_state()
         self.create_timer(_WATCH_PERIOD, self._watch)
         self.create_timer(1.0, self._publish_diagnostics)
@@ -233,6 +235,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if message.message != self._published_state:
             self._published_state = message.message
             self._state_topic.publish(message)
+        if LAMPS[state] != self._lamp:
+            self._lamp = LAMPS[state]
+            self._lamp_topic.publish(String(data=self._lamp))
 
     def _cycle(self, driver: Driver, now: float) -> None:
         """One cycle, in the I/O thread."""

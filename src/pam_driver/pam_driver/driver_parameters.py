@@ -149,6 +149,7 @@ HELP: Final = NodeHelp(
         Endpoint(
             "~/state", "diagnostic_msgs/DiagnosticStatus", "state and reason; latched, on change"
         ),
+        Endpoint("~/lamp", "std_msgs/String", "red, yellow, green or off; latched, on change"),
         Endpoint("/diagnostics", "diagnostic_msgs/DiagnosticArray", "health, once a second"),
     ),
     serves=(

@@ -64,7 +64,7 @@ POLICY: Mapping[str, Rights] = {
     "pam_driver": Rights(
         publishes=(
             "pressure_states", "joint_states", "sent_valve_commands", "{muscle}/pressure",
-            "diagnostics", "~/transition_event", "~/state",
+            "diagnostics", "~/transition_event", "~/state", "~/lamp",
         ),
         subscribes=("valve_commands",),
         serves=("~/vent", "~/clear_faults", *_LIFECYCLE_SERVES),

@@ -92,6 +92,8 @@ class WiredBoard:
         Joints whose angle it measures.
     ambient_pressure : float
         For devices that measure absolute pressures [Pa absolute].
+    brake_release_delay : float
+        Time from the first set point until its brake is released [s].
     """
 
     address: Address
@@ -100,6 +102,7 @@ class WiredBoard:
     pressures: tuple[MuscleWire, ...]
     angles: tuple[JointWire, ...]
     ambient_pressure: float = 101325.0
+    brake_release_delay: float = 0.0
 
     @property
     def name(self) -> str:

@@ -214,6 +214,7 @@ def _wired_boards(
             pressures=tuple(pressures.get(address, ())),
             angles=tuple(angles.get(address, ())),
             ambient_pressure=rig.gas.ambient_pressure,
+            brake_release_delay=rig.people.brake_release_delay,
         )
     return boards
 

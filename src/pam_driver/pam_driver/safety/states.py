@@ -193,6 +193,24 @@ FAULTY: Final = frozenset({_S.FAULT, _S.FAULT_LOWERING})
 """States in which a fault is latched."""
 
 
+LAMPS: Final[Mapping[SafetyState, str]] = {
+    _S.UNCONFIGURED: "off",
+    _S.VENTING: "yellow",
+    _S.VENTED: "green",
+    _S.CHECKING: "yellow",
+    _S.READY: "yellow",
+    _S.ACTIVE: "yellow",
+    _S.LOWERING: "yellow",
+    _S.FAULT_LOWERING: "red",
+    _S.FAULT: "red",
+}
+"""Colour of the operator's lamp, after IEC 60073.
+
+Red: a fault is latched. Yellow: caution, the joints move or may move, or a muscle still holds air.
+Green: every muscle is measured empty. Off: the driver measures nothing, which is no promise.
+"""
+
+
 def next_state(state: SafetyState, event: SafetyEvent) -> SafetyState:
     """The state after an event, from the table."""
     return TRANSITIONS[state][event]
@@ -211,6 +229,7 @@ def table_as_markdown() -> str:
         "| event | " + " | ".join(f"in {state.value}" for state in states) + " |",
         "|---" * (len(states) + 1) + "|",
         "| *air moves* | " + " | ".join(f"*{air_in(state)}*" for state in states) + " |",
+        "| *lamp* | " + " | ".join(f"*{LAMPS[state]}*" for state in states) + " |",
     ]
     for event in SafetyEvent:
         cells = []

@@ -75,6 +75,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
     "people": {
         "deadline": Key("s", 0.05, 5.0, 0.2),
         "dump_valve_fill_time": Key("s", 0.0, 30.0, 0.0),
+        "brake_release_delay": Key("s", 0.0, 5.0, 0.0),
     },
     "plausibility": {
         "pressure_residual": Key("Pa", 1e3, 2.5e6, 100e3),

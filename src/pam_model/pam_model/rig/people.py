@@ -26,6 +26,8 @@ class People:
         An input that is silent for longer forbids motion [s].
     dump_valve_fill_time : float
         Time that the supply needs after the dump valve was closed [s]; 0 without dump valve.
+    brake_release_delay : float
+        Time from the first command to a board until its brake is released [s].
     """
 
     emergency_stop_board: int | str | None = None
@@ -34,6 +36,7 @@ class People:
     enabling_switch_topic: bool = False
     deadline: float = 0.2
     dump_valve_fill_time: float = 0.0
+    brake_release_delay: float = 0.0
 
 
 def read_people(section: Section) -> People:

@@ -67,6 +67,8 @@ class PamBoard(BoardMonitor):
         }
         self._codec = codec
         self._counter_sent = 0
+        self._brake_delay = wired.brake_release_delay
+        self._moves_since = math.inf
         self._echo_delay = EchoDelay()
         # by channel the muscle's place in the rig's order, -1 for a channel without a muscle
         places = {wire.channel: wire.place for wire in wired.valves}
@@ -101,6 +103,7 @@ class PamBoard(BoardMonitor):
         self._counter_sent = (self._counter_sent + 1) & 0xFF
         self._echo_delay.sent(self._counter_sent, now)
         if setpoints is None:
+            self._moves_since = math.inf
             message = ValveCommand(_NO_VALVES, _NO_ENABLE, self._counter_sent)
         else:
             first, second = self._places
@@ -108,8 +111,11 @@ class PamBoard(BoardMonitor):
                 setpoints[first] if first >= 0 else 0.0,
                 setpoints[second] if second >= 0 else 0.0,
             )
-            # air may move: only now the brake is released and the dump valve closed
-            message = ValveCommand(valves, self._enable, self._counter_sent, True, True)
+            # air may move: only now the dump valve is closed, and the brake is released, at once or
+            # when the controller has had the time to build up the pressure that holds the joint
+            self._moves_since = min(self._moves_since, now)
+            release = now - self._moves_since >= self._brake_delay
+            message = ValveCommand(valves, self._enable, self._counter_sent, release, True)
         return (self._codec.encode(self.number, message),)
 
     def vent(self) -> Iterable[Frame]:
