@@ -13,11 +13,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import rclpy.parameter
 from lifecycle_msgs.msg import Transition
+from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import JointState
 
 from pam_check.chain import private_domain
-from pam_driver.boards.pam_board.codec import BoardCode, BoardCodec, BoardFault, BoardState
+from pam_driver.boards.pam_board.codec import (
+    BoardCode,
+    BoardCodec,
+    BoardFault,
+    BoardState,
+    Measurement,
+)
 from pam_driver.boards.pam_board.dbc import default_dbc_path
 from support.reruns import EMULATED, HOST_STALLS
 
@@ -153,6 +161,58 @@ def test_after_kill_the_board_vents_by_itself(
     # the driver has to hear of it first
     bench.peer.until(lambda: bench.peer.change(Transition.TRANSITION_ACTIVATE), "active again")
     bench.move()
+
+
+@pytest.mark.system
+@pytest.mark.rerun_because(HOST_STALLS)
+def test_a_latched_fault_outlives_a_killed_driver_until_it_is_cleared(
+    make_bench: Callable[[str], Bench],
+) -> None:
+    """A supervisor that starts the driver again must not move the arm after a fault."""
+    bench = make_bench("udp_multicast")
+    killed = bench.start()
+    bench.move()
+    bench.board.pressures = [7e5, 1e5]  # over-pressure, which the driver notices and the board not
+    bench.peer.until(lambda: BoardFault.HOST in bench.board.faults, "the fault, kept by the board")
+    assert bench.vented()
+    bench.board.pressures = [0.0, 0.0]
+    killed.send(signal.SIGKILL)
+    killed.wait()
+    bench.board.commands.clear()
+    again = bench.start()  # it activates by itself, and commands are still published
+    bench.peer.until(lambda: "start-up is cancelled" in again.errors, "the refusal to start")
+    assert bench.board.commands
+    assert not any(any(command.enable) for command in bench.board.commands)
+    # the killed driver's services are still listed: wait until the peer hears the new driver
+    bench.peer.heard["pressure_states"].clear()
+    bench.peer.until(lambda: bench.peer.heard["pressure_states"], "the new driver")
+    assert not bench.peer.change(Transition.TRANSITION_ACTIVATE)
+    assert "keeps a fault that the driver latched earlier" in again.errors
+    assert bench.vented()
+    assert bench.peer.trigger("clear_faults").success
+    bench.peer.until(lambda: bench.board.state is BoardState.VENTED, "the fault cleared")
+    bench.peer.until(lambda: bench.peer.change(Transition.TRANSITION_ACTIVATE), "activation")
+    bench.peer.until(lambda: bench.board.air[0] > 0.2, "moving air")
+
+
+@pytest.mark.system
+@pytest.mark.rerun_because(HOST_STALLS)
+def test_a_moving_driver_refuses_simulated_time_and_its_measurements_grow_old(
+    make_bench: Callable[[str], Bench],
+) -> None:
+    """A clock that nobody publishes would keep the last measurement young for ever."""
+    bench = make_bench("udp_multicast")
+    bench.start()
+    bench.move()
+    simulated = rclpy.parameter.Parameter("use_sim_time", value=True).to_parameter_msg()
+    request = SetParameters.Request(parameters=[simulated])
+    (answer,) = bench.peer.call(SetParameters, "/pam_driver/set_parameters", request).results
+    assert not answer.successful
+    assert "use_sim_time" in answer.reason
+    assert bench.board.air[0] > 0.2
+    bench.board.silent = {Measurement}
+    bench.peer.until(bench.vented, "the stop")
+    bench.peer.until(lambda: BoardFault.HOST in bench.board.faults, "a latched fault")
 
 
 @pytest.mark.system
