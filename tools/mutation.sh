@@ -21,7 +21,7 @@ mkdir "$work/tests"
 cp -r tests/pam_driver tests/pam_model "$work/tests"
 cp tools/mutation.cfg "$work/setup.cfg"
 cd "$work"
-export PYTHONPATH=$tool NUMBA_NUM_THREADS=1 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
+export PYTHONPATH=$tool:$root/tests/helpers NUMBA_NUM_THREADS=1 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST
 mkdir -p "$out"
 "$python" -m mutmut run --max-children "${MUTATION_PROCESSES:-1}" "$@" >"$out/log.txt" 2>&1 || {
   tail -20 "$out/log.txt" >&2
