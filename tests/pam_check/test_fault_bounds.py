@@ -12,7 +12,7 @@ from pam_check.faults.rig_bounds import EMPTY, bounds_of
 from pam_check.faults.stuck_valve import RECOGNISED, stuck_valve_speed
 from pam_check.faults.trial import Trial, problem_of, run_trial, speed_bound
 from pam_sim.faults.fault_kind import LOWERING
-from pam_sim.faults.kinds import ALL_KINDS, kind_called
+from pam_sim.faults.kinds import KINDS, kind_called
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_a_valve_stuck_open_drives_a_held_joint_beyond_its_limit_although_the_ot
 
 
 def test_only_a_valve_that_stays_open_on_a_held_joint_may_exceed_the_speed_limit(chain):
-    faster = {kind.name for kind in ALL_KINDS if kind.supply_drives}
+    faster = {kind.name for kind in KINDS if kind.supply_drives}
     assert faster == {"valve_stuck_open_while_held"}
     bounds = bounds_of(chain.rig)
     kind = kind_called("valve_stuck_open_while_held")

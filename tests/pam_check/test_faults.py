@@ -27,7 +27,7 @@ from pam_sim.fault_injection import parse_injection
 from pam_sim.faults import rig_faults
 from pam_sim.faults.fault_kind import STOPS, Reaction, Stays
 from pam_sim.faults.frame_faults import FrameFault, FrameFaults
-from pam_sim.faults.kinds import ALL_KINDS, KINDS, OPEN, kind_called, write_into
+from pam_sim.faults.kinds import ALL_KINDS, KINDS, kind_called, write_into
 from pam_sim.faults.rig_faults import POSITION, RigFaults
 from support.rigs import ELBOW
 
@@ -44,7 +44,6 @@ def test_every_kind_can_be_brought_about_and_once_only():
     names = [kind.name for kind in ALL_KINDS]
     assert len(set(names)) == len(names)
     assert set(INJECTIONS) == set(names)
-    assert {name for name in names if name in OPEN} == OPEN
     assert len(KINDS) >= 110
 
 

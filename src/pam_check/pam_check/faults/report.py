@@ -12,7 +12,6 @@ from pathlib import Path
 
 from pam_check.faults.trial import Trial
 from pam_sim.faults.fault_kind import STOPS, FaultKind, Reaction
-from pam_sim.faults.kinds import OPEN
 
 HEADINGS = (
     "fault", "layer", "trials", "noticed by", "reaction", "safe after, median [ms]",
@@ -82,9 +81,6 @@ def as_markdown(kinds: Sequence[FaultKind], trials: Sequence[Trial], command: st
             "",
             f"    {command}",
         ]
-    if OPEN and not any(kind.boards for kind in kinds):
-        left_out = ", ".join(f"`{name}`" for name in sorted(OPEN))
-        lines += ["", f"Left out: {left_out}."]
     lines += ["", "| " + " | ".join(HEADINGS) + " |", "|---" * len(HEADINGS) + "|"]
     lines += ["| " + " | ".join(row) + " |" for row in table]
     said = {trial.kind: trial.message for trial in trials if trial.message}
