@@ -1,7 +1,7 @@
 """Diagnose the measured recordings in tests/data, and compare with what is known of them.
 
 `python benchmarks/real_recordings.py --out out/real_recordings` prints the table of
-docs/real_recordings.md. With `--check` it ends with exit code 1 if an answer is sure and wrong.
+docs/how_often_right.md. With `--check` it ends with exit code 1 if an answer is sure and wrong.
 """
 
 from __future__ import annotations
