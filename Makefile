@@ -26,6 +26,10 @@ report: setup
 docs: setup
 	@tools/docs.sh
 
+view: setup
+	@$(PYTHON) -c 'import rerun' 2>/dev/null || $(PYTHON) -m pip install -q -r requirements-view.txt
+	@$(PYTHON) -m pam_bringup viewer $(BAG)
+
 lint: setup
 	@tools/lint.sh
 

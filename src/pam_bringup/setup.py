@@ -20,6 +20,7 @@ setup(
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
+    entry_points={"console_scripts": ["viewer = pam_bringup.__main__:main"]},
     zip_safe=False,
     author="PAM suite authors",
     author_email="pam-suite@example.org",

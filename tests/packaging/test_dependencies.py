@@ -36,8 +36,8 @@ ROS = {
     "std_srvs", "trajectory_msgs",
 }  # fmt: skip
 # rosdep has no keys for these: without numba every package works, slower; without Dask only the
-# command `fleet` does not, and says so
-OPTIONAL = {"numba", "dask", "distributed"}
+# command `fleet` does not, without rerun-sdk only the viewer, and both say so
+OPTIONAL = {"numba", "dask", "distributed", "rerun"}
 # declared although no file imports them
 USED_OTHERWISE = {
     ("pam_driver", "python3-msgpack"): "python-can's interface udp_multicast needs it",
@@ -48,7 +48,7 @@ USED_OTHERWISE = {
     ("pam_bringup", "robot_state_publisher"): "a launch file starts it if it is installed",
 }
 # names on the package index, where they differ from the names that Python imports
-INDEX_NAMES = {"PIL": "pillow", "can": "python-can", "yaml": "pyyaml"}
+INDEX_NAMES = {"PIL": "pillow", "can": "python-can", "rerun": "rerun-sdk", "yaml": "pyyaml"}
 
 
 def declared(package: str) -> set[str]:
@@ -103,7 +103,8 @@ def test_what_starts_another_packages_node_depends_on_that_package():
 
 
 def test_requirements_name_every_import_that_is_not_of_ros():
-    text = (ROOT / "requirements.in").read_text().lower()
+    files = ("requirements.in", "requirements-view.txt")
+    text = "".join((ROOT / name).read_text().lower() for name in files)
     listed = set(re.findall(r"^([a-z0-9-]+)", text, re.MULTILINE))
     wanted = {name for package in PACKAGES for name in foreign_imports(package)}
     wanted -= ROS | set(PACKAGES)

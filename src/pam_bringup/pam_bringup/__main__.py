@@ -1,0 +1,104 @@
+"""`python -m pam_bringup`: show a running robot or a recording in a browser."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pam_model.argument_types import input_path, output_file
+from pam_model.command_line import (
+    Arguments,
+    Command,
+    Outcome,
+    Parser,
+    add_rig,
+    chosen_rig,
+    run_program,
+)
+
+
+def _declare(parser: Parser) -> None:
+    parser.add_argument(
+        "bag", nargs="?", type=input_path, metavar="BAG",
+        help="rosbag2 to show; without it, the running robot is shown",
+    )  # fmt: skip
+    add_rig(parser)
+    parser.add_argument("--namespace", default="", help="namespace of the robot's topics")
+    parser.add_argument("--web-port", type=int, default=9090, help="port of the page (9090)")
+    parser.add_argument("--data-port", type=int, default=9876, help="port of its data (9876)")
+    parser.add_argument(
+        "--narrow", action="store_true", help="one view at a time, for a phone's screen"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="open no browser here")
+    parser.add_argument(
+        "--save", type=output_file, metavar="FILE.rrd",
+        help="write a file for the viewer, and serve no page",
+    )  # fmt: skip
+
+
+def _view(given: Arguments) -> Outcome:
+    from pam_bringup.viewer.rerun_sink import RerunSink, layout  # noqa: PLC0415  (slow)
+    from pam_bringup.viewer.robot_view import RobotView  # noqa: PLC0415
+    from pam_model.rig import load_rig  # noqa: PLC0415
+
+    rig = load_rig(chosen_rig(given))
+    blueprint = layout(live=given.bag is None, narrow=given.narrow)
+    sink = RerunSink()
+    address = ""
+    if given.save:
+        sink.save(Path(given.save), blueprint)
+    else:
+        address = sink.serve(
+            given.web_port, given.data_port, blueprint, open_browser=not given.no_browser
+        )
+        print(f"{address}\nCtrl-C ends the viewer", flush=True)
+    view = RobotView(rig, sink)
+    if given.bag is not None:
+        from pam_bringup.viewer.show_bag import show_bag  # noqa: PLC0415
+
+        count = show_bag(Path(given.bag), given.namespace, view)
+        print(f"{count} messages shown", flush=True)
+        sink.finish()
+        if not given.save:
+            _wait()
+    else:
+        from pam_bringup.viewer.viewer_node import show_robot  # noqa: PLC0415  (rclpy)
+
+        show_robot(given.namespace, view)
+    sink.finish()
+    return Outcome({"address": address, "file": given.save})
+
+
+def _wait() -> None:
+    import signal  # noqa: PLC0415
+    import threading  # noqa: PLC0415
+
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    ended.wait()
+
+
+COMMANDS = (
+    Command(
+        "viewer",
+        "show a running robot or a recording in a browser",
+        _declare,
+        _view,
+        examples=(
+            "python -m pam_bringup viewer --rig my_robot.yaml",
+            "python -m pam_bringup viewer out/demo/bag",
+        ),
+    ),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return the exit code."""
+    description = "Tools for a robot that has been brought up."
+    return run_program("python -m pam_bringup", description, COMMANDS, arguments, default="viewer")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

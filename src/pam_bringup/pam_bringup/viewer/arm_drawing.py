@@ -1,0 +1,96 @@
+"""The lines and colours by which the 3-D view shows joints and muscles, computed without a viewer.
+
+As in the URDF of `pam_model urdf`, each joint is an axis along y with a rod, 0.2 m beside the last
+joint. The two muscles stand above it. Each pulls its side of the pulley by a tendon; the
+agonist's side is the one whose upward pull gives positive torque.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pam_model.joints.urdf import EquivalentRod
+from pam_model.rig import Rig
+
+Point = tuple[float, float, float]
+
+SPACING = 0.2  # m, between joints, as in the URDF
+TENDON = 0.05  # m, of the longest muscle's tendon at position 0
+_EMPTY = (120, 130, 140)
+_FULL = (220, 50, 40)
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """A line with a thickness.
+
+    Attributes
+    ----------
+    name : str
+        What it shows, for example `elbow/elbow_flexor`.
+    points : tuple of Point
+        Its corners [m].
+    radius : float
+        Half of its thickness [m].
+    colour : tuple of int
+        Red, green and blue, 0 to 255.
+    """
+
+    name: str
+    points: tuple[Point, ...]
+    radius: float
+    colour: tuple[int, int, int]
+
+
+def pressure_colour(share: float) -> tuple[int, int, int]:
+    """Colour of a muscle; `share` is its pressure over its highest pressure, NaN if unknown."""
+    share = 0.0 if math.isnan(share) else min(max(share, 0.0), 1.0)
+    red, green, blue = (
+        round(low + share * (high - low)) for low, high in zip(_EMPTY, _FULL, strict=True)
+    )
+    return red, green, blue
+
+
+def arm_strokes(rig: Rig, joint: int, position: float, pressures: dict[str, float]) -> list[Stroke]:
+    """The rod, the tendons and the muscles of a joint.
+
+    Parameters
+    ----------
+    rig : Rig
+        The robot.
+    joint : int
+        Place of the joint in the rig file.
+    position : float
+        [rad].
+    pressures : mapping of str to float
+        Gauge pressure by muscle [Pa]; a missing one is drawn as empty.
+    """
+    entry = rig.joints[joint]
+    y, radius = SPACING * joint, entry.pulley_radius
+    rod = EquivalentRod.of(entry)
+    angle = position - entry.gravity_angle + (math.pi if entry.gravity_torque < 0.0 else 0.0)
+    down = (-math.sin(angle), 0.0, -math.cos(angle))
+    reach = max(rod.length, 0.15)
+    end = (reach * down[0], y, reach * down[2])
+    strokes = [Stroke(f"{entry.name}/link", ((0.0, y, 0.0), end), 0.012, (70, 90, 160))]
+    top = TENDON + max(rig.muscle(name).neutral_length for name in entry.muscles)
+    for name, side in zip(entry.muscles, (-1.0, 1.0), strict=True):
+        muscle = rig.muscle(name)
+        length = muscle.neutral_length + side * radius * position
+        inside = max(muscle.thread_length**2 - length**2, 0.0)
+        half_width = 0.5 * math.sqrt(inside) / (muscle.turns * math.pi)
+        x = side * radius
+        share = pressures.get(name, math.nan) / muscle.max_pressure
+        lower = (x, y, top - length)
+        strokes.append(
+            Stroke(
+                f"{entry.name}/{name}",
+                ((x, y, top), lower),
+                max(half_width, 0.004),
+                pressure_colour(share),
+            )
+        )
+        tendon = (lower, (x, y, 0.0))
+        strokes.append(Stroke(f"{entry.name}/{name}_tendon", tendon, 0.002, (90, 90, 90)))
+    return strokes

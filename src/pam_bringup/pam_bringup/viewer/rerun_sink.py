@@ -1,0 +1,140 @@
+"""The viewer of rerun-sdk: its layout, and how numbers, texts and lines get there.
+
+rerun-sdk is optional, since it takes 500 MB of disk space. Its web page is part of the package
+and works without a network.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pam_bringup.viewer.arm_drawing import Stroke
+from pam_model.errors import PamError
+
+LIVE_SPAN = 20.0  # s, that the curves of a running robot show
+HAND_OVER_EVERY = 0.1  # s; single points would keep the viewer busy with their headers
+CURVES = (
+    ("angle", "Angle and reference [rad]"),
+    ("error", "Tracking error [mrad]"),
+    ("pressure", "Pressure [kPa gauge]"),
+    ("valve", "Valve opening [-1 to 1]"),
+    ("stiffness", "Stiffness asked and given [N m/rad]"),
+    ("gap", "Gap by stage [times the noise]"),
+)
+
+
+def rerun() -> Any:
+    """The module of the viewer.
+
+    Raises
+    ------
+    PamError
+        If it is not installed.
+    """
+    try:
+        import rerun  # noqa: PLC0415  (optional)
+    except ImportError:
+        raise PamError(
+            "the viewer needs rerun-sdk, which is not installed: pip install rerun-sdk"
+        ) from None
+    return rerun
+
+
+def layout(*, live: bool, narrow: bool) -> Any:
+    """Arrangement of the views: side by side, or one at a time for a narrow screen."""
+    rerun()
+    import rerun.blueprint as rrb  # noqa: PLC0415  (optional)
+
+    ranges = None
+    if live:
+        start = rrb.TimeRangeBoundary.cursor_relative(seconds=-LIVE_SPAN)
+        end = rrb.TimeRangeBoundary.cursor_relative()
+        ranges = [rrb.VisibleTimeRange("time", start=start, end=end)]
+    curves = {
+        name: rrb.TimeSeriesView(origin=f"/{name}", name=title, time_ranges=ranges)
+        for name, title in CURVES
+    }
+    arm = rrb.Spatial3DView(origin="/arm", name="Arm and muscles")
+    driver = rrb.TextDocumentView(origin="/driver", name="Driver and faults")
+    views: Any
+    if narrow:
+        views = rrb.Vertical(
+            rrb.Tabs(arm, driver, curves["gap"]),
+            rrb.Tabs(*(view for name, view in curves.items() if name != "gap")),
+        )
+    else:
+        views = rrb.Horizontal(
+            rrb.Vertical(arm, driver, row_shares=[3, 2]),
+            rrb.Vertical(curves["angle"], curves["error"], curves["stiffness"]),
+            rrb.Vertical(curves["pressure"], curves["valve"], curves["gap"]),
+        )
+    return rrb.Blueprint(
+        views,
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="hidden" if narrow else "collapsed"),
+    )
+
+
+class RerunSink:
+    """Hands everything to the viewer's recording stream."""
+
+    def __init__(self) -> None:
+        self._rr = rerun()
+        self._stream = self._rr.RecordingStream("pam_suite")
+        self._points: dict[str, list[tuple[float, float]]] = defaultdict(list)
+        self._handed_over = clock.monotonic()
+
+    def serve(self, web_port: int, data_port: int, blueprint: Any, *, open_browser: bool) -> str:
+        """Serve the page and its data on this machine; returns the address of the page."""
+        address = self._stream.serve_grpc(grpc_port=data_port, default_blueprint=blueprint)
+        self._rr.serve_web_viewer(web_port=web_port, open_browser=open_browser, connect_to=address)
+        return f"http://127.0.0.1:{web_port}/?url={address.replace('+', '%2B')}"
+
+    def save(self, path: Path, blueprint: Any) -> None:
+        """Write to a file of the viewer instead of a page."""
+        self._stream.save(path, default_blueprint=blueprint)
+
+    def finish(self) -> None:
+        """Hand over what is still on its way."""
+        self._hand_over()
+        self._stream.flush()
+
+    def _hand_over(self) -> None:
+        """Give the viewer all points since the last time, curve by curve."""
+        for path, points in self._points.items():
+            times, values = zip(*points, strict=True)
+            self._stream.send_columns(
+                path.replace(" ", "_"),
+                indexes=[self._rr.TimeColumn("time", timestamp=times)],
+                columns=self._rr.Scalars.columns(scalars=values),
+            )
+        self._points.clear()
+        self._handed_over = clock.monotonic()
+
+    def number(self, path: str, time: float, value: float) -> None:
+        """A point of a curve."""
+        self._points[path].append((time, value))
+        if clock.monotonic() - self._handed_over > HAND_OVER_EVERY:
+            self._hand_over()
+
+    def text(self, path: str, time: float, markdown: str) -> None:
+        """A text that replaces the one before."""
+        self._at(time)
+        self._stream.log(path, self._rr.TextDocument(markdown, media_type="text/markdown"))
+
+    def lines(self, time: float, strokes: Sequence[Stroke]) -> None:
+        """Lines of the 3-D view."""
+        self._at(time)
+        for stroke in strokes:
+            drawn = self._rr.LineStrips3D(
+                [stroke.points], radii=stroke.radius, colors=[stroke.colour]
+            )
+            self._stream.log(f"arm/{stroke.name}", drawn)
+
+    def _at(self, time: float) -> None:
+        self._stream.set_time("time", timestamp=time)

@@ -1,0 +1,46 @@
+"""Hands the messages of a rosbag2 to a view, without a ROS installation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.typesys import Stores, get_typestore
+
+from pam_bringup.viewer.robot_view import TOPICS, RobotView
+from pam_model.errors import PamError
+
+
+def show_bag(path: Path, namespace: str, view: RobotView) -> int:
+    """Show every message of a recording; returns their number.
+
+    Parameters
+    ----------
+    path : Path
+        Folder or file of the rosbag2.
+    namespace : str
+        Namespace of the robot in the recording; may be empty.
+    view : RobotView
+        Takes the messages.
+
+    Raises
+    ------
+    PamError
+        If the recording cannot be read, or has none of the topics.
+    """
+    prefix = "/" + namespace.strip("/") if namespace.strip("/") else ""
+    wanted = {name if name[0] == "/" else f"{prefix}/{name}": name for name in TOPICS}
+    count = 0
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            connections = [entry for entry in reader.connections if entry.topic in wanted]
+            for connection, received, data in reader.messages(connections=connections):
+                message: Any = reader.deserialize(data, connection.msgtype)
+                view.take(wanted[connection.topic], 1e-9 * received, message)
+                count += 1
+    except AnyReaderError as error:
+        raise PamError(f"{path}: {error}") from None
+    if not count:
+        raise PamError(f"{path}: none of the topics {', '.join(wanted)} is in it")
+    return count

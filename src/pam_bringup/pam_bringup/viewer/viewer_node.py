@@ -1,0 +1,55 @@
+"""Subscribes to the topics of a running robot, for the view."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from pam_bringup.viewer.robot_view import TOPICS, RobotView
+
+TYPES = {kind.__name__: kind for kind in (DiagnosticArray, DiagnosticStatus, JointState)}
+TYPES["Float64MultiArray"] = Float64MultiArray
+_SENSED = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class ViewerNode(Node):  # type: ignore[misc]
+    """Hands every message to the view, with the time at which it came."""
+
+    def __init__(self, namespace: str, view: RobotView) -> None:
+        super().__init__("pam_viewer", namespace=namespace)
+        self._view = view
+        for topic, kind in TOPICS.items():
+            qos = _LATCHED if topic == "pam_driver/state" else _SENSED
+            take = partial(self._take, topic)
+            self.create_subscription(TYPES[kind.rsplit("/", 1)[-1]], topic, take, qos)
+
+    def _take(self, topic: str, message: Any) -> None:
+        self._view.take(topic, time.time(), message)
+
+
+def show_robot(namespace: str, view: RobotView) -> None:
+    """Show a running robot until SIGINT or SIGTERM."""
+    rclpy.init(args=[])
+    node = ViewerNode(namespace, view)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=0.1)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
