@@ -106,6 +106,8 @@ class Controller(LoopDesign):
         for channel, found in zip(self.channels, loops.margins, strict=True):
             channel.margins = found
         self.settings = settings = loops.settings
+        if not settings.adaptation:
+            self.forget_adaptation()
         self.references.stream_timeout = settings.stream_timeout
         self.references.stream_bandwidth = settings.stream_bandwidth
         self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
@@ -163,6 +165,11 @@ class Controller(LoopDesign):
             self._apply(self.prepared.normal)
         self.guard.clear()
         self.stiffness_commands = [self.settings.default_stiffness for _ in self.channels]
+
+    def forget_adaptation(self) -> None:
+        """Forget what was learnt of the joints and the valves."""
+        for channel in self.channels:
+            channel.forget_adaptation()
 
     def stop(self, now: float) -> None:
         """Brake all joints within their limits and hold them (stop category 2).
@@ -362,6 +369,8 @@ class Controller(LoopDesign):
             gain=settings.pressure_gain or 0.0,
             lead_ratio=settings.lead_ratio,
             spool_limit=settings.spool_limit,
+            adaptation=settings.adaptation and self.has_adaptation,
+            acting_delay=acts_at - measured_at,
         )
         channel.valve_clipped = False
         for side, (loop, muscle) in enumerate(zip(channel.loops, channel.muscles, strict=True)):

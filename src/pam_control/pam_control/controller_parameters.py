@@ -152,6 +152,16 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "disturbance_observer.limit", d.observer_limit, "N m", 0.0, 1e4,
             "largest torque that the disturbance observer compensates",
         ),
+        Parameter(
+            "adaptation.enabled", d.adaptation, "-", 0, 0,
+            "learn the torque that the model lacks and the true flows of the valves "
+            "(law model_based)",
+            changeable=True,
+        ),
+        _number(
+            "adaptation.limit", d.adaptation_limit, "N m", 0.0, 1e4,
+            "largest torque that is learnt",
+        ),
         _number(
             "pressure_ratio.mean_pressure", d.mean_pressure, "Pa", 1e4, 1e6,
             "mean of the two pressures for the laws pressure_ratio_pid and pressure_difference_pid",
@@ -256,6 +266,8 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         observer=bool(values["disturbance_observer.enabled"]),
         observer_bandwidth=number("disturbance_observer.bandwidth"),
         observer_limit=number("disturbance_observer.limit"),
+        adaptation=bool(values["adaptation.enabled"]),
+        adaptation_limit=number("adaptation.limit"),
         stale_after=number("loop.stale_after"),
         stream_timeout=number("stream.timeout"),
         stream_bandwidth=number("stream.bandwidth"),

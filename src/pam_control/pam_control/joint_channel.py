@@ -6,6 +6,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from pam_control.adaptation.torque_adaptation import TorqueAdaptation
 from pam_control.compensation.history_torque import HistoryTorque
 from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.feedback.disturbance_observer import AlignedPressures, DisturbanceObserver
@@ -64,7 +65,8 @@ class JointTelemetry:
     pressures : (float, float)
         Desired gauge pressures [Pa].
     disturbance : float
-        Torque on the joint that its model does not explain [N m]; NaN without an observer.
+        Torque on the joint that its model does not explain [N m], observed or learnt; NaN if
+        neither is asked for.
     clipped : tuple of str
         What was limited: "torque", "stiffness", "pressure_rate", "valve".
     """
@@ -104,12 +106,24 @@ class JointChannel:
             self.dynamics.inertia, self.dynamics.viscous_friction, max(self.pressure_lags)
         )
         self.aligned = AlignedPressures(self.position_delay + KEPT_BEFORE_MEASUREMENT)
+        highest = [muscle.max_pressure for muscle in self.muscles]
+        middle = 0.5 * sum(joint.position_limits)
+        self.adaptation = TorqueAdaptation(
+            self.dynamics.inertia,
+            self.dynamics.viscous_friction,
+            0.5
+            * (
+                self.model.torque(highest[0], 0.0, middle)
+                - self.model.torque(0.0, highest[1], middle)
+            ),
+        )
         self.loops = tuple(
             create_pressure_loop(rig, muscle, gas_space)
             for muscle, gas_space in zip(
                 self.muscles, (self.model.agonist, self.model.antagonist), strict=True
             )
         )
+        self.adapted = 0.0  # learnt torque of the newest plan [N m]
         self.telemetry = JointTelemetry()
         self.margins: list[Margins] = []
         self.plans: deque[Plan] = deque()  # oldest first
@@ -126,6 +140,8 @@ class JointChannel:
         self.pid.reset()
         self.observer.reset()
         self.aligned.reset()
+        self.adaptation.restart()
+        self.adapted = 0.0
         self.plans.clear()
         self.history.reset()
         self.position = self.position_time = math.nan
@@ -133,6 +149,12 @@ class JointChannel:
         self.valve_clipped = False
         for loop in self.loops:
             loop.reset()
+
+    def forget_adaptation(self) -> None:
+        """Forget what was learnt of the joint and its valves."""
+        self.adaptation.forget()
+        for loop in self.loops:
+            loop.forget_adaptation()
 
     def inside(self, position: float) -> float:
         """The position [rad] limited to the range of the muscles' models."""

@@ -27,10 +27,21 @@ from pam_ros.valve_command import PRESSURE_REGULATOR
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """Settings with all gains, and the margins of every joint with them."""
+    """Settings with all gains, and the margins of every joint with them.
+
+    Attributes
+    ----------
+    settings : ControlSettings
+        No gain is missing.
+    margins : list of list of Margins
+        By joint.
+    soft : bool
+        Whether they are for a joint that has oscillated: nothing is learnt then.
+    """
 
     settings: ControlSettings
     margins: list[list[Margins]]
+    soft: bool = False
 
     def changed_to(self, settings: ControlSettings) -> Loops:
         """Other settings with the same loops."""
@@ -39,8 +50,10 @@ class Loops:
             "gains": mine.gains,
             "pressure_gain": mine.pressure_gain,
             "observer": mine.observer,
+            "extra_delay": mine.extra_delay,
+            "adaptation": settings.adaptation and not self.soft,
         }
-        return Loops(settings.replace(**kept, extra_delay=mine.extra_delay), self.margins)
+        return dataclasses.replace(self, settings=settings.replace(**kept))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +88,8 @@ class LoopDesign(ABC):
 
     has_observer = False
     """Whether the law compensates what a disturbance observer finds."""
+    has_adaptation = False
+    """Whether the law uses what was learnt of the joints and the valves."""
 
     @abstractmethod
     def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
@@ -207,7 +222,8 @@ class LoopDesign(ABC):
                 gains={},
                 partial_gains={},
                 observer=False,
+                adaptation=False,
             )
             designed = self.designed(asked)
-            soft = Loops(designed, self.check(designed))
+            soft = Loops(designed, self.check(designed), soft=True)
         return PreparedSettings(settings, normal, soft)

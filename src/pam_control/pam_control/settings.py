@@ -90,6 +90,11 @@ class ControlSettings:
         Bandwidth of this observer [rad/s]; 0: designed.
     observer_limit : float
         Largest torque that it compensates [N m].
+    adaptation : bool
+        Whether the model-based law learns the torque that its model lacks, and how the flows of
+        its valves differ from their data.
+    adaptation_limit : float
+        Largest torque that is learnt [N m].
     stale_after : float
         Age at which a measurement is stale [s].
     stream_timeout, stream_bandwidth : float
@@ -127,6 +132,8 @@ class ControlSettings:
     observer: bool = False
     observer_bandwidth: float = 0.0
     observer_limit: float = 5.0
+    adaptation: bool = True
+    adaptation_limit: float = 5.0
     stale_after: float = 0.05
     stream_timeout: float = 0.2
     stream_bandwidth: float = 40.0

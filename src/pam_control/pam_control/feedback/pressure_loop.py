@@ -14,11 +14,18 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
+from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
 from pam_control.compensation.valve_inverse import ValveInverse
 from pam_control.feedback.pressure_watch import PressureWatch
 from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import Leak
-from pam_model.gas import flow_for_pressure_rate, reference_density, valve_opening
+from pam_model.gas import (
+    GAS_CONSTANT,
+    flow_for_pressure_rate,
+    reference_density,
+    valve_flow,
+    valve_opening,
+)
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.rig import Muscle, Rig
 
@@ -62,11 +69,17 @@ class PressureLoopSettings:
         Part of the valve's lag that is left uncompensated [-].
     spool_limit : float
         Largest spool command [-].
+    adaptation : bool
+        Whether to learn how the valve's flow differs from its data.
+    acting_delay : float
+        Time from a measurement until the command computed from it acts [s].
     """
 
     gain: float
     lead_ratio: float
     spool_limit: float = 1.0
+    adaptation: bool = False
+    acting_delay: float = 0.0
 
 
 def valve_time_constant(muscle: Muscle) -> float:
@@ -84,6 +97,10 @@ class PressureLoop(Protocol):
 
     def reset(self) -> None:
         """Reset the state."""
+        ...
+
+    def forget_adaptation(self) -> None:
+        """Forget what was learnt of the valve."""
         ...
 
     def command(
@@ -135,6 +152,8 @@ class FlowValveLoop:
         self._temperature = rig.gas.temperature
         self._density = reference_density(rig.gas.temperature)
         self._exponent = rig.gas.polytropic_exponent
+        self._full = self._flow(1.0, self._ambient)
+        self.adaptation = FlowAdaptation(self._full)
         self._opening = math.nan
         self._lagged = 0.0
 
@@ -142,6 +161,25 @@ class FlowValveLoop:
         """Reset the lead compensator and the watch."""
         self._opening = math.nan
         self._watch.reset()
+        self.adaptation.restart()
+
+    def forget_adaptation(self) -> None:
+        """Forget what was learnt of the valve."""
+        self.adaptation.forget()
+
+    def _flow(self, opening: float, absolute: float) -> float:
+        """Flow into the muscle by the valve's data [kg/s]."""
+        return float(
+            valve_flow(
+                opening,
+                absolute,
+                supply_pressure=self._supply,
+                ambient_pressure=self._ambient,
+                conductance=self._valve.sonic_conductance,
+                critical_ratio=self._valve.critical_ratio,
+                temperature=self._temperature,
+            )
+        )
 
     @property
     def gain_factor(self) -> float:
@@ -166,9 +204,17 @@ class FlowValveLoop:
             temperature=self._temperature,
             exponent=self._exponent,
         )
+        leaving = 0.0
         for law, values in self._leaks:
-            leaving = law(absolute, self._ambient, self._valve.critical_ratio, *values)
-            flow += leaving * self._density
+            leaving += self._density * law(
+                absolute, self._ambient, self._valve.critical_ratio, *values
+            )
+        flow += leaving
+        per_pressure = 1.0 / (GAS_CONSTANT * self._temperature)
+        capacity = 1.0
+        if settings.adaptation:
+            capacity = abs(self._flow(math.copysign(1.0, flow), absolute))
+            flow = self.adaptation.corrected(flow, absolute * volume_rate * per_pressure, capacity)
         opening = valve_opening(
             flow,
             absolute,
@@ -178,8 +224,20 @@ class FlowValveLoop:
             critical_ratio=self._valve.critical_ratio,
             temperature=self._temperature,
         )
-        opening = self._inverse.opening(opening)
         limit = settings.spool_limit
+        if settings.adaptation:
+            given = flow * min(limit / max(abs(opening), limit), 1.0)
+            inside = max(pressure + self._ambient, self._ambient)
+            sample = FlowSample(
+                given - leaving,
+                capacity,
+                pressure,
+                volume * per_pressure / self._exponent,
+                inside * volume_rate * per_pressure,
+                settings.acting_delay,
+            )
+            self.adaptation.learn(step, sample)
+        opening = self._inverse.opening(opening)
         wanted = self._inverse.spool(max(-limit, min(limit, opening)))
         command = self._lead(wanted, settings.lead_ratio, step)
         return max(-limit, min(limit, command)), abs(opening) >= limit
@@ -220,6 +278,9 @@ class RegulatorLoop:
 
     def reset(self) -> None:
         """There is no state to reset."""
+
+    def forget_adaptation(self) -> None:
+        """A regulator closes its own loop; nothing is learnt of it."""
 
     def command(
         self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float

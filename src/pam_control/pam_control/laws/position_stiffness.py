@@ -29,6 +29,7 @@ class PositionStiffnessController(Controller):
     """The model-based law; see the module's docstring."""
 
     has_observer = True
+    has_adaptation = True
 
     def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
         """The loops over the joint's range and the stiffness grid."""
@@ -50,6 +51,8 @@ class PositionStiffnessController(Controller):
         torque = channel.model.torque(*pressures, position)
         if self.settings.feedforward:
             torque -= channel.dynamics.gravity(position)
+            if self.settings.adaptation:
+                torque -= channel.adaptation.at_rest(position, self.settings.adaptation_limit)
             if self.settings.gains[channel.joint.name].observer > 0.0:
                 torque -= channel.observer.start(torque, self.settings.observer_limit)
         limit = self.settings.integral_limit
@@ -64,6 +67,8 @@ class PositionStiffnessController(Controller):
         planned = 0.0
         if settings.feedforward:
             added = channel.plans[-1].memory_torque if channel.plans else 0.0
+            if not settings.adaptation:  # the next plans lack what was learnt
+                added += channel.adapted
             planned = channel.dynamics.torque(reference) - added
             position = reference.position
         channel.plans.clear()
@@ -89,6 +94,35 @@ class PositionStiffnessController(Controller):
         channel.telemetry.disturbance = -lost
         return lost
 
+    def _learn(self, request: PlanRequest, known: float) -> None:
+        """Take what the torque of the muscles says about what the model lacks.
+
+        Parameters
+        ----------
+        request : PlanRequest
+            The present cycle.
+        known : float
+            Torque of the muscles' known memory, hysteresis and creep [N m].
+        """
+        channel = request.channel
+        channel.aligned.add(request.measured_at, request.pressures)
+        position, speed = channel.position, channel.velocity
+        muscles = channel.model.torque(
+            *channel.aligned.at(request.seen_at), channel.inside(position)
+        )
+        model = channel.dynamics.static_torque(position, speed, request.seen.velocity)
+        unexplained = muscles + known - model
+        how = self.settings.derivative_filter
+        channel.adaptation.learn(request.fresh, unexplained, position, speed, how)
+
+    @staticmethod
+    def _tell(channel: JointChannel) -> None:
+        """Count what was learnt as a disturbance, so that a payload stays visible."""
+        telemetry = channel.telemetry
+        if channel.adaptation.knows:
+            observed = 0.0 if math.isnan(telemetry.disturbance) else telemetry.disturbance
+            telemetry.disturbance = observed - channel.adapted
+
     def _plan(self, request: PlanRequest) -> PressurePlan:
         channel = request.channel
         settings, telemetry = self.settings, channel.telemetry
@@ -101,6 +135,13 @@ class PositionStiffnessController(Controller):
             now, then = request.now, request.then
             before = channel.plans[-1].pressures if channel.plans else channel.desired
             added = channel.history.advance(request.acts_at, then.position, before)
+            memory, limit = added, settings.adaptation_limit
+            channel.adapted = (
+                channel.adaptation.torque(request.acts_at, then, limit)
+                if settings.adaptation
+                else 0.0
+            )
+            added -= channel.adapted
             planned = channel.model.pressures_for(
                 channel.dynamics.torque(then) - added, stiffness, then.position
             )
@@ -115,6 +156,9 @@ class PositionStiffnessController(Controller):
             wanted_stiffness, added = past.stiffness, past.memory_torque
             torque = channel.dynamics.torque(now) - added + request.output
             torque += self._lost(request, added)
+            if settings.adaptation:
+                self._learn(request, memory)
+                self._tell(channel)
             position = now.position
             velocities = request.side_velocities
         else:

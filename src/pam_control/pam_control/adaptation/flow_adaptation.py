@@ -1,0 +1,142 @@
+"""How the flow of a valve differs from what its data say, learnt while it works.
+
+With the flow u that the data promise for the command, the flow m that the measured pressure and the
+motion of the muscle show, the part w of m that the motion takes, and the full flow c,
+
+    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c))
+
+a and b are what the supply and the exhaust path give more, or the gas volume takes less; o is an
+opening that nobody commanded; e tells that the gas is not isothermal, or that its volume is another
+than written; z is negative if the spool overlaps its ports. A fit over the last seconds of work
+finds the five. The command of the valve is then computed with them.
+
+Both sides pass the same slow filter, so that no pressure is differentiated, and a delay of a few
+milliseconds does not matter.
+
+Source: P. Beater, Pneumatic Drives, Springer 2007, chapters 5 and 6 (paths and overlap of a valve,
+chamber). The form of the fit is derived here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from pam_control.adaptation.recursive_fit import Array, RecursiveFit
+
+FILTER: Final = 0.06  # s
+EVERY: Final = 0.01  # s between two updates of the fit
+NOISE: Final = 0.01  # of the full flow
+TRIFLE: Final = 0.003  # of the full flow; less is left to the pressure loop
+LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells nothing
+DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05)
+LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1)
+HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0)
+LEARNT_EDGE: Final = 0.03  # h, of the full flow
+USED_EDGE: Final = 0.01  # the same for the command: an overlap is not filled within it, for calm
+
+
+@dataclass(frozen=True, slots=True)
+class FlowSample:
+    """One control cycle of a valve.
+
+    Attributes
+    ----------
+    promised : float
+        Flow of the command by the valve's data, without leaks [kg/s].
+    capacity : float
+        Full flow in its direction [kg/s].
+    pressure : float
+        Measured [Pa].
+    per_rate : float
+        V/(k R T), flow per pressure rate [kg/Pa].
+    moved : float
+        Flow that the motion of the muscle takes, P dV/dt/(R T) [kg/s].
+    delay : float
+        Until the command acts [s].
+    """
+
+    promised: float
+    capacity: float
+    pressure: float
+    per_rate: float
+    moved: float
+    delay: float
+
+
+class FlowAdaptation:
+    """Learns and corrects the flow of one valve.
+
+    Parameters
+    ----------
+    full_flow : float
+        Of the open valve from the supply [kg/s].
+    """
+
+    def __init__(self, full_flow: float) -> None:
+        self._full = full_flow
+        self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE)
+        self.restart()
+
+    def forget(self) -> None:
+        """Nothing is known."""
+        self._fit.forget()
+
+    def restart(self) -> None:
+        """Begin anew with the filters; what was learnt is kept."""
+        self._smooth: Array | None = None
+        self._late = 0.0
+        self._since = 0.0
+
+    @property
+    def weights(self) -> list[float]:
+        """a, b, o, e and z within their bounds."""
+        return [
+            max(low, min(high, weight))
+            for low, high, weight in zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
+        ]
+
+    def corrected(self, flow: float, moved: float, capacity: float) -> float:
+        """The flow to ask the valve's data for, so that the valve gives `flow` [kg/s].
+
+        Parameters
+        ----------
+        flow : float
+            Wanted [kg/s].
+        moved : float
+            The part of it that the motion of the muscle takes [kg/s].
+        capacity : float
+            Full flow in its direction [kg/s].
+        """
+        a, b, o, e, z = self.weights
+        left = flow - o * capacity - e * moved
+        left -= z * capacity * _saturated(left / (USED_EDGE * capacity))
+        return left / (1.0 + (a if left > 0.0 else b))
+
+    def learn(self, step: float, sample: FlowSample) -> None:
+        """Take a sample, `step` [s] after the last one."""
+        if step <= 0.0:
+            return
+        self._late += step / (max(sample.delay, 0.0) + step) * (sample.promised - self._late)
+        u, c = self._late, sample.capacity
+        overlap = c * _saturated(u / (LEARNT_EDGE * c))
+        raw = np.array((sample.pressure, max(u, 0.0), min(u, 0.0), c, sample.moved, overlap))
+        if self._smooth is None:
+            self._smooth = raw
+        self._smooth = self._smooth + step / (FILTER + step) * (raw - self._smooth)
+        self._since += step
+        if self._since < EVERY:
+            return
+        slow, up, down = self._smooth[:3].tolist()
+        if up - down > LEAST_WORK * self._full:
+            seen = sample.per_rate * (sample.pressure - slow) / FILTER + float(self._smooth[4])
+            self._fit.update(
+                self._smooth[1:] / self._full, (seen - up - down) / self._full, self._since
+            )
+        self._since = 0.0
+
+
+def _saturated(value: float) -> float:
+    return max(-1.0, min(1.0, value))

@@ -1,0 +1,182 @@
+"""What the controller learns of a rig that is not its rig file, and when it learns nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
+from pam_control.adaptation.motion_functions import MotionMemory
+from pam_control.adaptation.recursive_fit import RecursiveFit
+from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.references.trajectory import TrajectoryPoint
+from pam_control.settings import ControlSettings
+
+SETTLE = 1.0
+DESIGNS = KeptDesigns()
+PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
+STEP = 0.002
+
+
+def law(rig, **settings):
+    return PositionStiffnessController(rig, ControlSettings(**settings), DESIGNS)
+
+
+def played(closed_loop, controller, motion, **options):
+    """RMS error [rad] of a motion, beginning with what the controller has learnt before."""
+    points, duration = motion
+    loop = closed_loop(controller, **options)
+    controller.drop_commands()
+    loop.run(SETTLE)
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    return loop.run(duration).rms(SETTLE)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        PAYLOAD,
+        {"viscous_friction.extra": 0.3},
+        {"agonist.exhaust_restriction.ratio": 0.6, "antagonist.exhaust_restriction.ratio": 0.6},
+    ],
+    ids=str,
+)
+def test_what_the_rig_file_lacks_is_learnt_in_one_motion(closed_loop, rig, reaching, hidden):
+    without = played(closed_loop, law(rig, adaptation=False), reaching, effects=hidden)
+    learning = law(rig)
+    first = played(closed_loop, learning, reaching, effects=hidden)
+    second = played(closed_loop, learning, reaching, effects=hidden)
+    assert first < 0.6 * without
+    assert second < 0.35 * without
+
+
+def test_nothing_is_learnt_of_a_rig_that_is_its_rig_file(closed_loop, rig, reaching):
+    controller = law(rig)
+    played(closed_loop, controller, reaching)
+    channel = controller.channels[0]
+    assert not channel.adaptation.knows
+    assert not any(weight for loop in channel.loops for weight in loop.adaptation.weights)
+
+
+def test_a_learnt_payload_is_reported_and_does_not_move_the_joint_when_it_is_forgotten(
+    closed_loop, rig, reaching
+):
+    controller = law(rig)
+    played(closed_loop, controller, reaching, effects=PAYLOAD)
+    loop = closed_loop(controller, effects=PAYLOAD)
+    controller.drop_commands()
+    loop.run(SETTLE)
+    points = [TrajectoryPoint(1.0, [0.6], [0.0], [0.0])]
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(3.0)
+    torque = -0.5 * 9.81 * 0.2 * math.sin(0.6)
+    assert controller.channels[0].telemetry.disturbance == pytest.approx(torque, rel=0.3)
+    before = loop.run(0.2).column(2).mean()
+    controller.change(controller.settings.replace(adaptation=False))
+    assert not controller.channels[0].adaptation.knows
+    assert np.abs(loop.run(1.0).column(2) - before).max() < 0.02
+
+
+def test_taking_over_with_what_was_learnt_does_not_move_the_joint(closed_loop, rig, reaching):
+    controller = law(rig)
+    played(closed_loop, controller, reaching, effects=PAYLOAD)
+    loop = closed_loop(controller, effects=PAYLOAD)
+    controller.drop_commands()
+    loop.run(SETTLE)
+    points = [TrajectoryPoint(1.0, [0.6], [0.0], [0.0])]
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(3.0)
+    before = loop.run(0.2).column(2).mean()
+    controller.deactivate()
+    assert np.abs(loop.run(1.0).column(2) - before).max() < 0.02
+
+
+def test_soft_gains_neither_learn_nor_use_what_was_learnt(rig):
+    controller = law(rig)
+    assert controller.prepared.soft is not None
+    assert not controller.prepared.soft.settings.adaptation
+    changed = controller.prepare(controller.prepared.asked.replace(integral_limit=3.0))
+    assert changed.soft is not None
+    assert not changed.soft.settings.adaptation
+    assert changed.normal.settings.adaptation
+
+
+def test_the_learnt_torque_is_limited(closed_loop, rig, reaching):
+    controller = law(rig, adaptation_limit=0.1)
+    points, duration = reaching
+    loop = closed_loop(controller, effects=PAYLOAD)
+    loop.run(SETTLE)
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    used = []
+    loop.run(duration, lambda _: used.append(controller.channels[0].adapted))
+    assert max(map(abs, used)) == pytest.approx(0.1)
+
+
+# --- the parts ---------------------------------------------------------------------------------
+
+
+def test_a_fit_ignores_noise_and_finds_what_is_there():
+    random, wanted = np.random.default_rng(3), np.array([0.5, -0.2])
+    silent, finding = (RecursiveFit((1.0, 1.0), 0.05, 0.02) for _ in range(2))
+    for _ in range(500):
+        functions = random.standard_normal(2)
+        noise = 0.05 * random.standard_normal()
+        silent.update(functions, noise, 0.01)
+        finding.update(functions, float(functions @ wanted) + noise, 0.01)
+    assert silent.weights == [0.0, 0.0]
+    assert finding.weights == pytest.approx(wanted, abs=0.02)
+
+
+def test_a_fit_that_has_seen_one_direction_only_does_not_guess_the_other():
+    fit = RecursiveFit((1.0, 1.0), 0.05, 0.01)
+    for _ in range(500):
+        fit.update(np.array([1.0, 1.0]), 0.6, 0.01)
+    assert fit.weights == pytest.approx([0.3, 0.3], abs=0.01)
+
+
+def test_a_fit_follows_what_has_changed():
+    random, fit = np.random.default_rng(4), RecursiveFit((1.0,), 0.05, 0.01)
+    for load in (0.5, 0.1):
+        for _ in range(6000):  # a minute
+            value = random.standard_normal()
+            fit.update(np.array([value]), load * value, 0.01)
+        assert fit.weights == pytest.approx([load], abs=0.02)
+
+
+def test_slip_elements_make_a_loop_that_closes():
+    memory, there, back = MotionMemory(), [], []
+    sweep = np.linspace(-0.5, 0.5, 400)
+    for _ in range(2):
+        there = [memory.advance(q, STEP)[:4] for q in sweep]
+        back = [memory.advance(q, STEP)[:4] for q in sweep[::-1]]
+    assert np.all(np.array(there[200]) > 0.8)
+    assert np.all(np.array(back[200]) < -0.8)
+
+
+def _true_flow(promised, exhaust, offset, overlap, capacity):
+    opening = promised / capacity + offset
+    opening = math.copysign(max(abs(opening) - overlap, 0.0), opening)
+    return (exhaust if opening < 0.0 else 1.0) * opening * capacity
+
+
+@pytest.mark.parametrize(
+    ("exhaust", "offset", "overlap"), [(0.6, 0.0, 0.0), (1.0, 0.03, 0.0), (1.0, 0.0, 0.05)]
+)
+def test_a_valve_gives_what_is_asked_for_after_its_flow_was_learnt(exhaust, offset, overlap):
+    full, per_rate, delay = 3e-3, 2e-9, 0.005
+    adaptation = FlowAdaptation(full)
+    random, pressure, late = np.random.default_rng(5), 2e5, 0.0
+    for cycle in range(4000):
+        now = STEP * cycle
+        promised = full * (0.3 * math.sin(5.0 * now) + 0.15 * math.sin(13.0 * now))
+        late += STEP / (delay + STEP) * (promised - late)
+        pressure += STEP * _true_flow(late, exhaust, offset, overlap, full) / per_rate
+        shown = pressure + 70.0 * random.standard_normal()
+        adaptation.learn(STEP, FlowSample(promised, full, shown, per_rate, 0.0, delay))
+    for wanted in (-0.3 * full, 0.3 * full):
+        asked = adaptation.corrected(wanted, 0.0, full)
+        given = _true_flow(asked, exhaust, offset, overlap, full)
+        assert given == pytest.approx(wanted, rel=0.06)
