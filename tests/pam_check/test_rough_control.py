@@ -17,6 +17,7 @@ from pam_check.control.hidden_sizes import CLEAN, HIDDEN
 from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
 from pam_check.control.tuned_pid import Bench
+from pam_control.control_step import Measurement
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.rig import load_rig
 
@@ -129,3 +130,37 @@ def test_the_disturbance_observer_serves_on_the_independent_plant(rough, effect)
     ):
         assert observed.controller.rms < 0.75 * without.controller.rms
         assert not observed.controller.stopped
+
+
+def test_a_payload_that_is_put_on_in_mid_motion_is_settled_within_a_second(rough):
+    """Later reaches overshoot by less than 5 % of their length."""
+    controller, clean = rough.controller, rough.hidden("nothing")
+    controller.forget_adaptation()
+    controller.drop_commands()
+    reaches = [0.5, -0.4, 0.5, -0.4, 0.5]  # rad, one every 2 s, each within 0.6 s
+    count = round((1.5 + 2.0 * len(reaches)) / PERIOD)
+    plant = RunningTruth(
+        *clean, Sensors(), np.random.default_rng(5), period=PERIOD, count=count, pressure=2e5
+    )
+    commands = (0.0, 0.0)
+    for k in range(count):
+        now, number = k * PERIOD, round((k * PERIOD - 1.5) / 2.0, 6)
+        shown = plant.advance(commands)
+        if number >= 0.0 and number == int(number):
+            reach = [TrajectoryPoint(0.6, [reaches[int(number)]], [0.0], [0.0])]
+            controller.references.follow(["elbow"], reach, start=None, now=now)
+        if k == round((1.5 + 0.3) / PERIOD):
+            plant.becomes(*rough.hidden("payload"))
+        output = controller.step(now, Measurement([shown[2]], [shown[0], shown[1]], now, now))
+        assert output.commands is not None, output.reason
+        commands = (output.commands[0], output.commands[1])
+    position = plant.truth[:, 2]
+
+    def between(start: float, end: float) -> np.ndarray:
+        return position[round(start / PERIOD) : round(end / PERIOD)]
+
+    assert np.abs(between(2.8, 3.5) - 0.5).max() < 0.01
+    for index in range(1, len(reaches)):
+        length = reaches[index] - reaches[index - 1]
+        beyond = (between(1.5 + 2.0 * index, 3.5 + 2.0 * index) - reaches[index]) / length
+        assert beyond.max() < 0.05

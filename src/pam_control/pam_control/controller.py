@@ -108,6 +108,9 @@ class Controller(LoopDesign):
         self.settings = settings = loops.settings
         if not settings.adaptation:
             self.forget_adaptation()
+        session = None if loops.soft else self.prepared.learning
+        for channel in self.channels:
+            channel.learner = session.learners[channel.joint.name] if session else None
         self.references.stream_timeout = settings.stream_timeout
         self.references.stream_bandwidth = settings.stream_bandwidth
         self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
@@ -335,6 +338,8 @@ class Controller(LoopDesign):
         seen = now if seen_at == measured_at else self.references.sample(name, seen_at)
         then = self.references.sample(name, acts_at)
         thens = [then if at == acts_at else self.references.sample(name, at) for at in acts]
+        if channel.learner is not None:
+            channel.learner.follow(self.references.spline(name))
         fresh = channel.measure(position, measurement.position_time, settings.derivative_filter)
         error = seen.position - position
         output = channel.pid.output(error, fresh, gains)

@@ -151,6 +151,10 @@ class ControllerHealth:
             "integral gain [N m/(rad s)]": gains.integral,
             "derivative gain [N m s/rad]": gains.derivative,
         }
+        session = controller.prepared.learning
+        if session is not None:
+            values["learning"] = session.report(channel.joint.name)
+            values["learning file"] = session.problem or "no problem"
         texts = []
         if counts.clipped > 0.5 * cycles and telemetry.clipped:
             texts.append(f"cut by {', '.join(telemetry.clipped)}")

@@ -162,6 +162,17 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "adaptation.limit", d.adaptation_limit, "N m", 0.0, 1e4,
             "largest torque that is learnt",
         ),
+        Parameter(
+            "learning.motion", d.learning_motion, "-", 0, 0,
+            "name under which the trajectories that follow are learnt as repetitions of one "
+            "motion (law model_based); empty: none are",
+            changeable=True,
+        ),
+        Parameter(
+            "learning.file", d.learning_file, "-", 0, 0,
+            "file in which learnt motions are kept; empty: in memory only",
+            changeable=True,
+        ),
         _number(
             "pressure_ratio.mean_pressure", d.mean_pressure, "Pa", 1e4, 1e6,
             "mean of the two pressures for the laws pressure_ratio_pid and pressure_difference_pid",
@@ -268,6 +279,8 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         observer_limit=number("disturbance_observer.limit"),
         adaptation=bool(values["adaptation.enabled"]),
         adaptation_limit=number("adaptation.limit"),
+        learning_motion=str(values["learning.motion"]),
+        learning_file=str(values["learning.file"]),
         stale_after=number("loop.stale_after"),
         stream_timeout=number("stream.timeout"),
         stream_bandwidth=number("stream.bandwidth"),

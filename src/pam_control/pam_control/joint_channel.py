@@ -13,6 +13,7 @@ from pam_control.feedback.disturbance_observer import AlignedPressures, Disturba
 from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
+from pam_control.learning.motion_learner import MotionLearner
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.effects import adjusted
@@ -123,6 +124,7 @@ class JointChannel:
                 self.muscles, (self.model.agonist, self.model.antagonist), strict=True
             )
         )
+        self.learner: MotionLearner | None = None
         self.adapted = 0.0  # learnt torque of the newest plan [N m]
         self.telemetry = JointTelemetry()
         self.margins: list[Margins] = []
@@ -142,6 +144,8 @@ class JointChannel:
         self.aligned.reset()
         self.adaptation.restart()
         self.adapted = 0.0
+        if self.learner is not None:
+            self.learner.interrupt()
         self.plans.clear()
         self.history.reset()
         self.position = self.position_time = math.nan

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from pathlib import Path
 
 from pam_control.feedback.gain_design import DesignTask, design_pressure_gain
 from pam_control.feedback.kept_designs import KeptDesigns
@@ -19,10 +20,15 @@ from pam_control.feedback.margins import (
 from pam_control.feedback.observer_design import ObserverCost
 from pam_control.feedback.pid import PidGains
 from pam_control.joint_channel import JointChannel
+from pam_control.learning.learning_filter import LearningFilter
+from pam_control.learning.learning_session import LearningSession
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
 from pam_model.rig import Rig
 from pam_ros.valve_command import PRESSURE_REGULATOR
+
+WARM_UP = 2  # repetitions in which the adaptation learns the rig
+STIFFNESS_RANGE = 0.15  # about the default stiffness, for which learning converges
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +64,12 @@ class Loops:
 
 @dataclass(frozen=True, slots=True)
 class PreparedSettings:
-    """Settings as they were asked for, and the loops with normal and with soft gains."""
+    """Settings as asked for, the loops with normal and with soft gains, and what is learnt."""
 
     asked: ControlSettings
     normal: Loops
     soft: Loops | None
+    learning: LearningSession | None = None
 
 
 class LoopDesign(ABC):
@@ -84,7 +91,7 @@ class LoopDesign(ABC):
         self.rig = rig
         self.designs = designs or KeptDesigns()
         self.channels = [JointChannel(rig, joint, settings.min_pressure) for joint in rig.joints]
-        self.prepared = self._designed_and_checked(settings)
+        self.prepared = self._with_learning(self._designed_and_checked(settings))
 
     has_observer = False
     """Whether the law compensates what a disturbance observer finds."""
@@ -202,12 +209,52 @@ class LoopDesign(ABC):
         ControlDesignError
             When a loop would not be safe.
         """
-        if settings.changes_loop(self.prepared.asked):
-            return self._designed_and_checked(settings)
-        normal, soft = self.prepared.normal, self.prepared.soft
-        return PreparedSettings(
+        before = self.prepared
+        if settings.changes_loop(before.asked):
+            return self._with_learning(self._designed_and_checked(settings))
+        normal, soft = before.normal, before.soft
+        prepared = PreparedSettings(
             settings, normal.changed_to(settings), soft and soft.changed_to(settings)
         )
+        if all(
+            getattr(settings, name) == getattr(before.asked, name)
+            for name in ("learning_motion", "learning_file", "adaptation")
+        ):
+            return dataclasses.replace(prepared, learning=before.learning)
+        return self._with_learning(prepared)
+
+    def _with_learning(self, prepared: PreparedSettings) -> PreparedSettings:
+        """With the learning that the settings ask for.
+
+        Raises
+        ------
+        PamError
+            For a file that cannot be read; ControlDesignError if no learning filter converges.
+        """
+        settings = prepared.normal.settings
+        if not (settings.learning_motion and self.has_adaptation and settings.feedforward):
+            return prepared
+        told = settings.replace(extra_delay=0.0)
+        filters = {
+            channel.joint.name: LearningFilter(
+                channel.joint.name,
+                self.cases(channel, told.replace(stiffness_grid=self._near_stiffness(settings))),
+                self.timing(channel, told),
+                settings.gains[channel.joint.name],
+            )
+            for channel in self.channels
+        }
+        path = Path(settings.learning_file) if settings.learning_file else None
+        warm_up = WARM_UP if settings.adaptation else 1
+        session = LearningSession(
+            self.rig, settings.learning_motion, path, filters, settings.period, warm_up
+        )
+        return dataclasses.replace(prepared, learning=session)
+
+    @staticmethod
+    def _near_stiffness(settings: ControlSettings) -> tuple[float, float, float]:
+        stiffness = settings.default_stiffness
+        return (1.0 - STIFFNESS_RANGE) * stiffness, stiffness, (1.0 + STIFFNESS_RANGE) * stiffness
 
     def _designed_and_checked(self, settings: ControlSettings) -> PreparedSettings:
         designed = self.designed(settings)

@@ -95,6 +95,10 @@ class ControlSettings:
         its valves differ from their data.
     adaptation_limit : float
         Largest torque that is learnt [N m].
+    learning_motion : str
+        Name under which the trajectories that follow are learnt as repetitions; empty: none are.
+    learning_file : str
+        File in which motions are kept; empty: in memory only.
     stale_after : float
         Age at which a measurement is stale [s].
     stream_timeout, stream_bandwidth : float
@@ -134,6 +138,8 @@ class ControlSettings:
     observer_limit: float = 5.0
     adaptation: bool = True
     adaptation_limit: float = 5.0
+    learning_motion: str = ""
+    learning_file: str = ""
     stale_after: float = 0.05
     stream_timeout: float = 0.2
     stream_bandwidth: float = 40.0

@@ -20,6 +20,17 @@ def _declare_rough_control(parser: Parser) -> None:
         "--observer", action="store_true", help="let the controller use its disturbance observer"
     )
     parser.add_argument(
+        "--no-adaptation", action="store_true", help="do not let the controller adapt itself"
+    )
+    parser.add_argument(
+        "--plays",
+        type=count(1),
+        default=2,
+        metavar="N",
+        help="how often the controller plays each motion; it learns meanwhile, and its last time "
+        "is judged, as that of a PID that was tuned in the same motions (default: %(default)s)",
+    )
+    parser.add_argument(
         "--tries",
         type=count(0),
         default=30,

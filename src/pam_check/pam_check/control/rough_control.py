@@ -47,16 +47,19 @@ class RoughResult:
     effect, motion : str
         What was hidden, and what was played.
     controller : Played
-        With the nominal rig file.
+        With the nominal rig file, at the last time.
+    first : Played
+        The same at the first time, when the controller had learnt nothing.
     pid : Played or None
         The tuned PID; None without its search.
     seconds : float
-        Processor time of the controller's run [s].
+        Processor time of a run of the controller [s].
     """
 
     effect: str
     motion: str
     controller: Played
+    first: Played
     pid: Played | None = None
     seconds: float = 0.0
 
@@ -71,9 +74,10 @@ class RoughResult:
         found = []
         if self.ratio > WORST_RATIO and self.effect != NOTHING:
             found.append(f"{what}: {self.ratio:.2f} times the error of the tuned PID")
-        if self.controller.cycles:
-            shown = self.controller.stopped or f"{1e3 * self.controller.limit_cycle:.1f} mrad"
-            found.append(f"{what}: limit cycle, {shown}")
+        for played in {id(each): each for each in (self.first, self.controller)}.values():
+            if played.cycles:
+                shown = played.stopped or f"{1e3 * played.limit_cycle:.1f} mrad"
+                found.append(f"{what}: limit cycle, {shown}")
         if self.motion == "arm" and self.controller.clipped > MOST_CLIPPED:
             found.append(f"{what}: a valve is at its end {self.controller.clipped:.0%} of the time")
         return found
@@ -132,11 +136,19 @@ class RoughControl:
         Of the motions and of the noise.
     pressure_loops : bool, optional
         Whether the PID's pressure loops are tuned as well.
+    plays : int, optional
+        How often the controller plays each motion; it keeps what it learns meanwhile.
     """
 
     def __init__(
-        self, rig: Rig, settings: ControlSettings, seed: int, pressure_loops: bool = False
+        self,
+        rig: Rig,
+        settings: ControlSettings,
+        seed: int,
+        pressure_loops: bool = False,
+        plays: int = 1,
     ) -> None:
+        self._plays = plays
         self.rig, self._seed, self._pressure_loops = rig, seed, pressure_loops
         self.designs = KeptDesigns(user_cache_folder())
         self._true = true_rig(rig)
@@ -157,9 +169,13 @@ class RoughControl:
         results = []
         for name, points in self.motions.items():
             start = time.process_time()
-            played, _ = play(self.controller, joint, muscles, points, self._seed)
-            seconds = time.process_time() - start
-            results.append(RoughResult(effect, name, played, None, seconds))
+            self.controller.forget_adaptation()
+            played = [
+                play(self.controller, joint, muscles, points, self._seed + index)[0]
+                for index in range(self._plays)
+            ]
+            seconds = (time.process_time() - start) / self._plays
+            results.append(RoughResult(effect, name, played[-1], played[0], None, seconds))
         if baselines is None:
             return results
         bench = Bench(self.rig, joint, muscles, self.motions, self._seed, self.designs)
@@ -177,7 +193,8 @@ class RoughControl:
 def _row(result: RoughResult) -> str:
     mine, pid = result.controller, result.pid
     cells = [
-        f"{result.effect:20s} {result.motion:6s} {1e3 * mine.rms:8.2f}",
+        f"{result.effect:20s} {result.motion:6s} {1e3 * result.first.rms:8.2f}",
+        f"{1e3 * mine.rms:8.2f}",
         f"{1e3 * pid.rms:8.2f} {result.ratio:6.2f}" if pid else f"{'-':>8s} {'-':>6s}",
         f"{100.0 * mine.clipped:6.1f} {1e3 * mine.limit_cycle:8.2f}",
         f"{'yes' if mine.cycles else 'no':>4s} {mine.activity:7.1f}",
@@ -190,7 +207,7 @@ def _row(result: RoughResult) -> str:
 
 
 HEADER: Final = (
-    f"{'hidden':20s} {'motion':6s} {'mrad':>8s} {'PID':>8s} {'ratio':>6s} "
+    f"{'hidden':20s} {'motion':6s} {'first':>8s} {'last':>8s} {'PID':>8s} {'ratio':>6s} "
     f"{'clip %':>6s} {'rest':>8s} cycle  spool/s"
 )
 
@@ -230,9 +247,9 @@ def run(given: Arguments) -> Outcome:
         For a rig, an effect or a file that cannot be used.
     """
     effects = _chosen(given.effects)
-    settings = TOLD.replace(observer=given.observer)
+    settings = TOLD.replace(observer=given.observer, adaptation=not given.no_adaptation)
     rig = load_rig(chosen_rig(given))
-    rough = RoughControl(rig, settings, given.seed, given.tune_pressure_loops)
+    rough = RoughControl(rig, settings, given.seed, given.tune_pressure_loops, given.plays)
     baselines = Baselines(given.tuned) if given.tries else None
     results: list[RoughResult] = []
     print(HEADER)

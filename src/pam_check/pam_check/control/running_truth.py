@@ -50,9 +50,7 @@ class RunningTruth:
         count: int,
         pressure: float,
     ) -> None:
-        self._joint = TruthJoint(*map(float, joint))
-        first, second = muscles
-        self._muscles = TruthMuscle(*map(float, first)), TruthMuscle(*map(float, second))
+        self.becomes(joint, muscles)
         self._state = start_state(self._joint, self._muscles, (pressure, pressure))
         scale = [sensors.pressure_noise] * 2 + [sensors.position_noise, 0.0, 0.0]
         self._noise: Array = generator.standard_normal((count, 5)) * np.array(scale)
@@ -63,6 +61,12 @@ class RunningTruth:
         self._given, self.commands = np.zeros((count, 2)), np.zeros((count, 2))
         self.sensed, self.truth = np.zeros((count, 5)), np.zeros((count, 3))
         self.samples = 0
+
+    def becomes(self, joint: TruthJoint, muscles: tuple[TruthMuscle, TruthMuscle]) -> None:
+        """Change the rig while it runs, as when a payload is put on; its state is kept."""
+        self._joint = TruthJoint(*map(float, joint))
+        first, second = muscles
+        self._muscles = TruthMuscle(*map(float, first)), TruthMuscle(*map(float, second))
 
     def advance(self, commands: tuple[float, float]) -> Array:
         """Read the sensors, then hold these spool commands for a period; return what they showed.

@@ -3,15 +3,15 @@
 With the flow u that the data promise for the command, the flow m that the measured pressure and the
 motion of the muscle show, the part w of m that the motion takes, and the full flow c,
 
-    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c))
+    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c)) - d du/dt
 
 a and b are what the supply and the exhaust path give more, or the gas volume takes less; o is an
 opening that nobody commanded; e tells that the gas is not isothermal, or that its volume is another
-than written; z is negative if the spool overlaps its ports. A fit over the last seconds of work
-finds the five. The command of the valve is then computed with them.
+than written; z is negative if the spool overlaps its ports; d is a delay or a lag that nobody told.
+A fit over the last seconds of work finds the six. The command of the valve is computed with the
+first five. d is fitted because a delay would be taken for a smaller flow otherwise.
 
-Both sides pass the same slow filter, so that no pressure is differentiated, and a delay of a few
-milliseconds does not matter.
+Both sides pass the same slow filter, so that neither a pressure nor a flow is differentiated.
 
 Source: P. Beater, Pneumatic Drives, Springer 2007, chapters 5 and 6 (paths and overlap of a valve,
 chamber). The form of the fit is derived here.
@@ -19,6 +19,7 @@ chamber). The form of the fit is derived here.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -31,9 +32,9 @@ EVERY: Final = 0.01  # s between two updates of the fit
 NOISE: Final = 0.01  # of the full flow
 TRIFLE: Final = 0.003  # of the full flow; less is left to the pressure loop
 LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells nothing
-DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05)
-LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1)
-HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0)
+DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 0.02)  # the last one in s
+LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, -math.inf)
+HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf)
 LEARNT_EDGE: Final = 0.03  # h, of the full flow
 USED_EDGE: Final = 0.01  # the same for the command: an overlap is not filled within it, for calm
 
@@ -92,11 +93,17 @@ class FlowAdaptation:
 
     @property
     def weights(self) -> list[float]:
-        """a, b, o, e and z within their bounds."""
+        """a, b, o, e, z and d [s] within their bounds."""
         return [
             max(low, min(high, weight))
             for low, high, weight in zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
         ]
+
+    @property
+    def least_share(self) -> float:
+        """Flow over promised flow in the worse direction, at most 1 [-]."""
+        a, b, *_ = self.weights
+        return 1.0 + min(a, b, 0.0)
 
     def corrected(self, flow: float, moved: float, capacity: float) -> float:
         """The flow to ask the valve's data for, so that the valve gives `flow` [kg/s].
@@ -110,7 +117,7 @@ class FlowAdaptation:
         capacity : float
             Full flow in its direction [kg/s].
         """
-        a, b, o, e, z = self.weights
+        a, b, o, e, z, _ = self.weights
         left = flow - o * capacity - e * moved
         left -= z * capacity * _saturated(left / (USED_EDGE * capacity))
         return left / (1.0 + (a if left > 0.0 else b))
@@ -132,9 +139,8 @@ class FlowAdaptation:
         slow, up, down = self._smooth[:3].tolist()
         if up - down > LEAST_WORK * self._full:
             seen = sample.per_rate * (sample.pressure - slow) / FILTER + float(self._smooth[4])
-            self._fit.update(
-                self._smooth[1:] / self._full, (seen - up - down) / self._full, self._since
-            )
+            functions = np.append(self._smooth[1:], (up + down - u) / FILTER) / self._full
+            self._fit.update(functions, (seen - up - down) / self._full, self._since)
         self._since = 0.0
 
 

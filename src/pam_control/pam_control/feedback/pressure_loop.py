@@ -191,7 +191,15 @@ class FlowValveLoop:
     ) -> tuple[float, bool]:
         """Spool command, and whether the valve is too small for the desired pressure rate."""
         error = demand.reference - pressure
-        rate = demand.rate + settings.gain * self._watch.update(error, step) * error
+        gain = settings.gain * self._watch.update(error, step)
+        # chatter means that the sensor does not see the muscle, so that nothing is to be learnt
+        adapts = settings.adaptation and self._watch.factor == 1.0
+        if adapts:
+            # what is learnt corrects the feedforward; it must never raise the gain of the loop
+            gain *= self.adaptation.least_share
+        elif settings.adaptation:
+            self.adaptation.forget()
+        rate = demand.rate + gain * error
         absolute = max(pressure + demand.ahead + self._ambient, self._ambient)
         length = max(self._lengths[0], min(self._lengths[1], demand.length))
         volume = self._model.volume(length) + self._dead_volume
@@ -212,7 +220,7 @@ class FlowValveLoop:
         flow += leaving
         per_pressure = 1.0 / (GAS_CONSTANT * self._temperature)
         capacity = 1.0
-        if settings.adaptation:
+        if adapts:
             capacity = abs(self._flow(math.copysign(1.0, flow), absolute))
             flow = self.adaptation.corrected(flow, absolute * volume_rate * per_pressure, capacity)
         opening = valve_opening(
@@ -225,7 +233,7 @@ class FlowValveLoop:
             temperature=self._temperature,
         )
         limit = settings.spool_limit
-        if settings.adaptation:
+        if adapts:
             given = flow * min(limit / max(abs(opening), limit), 1.0)
             inside = max(pressure + self._ambient, self._ambient)
             sample = FlowSample(

@@ -115,6 +115,25 @@ class PositionStiffnessController(Controller):
         how = self.settings.derivative_filter
         channel.adaptation.learn(request.fresh, unexplained, position, speed, how)
 
+    def _repeated(self, request: PlanRequest, usual: float) -> tuple[float, float]:
+        """What is added to the torque in a motion that is repeated, and beside it [N m].
+
+        Parameters
+        ----------
+        request : PlanRequest
+            The present cycle.
+        usual : float
+            What the adaptation adds [N m].
+        """
+        channel, at = request.channel, request.measured_at
+        if channel.learner is None:
+            return usual, 0.0
+        base, correction = channel.learner.torque(at, usual)
+        limit = self.settings.adaptation_limit
+        error = request.seen.position - channel.position
+        channel.learner.record(at, error, base, request.seen.position)
+        return base, max(-limit, min(limit, correction))
+
     @staticmethod
     def _tell(channel: JointChannel) -> None:
         """Count what was learnt as a disturbance, so that a payload stays visible."""
@@ -136,11 +155,12 @@ class PositionStiffnessController(Controller):
             before = channel.plans[-1].pressures if channel.plans else channel.desired
             added = channel.history.advance(request.acts_at, then.position, before)
             memory, limit = added, settings.adaptation_limit
-            channel.adapted = (
+            usual = (
                 channel.adaptation.torque(request.acts_at, then, limit)
                 if settings.adaptation
                 else 0.0
             )
+            channel.adapted, correction = self._repeated(request, usual)
             added -= channel.adapted
             planned = channel.model.pressures_for(
                 channel.dynamics.torque(then) - added, stiffness, then.position
@@ -154,7 +174,7 @@ class PositionStiffnessController(Controller):
                 channel.plan_at(request.side_acts_at[1]).pressures[1] - past.pressures[1],
             )
             wanted_stiffness, added = past.stiffness, past.memory_torque
-            torque = channel.dynamics.torque(now) - added + request.output
+            torque = channel.dynamics.torque(now) - added + request.output + correction
             torque += self._lost(request, added)
             if settings.adaptation:
                 self._learn(request, memory)

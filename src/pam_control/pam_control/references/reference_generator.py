@@ -367,6 +367,10 @@ class ReferenceGenerator:
             return "trajectory"
         return "stream" if source.stream is not None else "hold"
 
+    def spline(self, name: str) -> JointSpline | None:
+        """The joint's trajectory; None if it follows none."""
+        return self._sources[name].spline
+
     def follows(self, name: str, spline: JointSpline) -> bool:
         """Whether this spline is still the joint's source."""
         return self._sources[name].spline is spline

@@ -173,6 +173,11 @@ class JointSpline:
         self._segments: list[list[float]] = spline_coefficients(points).tolist()
 
     @property
+    def start_time(self) -> float:
+        """Time of the first waypoint [s]."""
+        return self._times[0]
+
+    @property
     def end_time(self) -> float:
         """Time of the last waypoint [s]."""
         return self._times[-1]

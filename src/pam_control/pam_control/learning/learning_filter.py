@@ -1,0 +1,152 @@
+"""From the error of a motion to the change of its torque, so that the next error is smaller.
+
+After a repetition with the error e and the added torque w, the next torque is
+
+    w' = Q (w + L e)
+
+Both filters see the whole motion, so they may look ahead. With the response P_i from w to the
+position in the closed loop, for every operating point, unknown delay and inertia i, the error of
+the part that repeats changes by Q (1 - L P_i) from one repetition to the next. L is the regularised
+least-squares inverse of all P_i at each frequency, the norm-optimal filter for the family.
+Q is a low pass without phase. It is as wide as the requirement allows that |Q (1 - L P_i)| is below
+1 at all frequencies, and at most CONTRACTION above `SLOW`, for all i: then the learning converges
+monotonically for each of these plants.
+
+Sources: D. A. Bristow, M. Tharayil, A. G. Alleyne, "A survey of iterative learning control", IEEE
+Control Systems Magazine 26 (2006) 96-114, equations 17 to 20 (monotonic convergence, zero-phase Q);
+S. Gunnarsson, M. Norrlof, "On the design of ILC algorithms using optimization", Automatica 37
+(2001) 2011-2016.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_control.feedback.linear_joint import Complex, LoopTiming, frequency_response
+from pam_control.feedback.margins import ControlDesignError, LoopCase, pid_response
+from pam_control.feedback.pid import PidGains
+
+UNKNOWN_DELAYS: Final = (0.0, 0.005, 0.01, 0.015)  # s, beside those that are told
+UNKNOWN_INERTIAS: Final = (0.8, 1.0, 1.5)
+CONTRACTION: Final = 0.9
+SLOW: Final = 3.0  # rad/s; below it the integral of the feedback leaves hardly any error to learn
+KEPT: Final = 0.995  # Q at rest: what no repetition confirms fades
+REGULARISATION: Final = 0.05  # of the largest squared response
+GRID: Final = np.geomspace(0.05, 300.0, 250)  # rad/s
+CUT_OFFS: Final = np.geomspace(80.0, 3.0, 40)  # rad/s
+PADDING: Final = 1.0  # s of rest before and after a motion, for what looks ahead and behind
+
+Array = npt.NDArray[np.float64]
+
+
+class LearningFilter:
+    """The filters L and Q of one joint.
+
+    Parameters
+    ----------
+    joint : str
+        Name for messages.
+    cases : sequence of LoopCase
+        The loops at the operating points.
+    timing : LoopTiming
+        The delays, without an unknown one.
+    gains : PidGains
+        The feedback that is at work.
+
+    Attributes
+    ----------
+    cut_off : float
+        Of Q, which is exp(-(w/cut_off)^2 / 2) [rad/s].
+    contraction : float
+        Largest factor |Q (1 - L P)| of any plant above the frequency `SLOW` [-].
+
+    Raises
+    ------
+    ControlDesignError
+        When no filter converges for the whole range.
+    """
+
+    def __init__(
+        self, joint: str, cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains
+    ) -> None:
+        self._cases, self._timing, self._gains = tuple(cases), timing, gains
+        nominal = [(case, timing) for case in cases]
+        family = [
+            (_heavier(case, inertia), later(timing, delay))
+            for case in cases
+            for delay in UNKNOWN_DELAYS
+            for inertia in UNKNOWN_INERTIAS
+        ]
+        self._centre = [
+            (case, later(timing, UNKNOWN_DELAYS[len(UNKNOWN_DELAYS) // 2])) for case, _ in nominal
+        ]
+        responses = np.array([self.closed_response(case, late, GRID) for case, late in family])
+        self._penalty = REGULARISATION * float((np.abs(responses) ** 2).mean(axis=0).max())
+        left: Array = np.abs(1.0 - self._inverse(GRID) * responses).max(axis=0)
+        for cut_off in CUT_OFFS:
+            remains = _low_pass(GRID, cut_off) * left
+            contraction = float(remains[GRID >= SLOW].max())
+            if contraction <= CONTRACTION and float(remains.max()) < 1.0:
+                self.cut_off, self.contraction = float(cut_off), contraction
+                return
+        raise ControlDesignError(
+            f"{joint}: no learning filter converges for unknown delays up to "
+            f"{1e3 * max(UNKNOWN_DELAYS):g} ms and {max(UNKNOWN_INERTIAS):g} times the inertia"
+        )
+
+    def closed_response(self, case: LoopCase, timing: LoopTiming, omega: Array) -> Complex:
+        """Response from the added torque to the position, in the closed loop [rad/(N m)]."""
+        plant = frequency_response(case.point, case.loop, timing, omega)
+        result: Complex = plant / (1.0 + plant * pid_response(self._gains, omega))
+        return result
+
+    def _inverse(self, omega: Array) -> Complex:
+        """L at these frequencies [N m/rad]."""
+        responses = np.array(
+            [self.closed_response(case, late, omega) for case, late in self._centre]
+        )
+        size = (np.abs(responses) ** 2).mean(axis=0)
+        result: Complex = np.asarray(np.conj(responses).mean(axis=0) / (size + self._penalty))
+        return result
+
+    def next_torque(self, torque: Array, error: Array, period: float) -> Array:
+        """The torque of the next repetition [N m].
+
+        Parameters
+        ----------
+        torque, error : (n,) array
+            Added torque [N m] and error [rad] of a repetition.
+        period : float
+            Time between two samples [s].
+        """
+        padding = round(PADDING / period)
+        count = 2 ** math.ceil(math.log2(error.size + 2 * padding))
+        omega = 2.0 * math.pi * np.fft.rfftfreq(count, period)
+        omega[0] = omega[1]
+        inverse = self._inverse(omega)
+        extended = (np.pad(each, padding, mode="edge") for each in (torque, error))
+        old, seen = (np.fft.rfft(each, count) for each in extended)
+        changed = np.fft.irfft(_low_pass(omega, self.cut_off) * (old + inverse * seen), count)
+        result: Array = changed[padding : padding + error.size]
+        return result
+
+
+def _low_pass(omega: Array, cut_off: float) -> Array:
+    result: Array = KEPT * np.exp(-0.5 * (omega / cut_off) ** 2)
+    return result
+
+
+def later(timing: LoopTiming, delay: float) -> LoopTiming:
+    """The timing with an unknown delay [s]."""
+    return dataclasses.replace(timing, transport_delay=timing.transport_delay + delay)
+
+
+def _heavier(case: LoopCase, factor: float) -> LoopCase:
+    point = dataclasses.replace(case.point, inertia=factor * case.point.inertia)
+    return dataclasses.replace(case, point=point)

@@ -1,0 +1,147 @@
+"""One joint's motion that is repeated: what is added to its torque after each repetition.
+
+During the first repetitions the adaptation learns the rig (`pam_control.adaptation`), and what it
+adds is recorded. Then it is played as recorded, so that only one thing changes from one repetition
+to the next: the correction, which `LearningFilter` computes from the error after each repetition.
+
+A repetition that is worse than the best one ends the learning: the correction of the best is used
+from then on. Nothing is learnt from a repetition that was interrupted.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+TAIL: Final = 0.3  # s after a motion that belong to it
+FADE: Final = 0.5  # s, in which the torque goes over to what is usual, after a motion
+WORSE: Final = 1.05  # times the best error ends the learning,
+NOISE: Final = 5e-5  # rad; if it is more than this as well
+PATH_STEP: Final = 1e-3  # rad; motions that differ by less are the same
+
+
+class Filter(Protocol):
+    """What computes the next correction."""
+
+    def next_torque(self, torque: Array, error: Array, period: float) -> Array:
+        """The torque of the next repetition [N m] from the last one and its error [rad]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Learnt:
+    """What is played in a repetition, one value per period.
+
+    Attributes
+    ----------
+    path : ndarray
+        Positions of the reference, by which the motion is known again [rad].
+    base : ndarray
+        Torque that the adaptation had added [N m].
+    correction : ndarray
+        Torque that the repetitions added [N m].
+    error : float
+        RMS error with it [rad]; NaN before it was played.
+    """
+
+    path: Array
+    base: Array
+    correction: Array
+    error: float = math.nan
+
+    def is_of(self, path: Array) -> bool:
+        """Whether it belongs to this motion."""
+        return path.shape == self.path.shape and bool(
+            np.abs(path - self.path).max(initial=0.0) < PATH_STEP
+        )
+
+
+@dataclass(slots=True)
+class Recording:
+    """One repetition while it runs."""
+
+    errors: list[float] = field(default_factory=list)
+    base: list[float] = field(default_factory=list)
+    path: list[float] = field(default_factory=list)
+
+
+class RepeatedMotion:
+    """Learns one motion of one joint.
+
+    Parameters
+    ----------
+    filter : Filter
+        Computes the next correction.
+    period : float
+        Of the control loop [s].
+    warm_up : int
+        Repetitions in which the adaptation learns.
+    known : Learnt, optional
+        From an earlier session.
+
+    Attributes
+    ----------
+    history : list of float
+        RMS errors of all repetitions [rad].
+    ended : str
+        Why nothing more is learnt; empty while learning.
+    """
+
+    def __init__(
+        self, filter: Filter, period: float, warm_up: int, known: Learnt | None = None
+    ) -> None:
+        self._filter, self._period, self._warm_up = filter, period, warm_up
+        self.played = known
+        self.best = known
+        self.history: list[float] = []
+        self.ended = ""
+
+    def corrected(self, since: float) -> tuple[float, float] | None:
+        """Base and correction [N m] at a time since the start of the motion; None: nothing known.
+
+        Before and after the motion the values at its ends hold.
+        """
+        if self.played is None:
+            return None
+        index = max(0, min(round(since / self._period), self.played.base.size - 1))
+        return float(self.played.base[index]), float(self.played.correction[index])
+
+    def take(self, recording: Recording) -> None:
+        """Learn from a complete repetition."""
+        error, base, path = (
+            np.array(each) for each in (recording.errors, recording.base, recording.path)
+        )
+        rms = float(np.sqrt(np.mean(error**2)))
+        if self.played is not None and not self.played.is_of(path):
+            self.ended = "another motion was played under this name"
+            return
+        self.history.append(rms)
+        if self.played is None:
+            if len(self.history) >= self._warm_up:
+                self.played = Learnt(path, base, np.zeros_like(base), rms)
+                self._go_on(self.played, error)
+            return
+        if self.ended:
+            return
+        tried = Learnt(self.played.path, self.played.base, self.played.correction, rms)
+        least = math.inf if self.best is None or math.isnan(self.best.error) else self.best.error
+        if rms > max(WORSE * least, least + NOISE):
+            self.played = self.best
+            self.ended = (
+                f"repetition {len(self.history)} had {1e3 * rms:.2f} mrad, the best one "
+                f"{1e3 * least:.2f} mrad, which is used from now on"
+            )
+            return
+        self._go_on(tried, error)
+
+    def _go_on(self, tried: Learnt, error: Array) -> None:
+        if self.best is None or not tried.error >= self.best.error:
+            self.best = tried
+        correction = self._filter.next_torque(tried.correction, error, self._period)
+        self.played = Learnt(tried.path, tried.base, correction)

@@ -1,0 +1,216 @@
+"""Motions that are repeated: they become more exact, or the learning ends and says why."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+
+import numpy as np
+import pytest
+
+from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.learning.learning_filter import UNKNOWN_DELAYS, LearningFilter, later
+from pam_control.learning.learnt_file import LearntFile
+from pam_control.learning.repeated_motion import Learnt, Recording, RepeatedMotion
+from pam_control.settings import ControlSettings
+from pam_model.errors import PamError
+
+from .conftest import points_of
+
+DESIGNS = KeptDesigns()
+PERIOD = 0.002
+FRICTION = {"coulomb_friction.torque": 0.5}
+
+
+def law(rig, **settings):
+    return PositionStiffnessController(rig, ControlSettings(**settings), DESIGNS)
+
+
+@pytest.fixture(scope="module")
+def there_and_back():
+    duration = 1.6
+
+    def position(t):
+        x = max(0.0, min(1.0, t / duration))
+        return 0.4 * 64.0 * (x * (1.0 - x)) ** 3
+
+    return points_of(position, duration), duration
+
+
+def repeat(closed_loop, controller, motion, **options):
+    """RMS error [rad] of one repetition of a motion."""
+    points, duration = motion
+    loop = closed_loop(controller, **options)
+    controller.drop_commands()
+    loop.run(0.6)
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    error = loop.run(duration).rms(0.6)
+    loop.run(0.4)
+    learner = controller.channels[0].learner
+    if learner is not None:
+        learner.wait()
+    return error
+
+
+def test_five_repetitions_bring_the_error_of_friction_to_a_quarter(
+    closed_loop, rig, there_and_back, tmp_path
+):
+    kept = tmp_path / "learnt.json"
+    controller = law(rig, learning_motion="reach", learning_file=str(kept))
+    errors = [repeat(closed_loop, controller, there_and_back, effects=FRICTION) for _ in range(5)]
+    assert errors[-1] < 0.25 * errors[0]
+    assert max(errors[1:]) <= errors[0]
+    # another controller knows the motion from the file
+    later = law(rig, learning_motion="reach", learning_file=str(kept))
+    assert repeat(closed_loop, later, there_and_back, effects=FRICTION) < 0.4 * errors[0]
+    # and none of another name
+    other = law(rig, learning_motion="other", learning_file=str(kept))
+    assert other.channels[0].learner.motion.best is None
+
+
+def test_an_interrupted_motion_teaches_nothing(closed_loop, rig, there_and_back):
+    controller = law(rig, learning_motion="reach")
+    points, duration = there_and_back
+    loop = closed_loop(controller)
+    loop.run(0.3)
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(0.5 * duration)
+    controller.stop(loop.time)
+    loop.run(duration)
+    controller.channels[0].learner.wait()
+    assert controller.channels[0].learner.motion.history == []
+
+
+def test_soft_gains_play_nothing_that_was_learnt(rig):
+    controller = law(rig, learning_motion="reach")
+    assert controller.channels[0].learner is not None
+    controller.guard.softened = "the joint oscillates"
+    controller.use(controller.prepared)
+    assert controller.channels[0].learner is None
+
+
+def test_another_parameter_keeps_what_was_learnt_and_another_name_does_not(rig):
+    controller = law(rig, learning_motion="reach")
+    before = controller.channels[0].learner
+    controller.change(controller.prepared.asked.replace(integral_limit=4.0))
+    assert controller.channels[0].learner is before
+    controller.change(controller.prepared.asked.replace(learning_motion="wave"))
+    assert controller.channels[0].learner is not before
+    controller.change(controller.prepared.asked.replace(learning_motion=""))
+    assert controller.channels[0].learner is None
+
+
+# --- the filter ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def filter_and_responses(rig):
+    controller = law(rig)
+    channel, settings = controller.channels[0], controller.settings.replace(extra_delay=0.0)
+    cases = controller.cases(channel, settings.replace(stiffness_grid=(12.0, 14.0, 16.0)))
+    timing = controller.timing(channel, settings)
+    return LearningFilter("elbow", cases, timing, settings.gains["elbow"]), cases, timing
+
+
+@pytest.mark.parametrize("delay", UNKNOWN_DELAYS)
+def test_errors_become_smaller_at_every_repetition_for_the_whole_range(filter_and_responses, delay):
+    filter, cases, timing = filter_and_responses
+    count = 4096
+    time = PERIOD * np.arange(count)
+    wanted = np.exp(-(((time - 4.0) / 0.6) ** 2)) * np.sin(9.0 * time)  # N m, of 1.4 Hz
+    omega = 2.0 * math.pi * np.fft.rfftfreq(count, PERIOD)
+    omega[0] = omega[1]
+    for case in cases:
+        late = later(timing, delay)
+        response = filter.closed_response(case, late, omega)
+        torque, errors = np.zeros(count), []
+        for _ in range(6):
+            spectrum = np.fft.rfft(wanted - torque) * response
+            error = np.fft.irfft(spectrum, count)
+            errors.append(float(np.sqrt(np.mean(error**2))))
+            torque = filter.next_torque(torque, error, PERIOD)
+        assert all(after < before for before, after in itertools.pairwise(errors))
+        assert errors[-1] < 0.3 * errors[0]
+
+
+# --- the bookkeeping -----------------------------------------------------------------------------
+
+
+class Adding:
+    """A filter that adds the error."""
+
+    def next_torque(self, torque, error, period):
+        return torque + error
+
+
+def recording(error, path=0.1):
+    return Recording([error] * 10, [0.0] * 10, [path] * 10)
+
+
+def test_a_worse_repetition_ends_the_learning_and_the_best_is_used():
+    motion = RepeatedMotion(Adding(), PERIOD, 1)
+    for error in (0.01, 0.006, 0.02):
+        motion.take(recording(error))
+    assert motion.played is motion.best
+    assert motion.best.error == pytest.approx(0.006)
+    assert motion.corrected(0.0)[1] == pytest.approx(0.01)
+    assert "repetition 3 had 20.00 mrad" in motion.ended
+    motion.take(recording(0.001))
+    assert motion.corrected(0.0)[1] == pytest.approx(0.01)
+
+
+def test_another_motion_under_the_same_name_is_not_mixed_with_it():
+    motion = RepeatedMotion(Adding(), PERIOD, 1)
+    motion.take(recording(0.01))
+    before = motion.played
+    motion.take(recording(0.001, path=0.3))
+    assert motion.played is before
+    assert "another motion" in motion.ended
+
+
+def test_the_adaptation_learns_before_the_repetitions_do():
+    motion = RepeatedMotion(Adding(), PERIOD, 2)
+    motion.take(recording(0.01))
+    assert motion.corrected(0.0) is None
+    motion.take(recording(0.005))
+    assert motion.corrected(0.0) == (0.0, 0.005)
+
+
+def known():
+    return Learnt(np.full(4, 0.1), np.full(4, 0.2), np.array([0.0, 1.0, -1.0, 0.0]), 2e-3)
+
+
+def test_what_was_learnt_is_kept_by_name_and_for_one_rig_file_alone(rig, two_joint_rig, tmp_path):
+    path = tmp_path / "deep" / "learnt.json"
+    LearntFile(path, rig).keep("reach", "elbow", known())
+    same = LearntFile(path, rig)
+    assert same.motion("wave") == {}
+    assert same.motion("reach")["elbow"].correction == pytest.approx(known().correction)
+    assert same.motion("reach")["elbow"].error == 2e-3
+    other = LearntFile(path, two_joint_rig)
+    assert other.motion("reach") == {}
+    assert "another rig file" in other.note
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "no JSON",
+        lambda content: content["motions"]["reach"]["elbow"].pop("base"),
+        lambda content: content["motions"]["reach"]["elbow"]["base"].pop(),
+        lambda content: content.update(motions=[1]),
+    ],
+)
+def test_a_damaged_file_is_one_line_that_names_it(rig, tmp_path, damage):
+    path = tmp_path / "learnt.json"
+    LearntFile(path, rig).keep("reach", "elbow", known())
+    if callable(damage):
+        content = json.loads(path.read_text())
+        damage(content)
+        path.write_text(json.dumps(content))
+    else:
+        path.write_text(damage)
+    with pytest.raises(PamError, match=r"learnt\.json: not a file of learnt motions"):
+        LearntFile(path, rig)
