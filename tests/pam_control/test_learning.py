@@ -13,7 +13,9 @@ from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.learning.learning_filter import UNKNOWN_DELAYS, LearningFilter, later
 from pam_control.learning.learnt_file import LearntFile
+from pam_control.learning.motion_learner import MotionLearner
 from pam_control.learning.repeated_motion import Learnt, Recording, RepeatedMotion
+from pam_control.references.spline import JointSpline, Waypoint
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 
@@ -131,7 +133,9 @@ def test_errors_become_smaller_at_every_repetition_for_the_whole_range(filter_an
             error = np.fft.irfft(spectrum, count)
             errors.append(float(np.sqrt(np.mean(error**2))))
             torque = filter.next_torque(torque, error, PERIOD)
-        assert all(after < before for before, after in itertools.pairwise(errors))
+        floor = 0.1 * errors[0]  # what Q leaves
+        for before, after in itertools.pairwise(errors):
+            assert after < max(before, floor)
         assert errors[-1] < 0.3 * errors[0]
 
 
@@ -146,7 +150,8 @@ class Adding:
 
 
 def recording(error, path=0.1):
-    return Recording([error] * 10, [0.0] * 10, [path] * 10)
+    times = [PERIOD * k for k in range(11)]
+    return Recording(times, [error] * 11, [0.0] * 11, [path] * 11)
 
 
 def test_a_worse_repetition_ends_the_learning_and_the_best_is_used():
@@ -167,6 +172,43 @@ def test_another_motion_under_the_same_name_is_not_mixed_with_it():
     before = motion.played
     motion.take(recording(0.001, path=0.3))
     assert motion.played is before
+    assert "another motion" in motion.ended
+
+
+def test_late_cycles_do_not_matter_and_missing_ones_teach_nothing():
+    motion = RepeatedMotion(Adding(), PERIOD, 1)
+    times = [PERIOD * k + 5e-4 * (k % 2) for k in range(11)]
+    motion.take(Recording(times, [0.01] * 11, [0.0] * 11, [0.1] * 11))
+    motion.take(recording(0.006))
+    assert motion.history == pytest.approx([0.01, 0.006])
+    late = [*times[:6], *(time + 0.1 for time in times[6:])]
+    motion.take(Recording(late, [0.5] * 11, [0.0] * 11, [0.1] * 11))
+    assert len(motion.history) == 2
+    assert motion.ended == ""
+
+
+def test_another_trajectory_is_not_played_with_what_was_learnt():
+    motion = RepeatedMotion(Adding(), PERIOD, 1)
+    learner = MotionLearner(motion)
+
+    def spline(goal):
+        return JointSpline([Waypoint(5.0, 0.0, 0.0, 0.0), Waypoint(5.4, goal, 0.0, 0.0)])
+
+    def play(goal):
+        learner.interrupt()
+        followed = spline(goal)
+        given = []
+        for k in range(400):
+            learner.follow(followed)
+            given.append(learner.torque(5.0 + PERIOD * k, 0.0)[1])
+            now = 5.0 + PERIOD * k
+            learner.record(now, 0.01, 0.0, followed.sample(now).position)
+        learner.wait()
+        return given
+
+    play(0.3)
+    assert max(play(0.3)) > 0.0
+    assert max(play(-0.3)) == 0.0
     assert "another motion" in motion.ended
 
 

@@ -31,6 +31,7 @@ class MotionLearner:
     def __init__(self, motion: RepeatedMotion, learnt: Callable[[], None] = lambda: None) -> None:
         self.motion, self._learnt = motion, learnt
         self._spline: JointSpline | None = None
+        self._refused: JointSpline | None = None
         self._recording: Recording | None = None
         self._future: Future[None] | None = None
 
@@ -50,11 +51,17 @@ class MotionLearner:
 
     def follow(self, spline: JointSpline | None) -> None:
         """Tell the present trajectory of the joint, every cycle; None if it has none."""
-        if spline is self._spline:
+        if spline is self._spline or (spline is not None and spline is self._refused):
             return
-        self._spline = spline
-        new = spline is not None and not self.busy
-        self._recording = Recording() if new else None
+        self._spline, self._recording = spline, None
+        if spline is None or self.busy:
+            return
+        if not self.motion.is_of(spline, TAIL):
+            self.motion.refuse()
+            self._spline = None
+            self._refused = spline
+            return
+        self._recording = Recording()
 
     def torque(self, time: float, usual: float) -> tuple[float, float]:
         """Base and correction [N m] at a time [s].
@@ -85,6 +92,7 @@ class MotionLearner:
         if math.isnan(error):
             self._recording = None
             return
+        recording.times.append(time - spline.start_time)
         recording.errors.append(error)
         recording.base.append(base)
         recording.path.append(position)

@@ -17,13 +17,17 @@ from typing import Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from pam_control.references.spline import JointSpline
+
 Array = npt.NDArray[np.float64]
 
 TAIL: Final = 0.3  # s after a motion that belong to it
 FADE: Final = 0.5  # s, in which the torque goes over to what is usual, after a motion
 WORSE: Final = 1.05  # times the best error ends the learning,
 NOISE: Final = 5e-5  # rad; if it is more than this as well
-PATH_STEP: Final = 1e-3  # rad; motions that differ by less are the same
+PATH_STEP: Final = 1e-2  # rad; motions that differ by less are the same
+PLACES: Final = 40  # of a trajectory that are compared before it is played
+GAP: Final = 0.05  # s without a control cycle; a repetition with one teaches nothing
 
 
 class Filter(Protocol):
@@ -57,18 +61,31 @@ class Learnt:
 
     def is_of(self, path: Array) -> bool:
         """Whether it belongs to this motion."""
-        return path.shape == self.path.shape and bool(
-            np.abs(path - self.path).max(initial=0.0) < PATH_STEP
+        common = min(path.size, self.path.size)
+        return abs(path.size - self.path.size) <= 1 and bool(
+            np.abs(path[:common] - self.path[:common]).max(initial=0.0) < PATH_STEP
         )
 
 
 @dataclass(slots=True)
 class Recording:
-    """One repetition while it runs."""
+    """One repetition while it runs: times since its start [s], and values at these times."""
 
+    times: list[float] = field(default_factory=list)
     errors: list[float] = field(default_factory=list)
     base: list[float] = field(default_factory=list)
     path: list[float] = field(default_factory=list)
+
+    def sampled(self, period: float) -> tuple[Array, Array, Array] | None:
+        """Errors, base and path, one value per period [s]; None if control cycles are missing."""
+        times = np.array(self.times)
+        if times.size < 2 or float(np.diff(times).max()) > GAP:
+            return None
+        grid = period * np.arange(math.floor(times[-1] / period + 0.5))
+        errors, base, path = (
+            np.interp(grid, times, values) for values in (self.errors, self.base, self.path)
+        )
+        return errors, base, path
 
 
 class RepeatedMotion:
@@ -102,6 +119,23 @@ class RepeatedMotion:
         self.history: list[float] = []
         self.ended = ""
 
+    def refuse(self) -> None:
+        """Note that another motion was played under this name."""
+        self.ended = "another motion was played under this name"
+
+    def is_of(self, spline: JointSpline, tail: float) -> bool:
+        """Whether a trajectory is the one that is known; true if none is known."""
+        if self.played is None:
+            return True
+        path = self.played.path
+        if abs(spline.end_time - spline.start_time + tail - path.size * self._period) > 0.02:
+            return False
+        places = np.linspace(0, path.size - 1, PLACES).astype(int).tolist()
+        return all(
+            abs(spline.sample(spline.start_time + self._period * k).position - path[k]) < PATH_STEP
+            for k in places
+        )
+
     def corrected(self, since: float) -> tuple[float, float] | None:
         """Base and correction [N m] at a time since the start of the motion; None: nothing known.
 
@@ -114,12 +148,13 @@ class RepeatedMotion:
 
     def take(self, recording: Recording) -> None:
         """Learn from a complete repetition."""
-        error, base, path = (
-            np.array(each) for each in (recording.errors, recording.base, recording.path)
-        )
+        sampled = recording.sampled(self._period)
+        if sampled is None:
+            return
+        error, base, path = sampled
         rms = float(np.sqrt(np.mean(error**2)))
         if self.played is not None and not self.played.is_of(path):
-            self.ended = "another motion was played under this name"
+            self.refuse()
             return
         self.history.append(rms)
         if self.played is None:
@@ -143,5 +178,9 @@ class RepeatedMotion:
     def _go_on(self, tried: Learnt, error: Array) -> None:
         if self.best is None or not tried.error >= self.best.error:
             self.best = tried
-        correction = self._filter.next_torque(tried.correction, error, self._period)
+        count = min(tried.correction.size, error.size)  # by a period more or less
+        correction = np.zeros_like(tried.correction)
+        correction[:count] = self._filter.next_torque(
+            tried.correction[:count], error[:count], self._period
+        )
         self.played = Learnt(tried.path, tried.base, correction)
