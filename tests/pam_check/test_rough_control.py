@@ -134,9 +134,8 @@ def test_the_disturbance_observer_serves_on_the_independent_plant(rough, effect)
 
 def test_a_payload_that_is_put_on_in_mid_motion_is_settled_within_a_second(rough):
     """Later reaches overshoot by less than 5 % of their length."""
-    controller, clean = rough.controller, rough.hidden("nothing")
-    controller.forget_adaptation()
-    controller.drop_commands()
+    adapting = RoughControl(load_rig(ELBOW), TOLD.replace(adaptation=True), 5)
+    controller, clean = adapting.controller, rough.hidden("nothing")
     reaches = [0.5, -0.4, 0.5, -0.4, 0.5]  # rad, one every 2 s, each within 0.6 s
     count = round((1.5 + 2.0 * len(reaches)) / PERIOD)
     plant = RunningTruth(

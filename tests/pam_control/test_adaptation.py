@@ -22,7 +22,8 @@ STEP = 0.002
 
 
 def law(rig, **settings):
-    return PositionStiffnessController(rig, ControlSettings(**settings), DESIGNS)
+    asked = ControlSettings(**{"adaptation": True, **settings})
+    return PositionStiffnessController(rig, asked, DESIGNS)
 
 
 def played(closed_loop, controller, motion, **options):

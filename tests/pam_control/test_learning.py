@@ -27,7 +27,7 @@ FRICTION = {"coulomb_friction.torque": 0.5}
 
 
 def law(rig, **settings):
-    return PositionStiffnessController(rig, ControlSettings(**settings), DESIGNS)
+    return PositionStiffnessController(rig, ControlSettings(adaptation=True, **settings), DESIGNS)
 
 
 @pytest.fixture(scope="module")

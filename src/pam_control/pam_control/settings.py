@@ -136,7 +136,7 @@ class ControlSettings:
     observer: bool = False
     observer_bandwidth: float = 0.0
     observer_limit: float = 5.0
-    adaptation: bool = True
+    adaptation: bool = False
     adaptation_limit: float = 5.0
     learning_motion: str = ""
     learning_file: str = ""
