@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from pam_gap.prediction.fit import FreeParameter, bounded_step, fit, mean_squares
+from pam_gap.prediction.fit import (
+    FreeParameter,
+    bounded_step,
+    fit,
+    fit_steps,
+    fit_together,
+    mean_squares,
+)
 
 ROWS = np.ones(400, dtype=bool)
 
@@ -75,3 +82,30 @@ def test_bounded_step_is_the_minimum_in_the_box(seed: int) -> None:
 
     trials = random.uniform(low, high, (4000, 6))
     assert value(step) <= min(value(x) for x in trials) + 1e-9
+
+
+def test_fits_side_by_side_give_what_each_gives_alone_in_fewer_batches() -> None:
+    free = [
+        FreeParameter("size", 0.0, 10.0, 1.0),
+        FreeParameter("time", 1e-2, 100.0, 0.7, is_logarithmic=True),
+    ]
+    starts = [np.array([0.3, 5.0]), np.array([4.0, 0.1]), np.array([2.0, 0.7])]
+    batches: list[int] = []
+
+    def counted(lanes: np.ndarray) -> np.ndarray:
+        batches.append(len(lanes))
+        return exponential(0.01)(lanes)
+
+    alone = [fit(counted, free, start, rows=ROWS, floor=np.ones(1)) for start in starts]
+    lanes_alone, batches_alone = sum(batches), len(batches)
+    batches.clear()
+    fits = [
+        (lambda lanes: lanes, fit_steps(free, start, rows=ROWS, floor=np.ones(1)))
+        for start in starts
+    ]
+    together = fit_together(fits, counted)
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
+        assert one.iterations == other.iterations
+    assert sum(batches) == lanes_alone
+    assert len(batches) < 0.6 * batches_alone

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter, Rows
+from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter, Rows
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
@@ -103,28 +103,30 @@ def block_sums(errors: Array, folds: Folds, rows: Rows) -> tuple[Array, Array]:
 
 def score_held_out(fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis) -> HeldOut:
     """Continue the fit to all data on each fold, and score it on the other fold."""
-    sums = np.zeros((folds.n_blocks, hypothesis.result.errors.shape[1]))
-    counts = np.zeros_like(sums)
-    values: list[Array] = []
-    for own, other in (folds.rows, folds.rows[::-1]):
-        part = hypothesis
-        if hypothesis.result.values.size:
-            part = fitter.fit(
-                hypothesis.members,
-                hypothesis.result.values,
-                rows=own,
-                cached=hypothesis.result.jacobian,
-                max_iterations=fitter.rules.search.fold_steps,
-            )
-        values.append(part.result.values)
-        more_sums, more_counts = block_sums(part.result.errors, folds, other)
-        sums += more_sums
-        counts += more_counts
-    return HeldOut.of(hypothesis, sums, counts, tuple(values))
+    return score_all(fitter, folds, [hypothesis])[0]
 
 
 def score_all(
     fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]
 ) -> list[HeldOut]:
-    """Held-out scores of several hypotheses."""
-    return [score_held_out(fitter, folds, h) for h in hypotheses]
+    """Held-out scores of several hypotheses; all their fits run side by side."""
+    tasks = [
+        FitTask(h.members, h.result.values, fitter.rules.search.fold_steps, own, h.result.jacobian)
+        for h in hypotheses
+        if h.result.values.size
+        for own in folds.rows
+    ]
+    parts = iter(fitter.fit_all(tasks))
+    scores: list[HeldOut] = []
+    for h in hypotheses:
+        sums = np.zeros((folds.n_blocks, h.result.errors.shape[1]))
+        counts = np.zeros_like(sums)
+        values: list[Array] = []
+        for other in folds.rows[::-1]:
+            part = next(parts) if h.result.values.size else h
+            values.append(part.result.values)
+            more_sums, more_counts = block_sums(part.result.errors, folds, other)
+            sums += more_sums
+            counts += more_counts
+        scores.append(HeldOut.of(h, sums, counts, tuple(values)))
+    return scores

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,15 @@ from pam_gap.inference.candidates import (
     nuisances_for,
     transport_time,
 )
-from pam_gap.prediction.fit import Array, FitResult, FreeParameter, fit, mean_squares
+from pam_gap.prediction.fit import (
+    Array,
+    FitResult,
+    FitSteps,
+    FreeParameter,
+    fit_steps,
+    fit_together,
+    mean_squares,
+)
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.plant.parameters import INDEX
 
@@ -60,6 +69,34 @@ class Hypothesis:
     def label(self) -> str:
         """Names of the effects with their sides."""
         return " + ".join(member.label for member in self.members) or "re-tuned nominal"
+
+
+@dataclass(frozen=True, slots=True)
+class FitTask:
+    """One fit of one hypothesis from one start.
+
+    Attributes
+    ----------
+    members : tuple of Candidate
+        The effects.
+    start : ndarray
+        Nuisance parameters first, then those of the effects.
+    max_iterations : int
+        Largest number of steps.
+    rows : ndarray of bool, optional
+        Rows that are fitted; by default all counted ones.
+    cached : ndarray, optional
+        Jacobian of the first parameters, which is reused.
+    tolerance : float, optional
+        As for `fit_steps`.
+    """
+
+    members: tuple[Candidate, ...]
+    start: Array
+    max_iterations: int
+    rows: Rows | None = None
+    cached: Array | None = None
+    tolerance: float | None = None
 
 
 class HypothesisFitter:
@@ -120,26 +157,44 @@ class HypothesisFitter:
         tolerance: float | None = None,
     ) -> Hypothesis:
         """Fit one hypothesis from one start; nuisance parameters come first in `start`."""
+        task = FitTask(tuple(members), start, max_iterations, rows, cached, tolerance)
+        return self.fit_all([task])[0]
+
+    def fit_all(self, tasks: Sequence[FitTask]) -> list[Hypothesis]:
+        """Fit several hypotheses; their simulations run side by side as lanes of one batch."""
         problem = self.problem
-        free, targets, factor = self.problem_parts(members)
-        chosen = problem.counted if rows is None else rows
+        fits = [self._fit_steps(task) for task in tasks]
+        results = fit_together([one for one in fits if one is not None], problem.errors)
+        found = iter(results)
+        hypotheses = []
+        for task, one in zip(tasks, fits, strict=True):
+            result = self._without_fit() if one is None else next(found)
+            mean = mean_squares(result.errors, problem.counted)
+            hypotheses.append(Hypothesis(task.members, result, mean))
+        return hypotheses
+
+    def _without_fit(self) -> FitResult:
+        """The rig as written, for a hypothesis without free parameters."""
+        errors = self.problem.errors(self.problem.base.values[None])[0]
+        return FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
+
+    def _fit_steps(self, task: FitTask) -> tuple[Callable[[Array], Array], FitSteps] | None:
+        """The fit of a hypothesis and its lanes' full vectors; None without free parameters."""
+        free, targets, factor = self.problem_parts(task.members)
         if not free:
-            errors = problem.errors(problem.base.values[None])[0]
-            result = FitResult(np.zeros(0), errors, 0.0, np.zeros((*errors.shape, 0)), 0)
-        else:
-            result = fit(
-                problem.predictor(problem.base.values, targets, factor),
-                free,
-                start,
-                rows=chosen,
-                floor=self.floor,
-                cached=cached,
-                max_iterations=max_iterations,
-                tolerance=tolerance,
-                rules=self.rules.prediction,
-            )
-        mean = mean_squares(result.errors, problem.counted)
-        return Hypothesis(tuple(members), result, mean)
+            return None
+        places = [np.array([INDEX[name] for name in group]) for group in targets]
+        steps = fit_steps(
+            free,
+            task.start,
+            rows=self.problem.counted if task.rows is None else task.rows,
+            floor=self.floor,
+            cached=task.cached,
+            max_iterations=task.max_iterations,
+            tolerance=task.tolerance,
+            rules=self.rules.prediction,
+        )
+        return partial(self.problem.vectors, self.problem.base.values, places, factor), steps
 
     def fit_nominal(self) -> Hypothesis:
         """Fit the nuisance parameters alone; every other fit starts from the result."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pam_gap.inference.candidates import Candidate, richer_starts
-from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.selection import NESTED
 from pam_gap.prediction.fit import Array
 
@@ -88,10 +88,17 @@ class Search:
         limit = self.level(ranked[0]) + behind if ranked else 0.0
         return [h for h in ranked[:count] if self.level(h) <= limit]
 
-    def refine(self, h: Hypothesis, iterations: int, *, reuse: Array | None = None) -> Hypothesis:
-        """Continue the fit of a hypothesis; the result is kept only if it has a lower level."""
-        again = self.fitter.fit(h.members, h.result.values, cached=reuse, max_iterations=iterations)
-        return again if self.level(again) <= self.level(h) else h
+    def refine(
+        self, found: Sequence[Hypothesis], iterations: int, *, reuse: Array | None = None
+    ) -> list[Hypothesis]:
+        """Continue the fits of hypotheses; a result is kept only if it has a lower level."""
+        again = self.fitter.fit_all(
+            [FitTask(h.members, h.result.values, iterations, cached=reuse) for h in found]
+        )
+        return [
+            new if self.level(new) <= self.level(h) else h
+            for h, new in zip(found, again, strict=True)
+        ]
 
     def extend(
         self,
@@ -111,61 +118,63 @@ class Search:
         values = base.result.values
         names = {m.label for m in base.members} | {m.effect for m in base.members}
         rivals = [c for c in self.candidates if c.effect not in names]
-        found: list[Hypothesis] = []
         low, high = shares
-        for i, candidate in enumerate(rivals):
-            self.progress(f"{task}: {candidate.effect}", low + (high - low) * 0.6 * i / len(rivals))
-            starts = candidate.starts
-            if warm:
-                starts = self._last.get(candidate.label, starts)
-            tried = [
-                self.fitter.fit(
-                    (*base.members, candidate),
-                    np.concatenate([values, start]),
-                    cached=reuse,
-                    max_iterations=self.rules.screening_steps,
-                )
-                for start in starts
-            ]
-            best = min(tried, key=self.level)
-            found.append(best)
-            self._last[candidate.label] = (best.result.values[values.size :],)
-        leaders = self._leaders(found, screened, 2 * self.rules.behind)
-        done: list[Hypothesis] = []
-        for i, h in enumerate(leaders):
-            self.progress(f"{task}: {h.label}", low + (high - low) * (0.6 + 0.2 * i / screened))
-            done.append(
-                self.refine(h, self.rules.refine_steps, reuse=reuse if reuse.shape[-1] else None)
+        self.progress(f"{task}: {len(rivals)} candidates", low)
+        tasks = [
+            FitTask(
+                (*base.members, candidate),
+                np.concatenate([values, start]),
+                self.rules.screening_steps,
+                cached=reuse,
             )
-            done += self._richer(done[-1])
+            for candidate in rivals
+            for start in self._starts(candidate, warm)
+        ]
+        best: dict[str, Hypothesis] = {}
+        for h in self.fitter.fit_all(tasks):
+            label = h.members[-1].label
+            if label not in best or self.level(h) < self.level(best[label]):
+                best[label] = h
+        found = list(best.values())
+        for label, h in best.items():
+            self._last[label] = (h.result.values[values.size :],)
+        leaders = self._leaders(found, screened, 2 * self.rules.behind)
+        self.progress(f"{task}: the best {len(leaders)}", low + (high - low) * 0.6)
+        refined = self.refine(
+            leaders, self.rules.refine_steps, reuse=reuse if reuse.shape[-1] else None
+        )
+        done = [*refined, *self._richer(refined)]
         leaders = self._leaders(done, finished, self.rules.behind)
-        ends: list[Hypothesis] = []
-        for i, h in enumerate(leaders):
-            self.progress(f"{task}: {h.label}", low + (high - low) * (0.8 + 0.2 * i / finished))
-            ends.append(self.refine(h, self.rules.finish_steps))
+        self.progress(f"{task}: the best {len(leaders)}", low + (high - low) * 0.8)
+        ends = self.refine(leaders, self.rules.finish_steps)
         best_of: dict[str, Hypothesis] = {}
         for h in (*found, *done, *ends):
             if h.label not in best_of or self.level(h) < self.level(best_of[h.label]):
                 best_of[h.label] = h
         return sorted(best_of.values(), key=self.level)
 
-    def _richer(self, h: Hypothesis) -> list[Hypothesis]:
-        """Richer laws of the newest effect, fitted from the result of the simpler law."""
-        newest, others = h.members[-1], h.members[:-1]
-        at = len(h.result.values) - len(newest.free)
-        found: list[Hypothesis] = []
-        for candidate in self.candidates:
-            if (newest.effect, candidate.effect) in NESTED:
-                found += [
-                    self.fitter.fit(
-                        (*others, candidate),
-                        np.concatenate([h.result.values[:at], start]),
-                        cached=h.result.jacobian[..., :at],
-                        max_iterations=self.rules.settled_steps,
-                    )
-                    for start in richer_starts(candidate, newest, h.result.values[at:])
-                ]
-        return found
+    def _starts(self, candidate: Candidate, warm: bool) -> tuple[Array, ...]:
+        """Starting points of a candidate: with `warm` the values of its last trial."""
+        return self._last.get(candidate.label, candidate.starts) if warm else candidate.starts
+
+    def _richer(self, found: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Richer laws of the newest effects, fitted from the results of the simpler laws."""
+        tasks: list[FitTask] = []
+        for h in found:
+            newest, others = h.members[-1], h.members[:-1]
+            at = len(h.result.values) - len(newest.free)
+            for candidate in self.candidates:
+                if (newest.effect, candidate.effect) in NESTED:
+                    tasks += [
+                        FitTask(
+                            (*others, candidate),
+                            np.concatenate([h.result.values[:at], start]),
+                            self.rules.settled_steps,
+                            cached=h.result.jacobian[..., :at],
+                        )
+                        for start in richer_starts(candidate, newest, h.result.values[at:])
+                    ]
+        return self.fitter.fit_all(tasks)
 
     def singles(self) -> SearchResult:
         """The re-tuned nominal plant and every single effect."""
@@ -205,7 +214,7 @@ class Search:
         low, high = shares
         middle = 0.5 * (low + high)
         # An improvement by a longer fit of the base must not be credited to the added effect.
-        base = self.refine(result.by_size[-1][0], self.rules.settled_steps)
+        base = self.refine(result.by_size[-1][:1], self.rules.settled_steps)[0]
         result.by_size[-1][0] = base
         size = len(base.members) + 1
         found = self.extend(
@@ -237,11 +246,9 @@ class Search:
     def _check_backwards(self, result: SearchResult) -> None:
         """Fit the best hypothesis without each of its effects, which may be unnecessary now."""
         best, smaller = result.by_size[-1][0], result.by_size[-2]
-        for member in range(len(best.members)):
-            start = self.without(best, member)
-            rest = self.fitter.fit(
-                start.members, start.result.values, max_iterations=self.rules.settled_steps
-            )
+        starts = [self.without(best, member) for member in range(len(best.members))]
+        tasks = [FitTask(h.members, h.result.values, self.rules.settled_steps) for h in starts]
+        for rest in self.fitter.fit_all(tasks):
             known = next((h for h in smaller if h.label == rest.label), None)
             if known is None or self.level(rest) < self.level(known):
                 result.by_size[-2] = smaller = [

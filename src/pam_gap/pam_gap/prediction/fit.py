@@ -6,7 +6,8 @@ likelihood of Gaussian errors, concentrated over their unknown variance in each 
 that no model explains well therefore does not dominate the others. The steps are Gauss-Newton steps
 with Levenberg damping; the errors are weighted by the variances of the last iterate. Steps with
 several dampings are evaluated as lanes of one batch. Given columns of the Jacobian are reused for
-parameters whose effect is nearly linear.
+parameters whose effect is nearly linear. A fit is a generator that asks for prediction errors, so
+that the lanes of many fits are simulated as one batch.
 
 Sources: Nocedal and Wright, Numerical Optimization, chapters 10 and 16;
 Seber and Wild, Nonlinear Regression, 2.2 (concentrated likelihood).
@@ -14,7 +15,7 @@ Seber and Wild, Nonlinear Regression, 2.2 (concentrated likelihood).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,8 @@ from pam_gap.rules.prediction_rules import PredictionRules
 Array = npt.NDArray[np.float64]
 Predictor = Callable[[Array], Array]
 """(lanes, parameters) -> whitened errors (lanes, blocks, channels); NaN without a measurement."""
+FitSteps = Generator[Array, Array, "FitResult"]
+"""Yields lanes of parameters in own units, is sent their errors, and returns the result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +159,25 @@ def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array
     return step
 
 
+def shifted_lanes(
+    scaling: Scaling, at: Array, columns: npt.NDArray[np.intp], step: float
+) -> tuple[Array, Array]:
+    """Points that differ from `at` by a step in one of the `columns`, and these steps."""
+    lanes = np.repeat(at[None, :], columns.size, axis=0)
+    steps = np.full(columns.size, step)
+    for lane, column in enumerate(columns):
+        if at[column] + step > scaling.high[column]:
+            steps[lane] = -step
+        lanes[lane, column] += steps[lane]
+    return lanes, steps
+
+
+def differences(shifted: Array, errors: Array, steps: Array) -> Array:
+    """Columns of the Jacobian from the errors at `shifted_lanes` and at the point itself."""
+    result: Array = np.moveaxis((shifted - errors) / steps[:, None, None], 0, -1)
+    return result
+
+
 def numerical_jacobian(
     predict: Predictor,
     scaling: Scaling,
@@ -165,15 +187,8 @@ def numerical_jacobian(
     step: float,
 ) -> Array:
     """Forward differences of the errors with respect to the scaled parameters in `columns`."""
-    lanes = np.repeat(at[None, :], columns.size, axis=0)
-    steps = np.full(columns.size, step)
-    for lane, column in enumerate(columns):
-        if at[column] + step > scaling.high[column]:
-            steps[lane] = -step
-        lanes[lane, column] += steps[lane]
-    shifted = predict(scaling.own(lanes))
-    result: Array = np.moveaxis((shifted - errors) / steps[:, None, None], 0, -1)
-    return result
+    lanes, steps = shifted_lanes(scaling, at, columns, step)
+    return differences(predict(scaling.own(lanes)), errors, steps)
 
 
 def normal_equations(
@@ -205,8 +220,7 @@ def trial_lanes(
     return lanes
 
 
-def fit(
-    predict: Predictor,
+def fit_steps(
     free: Sequence[FreeParameter],
     start: Array,
     *,
@@ -216,13 +230,11 @@ def fit(
     max_iterations: int = 8,
     tolerance: float | None = None,
     rules: PredictionRules = DEFAULT.prediction,
-) -> FitResult:
-    """Fit the parameters from one starting point.
+) -> FitSteps:
+    """Fit the parameters from one starting point; the caller simulates the lanes it asks for.
 
     Parameters
     ----------
-    predict : callable
-        Maps lanes of parameters in own units to whitened errors.
     free : sequence of FreeParameter
         The n parameters.
     start : ndarray, shape (n,)
@@ -245,7 +257,7 @@ def fit(
     least_fall = rules.fit_tolerance if tolerance is None else tolerance
     n = len(free)
     at = np.clip(scaling.scaled(np.asarray(start, dtype=np.float64)), scaling.low, scaling.high)
-    errors = predict(scaling.own(at[None, :]))[0]
+    errors = (yield scaling.own(at[None, :]))[0]
     counts = np.isfinite(errors[rows]).sum(axis=0).astype(np.float64)
     total = max(float(counts.sum()), 1.0)
 
@@ -263,9 +275,8 @@ def fit(
     taken = 0
     for _ in range(max_iterations):
         if fresh.size:
-            jacobian[..., fresh] = numerical_jacobian(
-                predict, scaling, at, errors, fresh, rules.fit_difference
-            )
+            lanes, steps = shifted_lanes(scaling, at, fresh, rules.fit_difference)
+            jacobian[..., fresh] = differences((yield scaling.own(lanes)), errors, steps)
         mean = np.maximum(mean_squares(errors, rows), rules.fit_weight_floor * floor)
         hessian, slope = normal_equations(errors, jacobian, rows, 1.0 / mean)
         hessian[np.diag_indices(n)] += scaling.weight**2
@@ -274,7 +285,7 @@ def fit(
         for attempt in range(rules.fit_attempts):
             dampings = [scale * (damping * factor + 1e-10) for factor in (min(attempt, 1), 30.0)]
             lanes = trial_lanes(hessian, slope, dampings, scaling, at)
-            lane_errors = predict(scaling.own(lanes))
+            lane_errors = yield scaling.own(lanes)
             values = objective(lane_errors, lanes)
             winner = int(np.argmin(values))
             fall = best - float(values[winner])
@@ -289,3 +300,53 @@ def fit(
         if fall < least_fall * total:
             break
     return FitResult(scaling.own(at), errors, best, jacobian, taken)
+
+
+def fit_together(
+    fits: Sequence[tuple[Callable[[Array], Array], FitSteps]], predict: Predictor
+) -> list[FitResult]:
+    """Run several fits side by side: what all of them ask for next is simulated as one batch.
+
+    Parameters
+    ----------
+    fits : sequence of pairs
+        A function that completes the lanes of a fit to what `predict` takes, and the fit.
+    predict : callable
+        Maps completed lanes to whitened errors.
+
+    Returns
+    -------
+    list of FitResult
+        In the order of `fits`; each is the same as that of the fit alone.
+    """
+    results: dict[int, FitResult] = {}
+    asked = {k: complete(next(steps)) for k, (complete, steps) in enumerate(fits)}
+    while asked:
+        errors = predict(np.concatenate(list(asked.values())))
+        first = 0
+        for k, lanes in list(asked.items()):
+            complete, steps = fits[k]
+            try:
+                asked[k] = complete(steps.send(errors[first : first + len(lanes)]))
+            except StopIteration as end:
+                results[k] = end.value
+                del asked[k]
+            first += len(lanes)
+    return [results[k] for k in range(len(fits))]
+
+
+def fit(
+    predict: Predictor,
+    free: Sequence[FreeParameter],
+    start: Array,
+    *,
+    rows: npt.NDArray[np.bool_],
+    floor: Array,
+    max_iterations: int = 8,
+    tolerance: float | None = None,
+) -> FitResult:
+    """Run one fit alone, as `fit_steps`; `predict` maps lanes in own units to whitened errors."""
+    steps = fit_steps(
+        free, start, rows=rows, floor=floor, max_iterations=max_iterations, tolerance=tolerance
+    )
+    return fit_together([(lambda lanes: lanes, steps)], predict)[0]
