@@ -17,7 +17,7 @@ def main(folder: Path) -> int:
     survivors: list[str] = []
     total = killed = 0
     print("| module | mutants | noticed | share |\n|---|---|---|---|")
-    for path in sorted(folder.glob("pam_*/*.meta")):
+    for path in sorted(folder.glob("pam_*/**/*.meta")):
         codes = {
             name: code
             for name, code in json.loads(path.read_text())["exit_code_by_key"].items()
