@@ -106,6 +106,8 @@ def test_the_command_prints_one_result_per_effect_and_motion(capsys):
 def test_an_unknown_effect_is_one_line_and_exit_code_2(capsys):
     assert main(["rough-control", "--effects", "gremlins"]) == 2
     assert "--effects gremlins" in capsys.readouterr().err
+    assert main(["learning", "--effects", "payload+gremlins"]) == 2
+    assert "--effects payload+gremlins: gremlins is unknown" in capsys.readouterr().err
 
 
 def test_a_hidden_tube_does_not_make_the_valves_chatter(rough):

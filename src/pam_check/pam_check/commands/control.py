@@ -1,4 +1,4 @@
-"""Command for the controller on rigs that are not their rig file."""
+"""Commands for the controller on rigs that are not their rig file."""
 
 from __future__ import annotations
 
@@ -58,6 +58,31 @@ def _rough_control(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_learning(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+    parser.add_argument(
+        "--effects",
+        nargs="+",
+        metavar="NAME[+NAME]",
+        default=["nothing", "hysteresis", "coulomb_friction", "payload", "hysteresis+payload"],
+        help="effects to hide, several at once joined by + (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--repetitions",
+        type=count(2),
+        default=5,
+        metavar="N",
+        help="how often the motion is played (default: %(default)s)",
+    )
+
+
+def _learning(given: Arguments) -> Outcome:
+    from pam_check.control.repeated_motions import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "rough-control",
@@ -70,5 +95,14 @@ COMMANDS = (
             "python -m pam_check rough-control --tries 0",
             "python -m pam_check rough-control --effects hysteresis payload",
         ),
+    ),
+    Command(
+        "learning",
+        "repeat a motion with a hidden effect while the controller learns it",
+        _declare_learning,
+        _learning,
+        bad_news="if the last repetition has more than a quarter of the first error, or one has "
+        "more than the first",
+        examples=("python -m pam_check learning --effects hysteresis coulomb_friction+payload",),
     ),
 )

@@ -1,0 +1,126 @@
+"""How the error of a repeated motion falls while the controller learns it.
+
+`python -m pam_check learning` hides an effect, or several at once, in the independent plant of the
+blind check, gives the controller the nominal rig file, and repeats one motion. Nothing is known
+before the first repetition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Final
+
+from pam_check.blind.truth_plant import TruthJoint
+from pam_check.control.closed_loop import TOLD, Muscles, play, true_rig
+from pam_check.control.hidden_sizes import HIDDEN
+from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.errors import PamError
+from pam_model.rig import Rig, load_rig
+
+MOTION: Final = "arm"
+LEAST_GAIN: Final = 4.0
+"""By how much five repetitions shall reduce the error of the first."""
+WORSE: Final = 1.05
+"""How much above the first a repetition may be; below it, repetitions differ by their noise."""
+SMALL: Final = 5e-4
+"""Errors below this need no learning [rad]; a rig that is its file has 0.2 mrad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repetitions:
+    """The repetitions of one motion.
+
+    Attributes
+    ----------
+    hidden : str
+        Effects, joined by "+".
+    errors : list of float
+        RMS error of each repetition [rad].
+    ended : str
+        Why learning ended by itself; empty if it did not.
+    """
+
+    hidden: str
+    errors: list[float]
+    ended: str
+
+    def problems(self) -> list[str]:
+        """What is not as it should be."""
+        first, last = self.errors[0], self.errors[-1]
+        found = []
+        if max(self.errors) > max(WORSE * first, SMALL):
+            found.append(
+                f"{self.hidden}: a repetition has {max(self.errors) / first:.2f} times "
+                "the error of the first"
+            )
+        if first > SMALL and last > first / LEAST_GAIN:
+            found.append(f"{self.hidden}: the last has {last / first:.2f} of the first error")
+        return found
+
+
+def hide(rig: Rig, names: str) -> tuple[TruthJoint, Muscles]:
+    """The true rig with all effects of a list like "hysteresis+payload".
+
+    Raises
+    ------
+    PamError
+        For an unknown name.
+    """
+    joint, muscles = true_rig(rig)
+    for name in names.split("+"):
+        if name == NOTHING:
+            continue
+        if name not in HIDDEN:
+            known = ", ".join([NOTHING, *HIDDEN])
+            raise PamError(f"--effects {names}: {name} is unknown; expected some of {known}")
+        joint, muscles = HIDDEN[name].applied(joint, muscles)
+    return joint, muscles
+
+
+def repeat(rough: RoughControl, hidden: str, repetitions: int, seed: int) -> Repetitions:
+    """Repeat the motion with what is hidden, from a controller that has learnt nothing."""
+    controller = rough.controller
+    controller.forget_adaptation()
+    for name in ("", MOTION):  # a motion that is named anew begins anew
+        controller.change(controller.prepared.asked.replace(learning_motion=name))
+    learner = controller.channels[0].learner
+    assert learner is not None
+    joint, muscles = hide(rough.rig, hidden)
+    errors = []
+    for index in range(repetitions):
+        played, _ = play(controller, joint, muscles, rough.motions[MOTION], seed + index)
+        learner.wait()
+        errors.append(played.rms)
+    return Repetitions(hidden, errors, learner.motion.ended)
+
+
+def _row(result: Repetitions) -> str:
+    errors = " ".join(f"{1e3 * error:7.2f}" for error in result.errors)
+    return f"{result.hidden:36s} {errors}  {result.ended}".rstrip()
+
+
+def run(given: Arguments) -> Outcome:
+    """Repeat the motion with every effect and print the table.
+
+    Raises
+    ------
+    PamError
+        For a rig or an effect that cannot be used.
+    """
+    chosen: Sequence[str] = given.effects
+    rig = load_rig(chosen_rig(given))
+    for hidden in chosen:
+        hide(rig, hidden)
+    settings = TOLD.replace(adaptation=True, learning_motion=MOTION)
+    rough = RoughControl(rig, settings, given.seed)
+    results: list[Repetitions] = []
+    print(f"{'hidden':36s} RMS error of each repetition [mrad]")
+    with progress(len(chosen), "effects") as bar:
+        for done, hidden in enumerate(chosen, start=1):
+            results.append(repeat(rough, hidden, given.repetitions, given.seed))
+            print(_row(results[-1]), flush=True)
+            bar.show(done, hidden)
+    problems = [problem for result in results for problem in result.problems()]
+    return Outcome({"seed": given.seed, "results": [asdict(each) for each in results]}, problems)
