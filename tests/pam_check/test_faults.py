@@ -390,7 +390,7 @@ WATCHDOG_TOLD = "vented, latched: board 0: fault: watchdog"
         ("frames_reordered_down", True, 0.3, "vented, latched: elbow: noise 0.1 rad", "failed"),
         ("encoder_stuck", True, 0.3, WATCHDOG_TOLD, REPEAT),
         ("encoder_stuck", True, 0.3, "vented, latched: elbow: pressures disagree", KEPT),
-        ("encoder_stuck", True, 1.2, "vented, latched: elbow: pressures disagree", REPEAT),
+        ("encoder_stuck", True, 1.3, "vented, latched: elbow: pressures disagree", REPEAT),
         ("encoder_stuck", False, 1.5, "", "failed"),
         ("host_stall", True, 0.1, WATCHDOG_TOLD, KEPT),
         ("all_frames_lost_down", True, 0.1, WATCHDOG_TOLD, KEPT),

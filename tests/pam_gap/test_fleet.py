@@ -394,7 +394,7 @@ def test_the_page_shows_series_recordings_and_failures_and_escapes_names():
     page = render(
         {
             "recordings": [row, broken],
-            "followed": [{"robot": "arm", "joint": "elbow", "failures": ["2.csv: too short"]}],
+            "followed": [{"robot": "arm", "joint": "elbow", "failures": [("2.csv", "too short")]}],
             "series": [as_json(found)],
             "next": [
                 {"robot": "arm", "joint": "elbow", "what": "x", "weeks": 9.6, "aim": "doubles"}
