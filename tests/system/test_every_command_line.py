@@ -168,6 +168,7 @@ BESIDE_A_RIG = {
     "diagnose": [str(ELBOW), "--out", "out"],
     "fleet": [".", "--out", "out"],
     "fuzz": ["frames"],
+    "import": [str(ELBOW), "--out", "out"],
     "record": ["--out", "out"],
     "security": ["policy.xml"],
 }
