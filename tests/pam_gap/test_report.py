@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -12,6 +13,7 @@ from pam_gap.answer import report_figures
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
 from pam_gap.answer.provenance import provenance
 from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, render, write_report
+from pam_gap.answer.report_figures import GUILTY, STAGES
 from pam_gap.answer.traces import CLOSEST, IMPROVED, MEASURED, NOMINAL, Trace, draw, thinned
 from pam_gap.diagnosis_files import _delay
 
@@ -123,12 +125,11 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 def test_only_the_stage_to_blame_is_coloured(drawn: list[Figure]) -> None:
     """A stage of 3 floors was orange although the verdict was `none`."""
     stages = [StageGap("valve", 3.0), StageGap("joint", 8.0)]
-    for named in (None, "joint"):
-        report_figures.draw_stages(stages, named)
+    for blamed in (set(), {"joint"}, {"muscle", "joint"}):
+        report_figures.draw_stages(stages, blamed)
         boxes = drawn[-1].axes[0].patches
-        colours = [box.get_facecolor() for box in boxes[:4]]
-        assert len(set(colours)) == (1 if named is None else 2)
-        assert (colours[2] != colours[0]) == (named == "joint")
+        coloured = [box.get_facecolor() == mpl.colors.to_rgba(GUILTY) for box in boxes[:4]]
+        assert coloured == [stage in blamed for stage in STAGES]
 
 
 def test_the_measured_curve_is_wide_and_light_and_all_curves_have_names() -> None:

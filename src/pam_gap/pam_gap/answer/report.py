@@ -6,7 +6,7 @@ recording or a rig file is escaped (Jinja2 autoescape).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from pam_gap.answer.report_figures import (
 )
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw
 from pam_gap.answer.user_units import percent, plain, told, user_unit
+from pam_model.effects import EFFECTS
 
 __all__ = ["RankedCandidate", "ReportData", "StageGap", "Trace", "render", "write_report"]
 
@@ -173,9 +174,18 @@ def _closed_sentence(closed: Mapping[str, float] | None) -> str:
     )
 
 
-def _stage_words(stage: str | None, verdict: str) -> str:
-    if stage is None:
+def _blamed_stages(diagnosis: Mapping[str, Any]) -> set[str]:
+    """The stages of all effects of the answer; without effects, that of the largest gap."""
+    named: set[str] = {EFFECTS[effect].stage for effect in diagnosis["effects"]}
+    return named or ({diagnosis["stage"]} if diagnosis["stage"] else set())
+
+
+def _stage_words(blamed: Collection[str], verdict: str) -> str:
+    if not blamed:
         return "No stage is coloured, because none is to blame."
+    if len(blamed) > 1:
+        possible = "possible causes" if verdict == "ambiguous" else "causes"
+        return f"The coloured stages are those of the {possible}; errors of the others can follow."
     why = "the largest gap over its noise" if verdict == "unknown" else "the cause"
     return f"The coloured stage is that of {why}; errors of the others can come from it."
 
@@ -282,6 +292,7 @@ def render(data: ReportData) -> str:
         default=None,
     )
     named = list(diagnosis["effects"])
+    blamed = _blamed_stages(diagnosis)
     return environment.from_string(_PAGE).render(
         d=data,
         style=STYLE,
@@ -298,8 +309,8 @@ def render(data: ReportData) -> str:
         sizes=_size_rows(materiality),
         limit=percent(materiality.get("limit", 0.0)),
         limit_unexplained=percent(materiality.get("limit_unexplained", 0.0)),
-        stages=draw_stages(data.stages, diagnosis["stage"]) if data.stages else "",
-        stage_words=_stage_words(diagnosis["stage"], verdict),
+        stages=draw_stages(data.stages, blamed) if data.stages else "",
+        stage_words=_stage_words(blamed, verdict),
         ranking=draw_ranking(data.ranking, named) if data.ranking else "",
         shrinkage=draw_shrinkage(diagnosis["gap"], WITH_ANSWER if named else RETUNED)
         if diagnosis["gap"] and verdict != "not_identifiable"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,8 +59,8 @@ def _svg(figure: Figure) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(text.encode()).decode()
 
 
-def draw_stages(stages: Sequence[StageGap], named: str | None) -> str:
-    """Draw the chain of stages, each with its gap over floor; only the named one is coloured."""
+def draw_stages(stages: Sequence[StageGap], blamed: Collection[str]) -> str:
+    """Draw the chain of stages, each with its gap over floor; only the blamed are coloured."""
     figure, axis = plt.subplots(figsize=(9.5, 1.9), layout="constrained")
     axis.set_xlim(0, len(STAGES) * 2.4)
     axis.set_ylim(0, 1.5)
@@ -70,7 +70,7 @@ def draw_stages(stages: Sequence[StageGap], named: str | None) -> str:
         x = 0.1 + 2.4 * i
         entry = known.get(stage)
         gap = entry.gap_over_floor if entry else None
-        is_named = stage == named
+        is_named = stage in blamed
         box = mpl.patches.FancyBboxPatch(
             (x, 0.3), 1.9, 0.9, boxstyle="round,pad=0.03",
             facecolor=GUILTY if is_named else NEUTRAL,
