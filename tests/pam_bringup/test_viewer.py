@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import socket
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -150,3 +152,32 @@ def test_the_viewer_gets_the_curves_the_arm_and_the_words(rig, tmp_path):
     content = view_file.read_bytes()
     for path in (b"/angle/elbow/measured", b"/arm/elbow/link", b"/driver", b"muscle_and_joint"):
         assert path in content, path
+
+
+def listening(port: int) -> list[str]:
+    """The local addresses on which this machine listens, as the kernel writes them."""
+    rows = [
+        row.split()
+        for table in ("tcp", "tcp6")
+        for row in Path(f"/proc/net/{table}").read_text().splitlines()[1:]
+    ]
+    addresses = [row[1].split(":") for row in rows if row[3] == "0A"]
+    return [host for host, number in addresses if int(number, 16) == port]
+
+
+def test_the_page_is_served_to_this_machine_alone():
+    """Whoever can open the page sees the robot."""
+    pytest.importorskip("rerun", reason="rerun-sdk is optional")
+    web, data = free_port(), free_port()
+    sink = rerun_sink.RerunSink()
+    address = sink.serve(web, data, rerun_sink.layout(live=False, narrow=False), open_browser=False)
+    assert address.startswith(f"http://127.0.0.1:{web}/")
+    assert listening(web) == listening(data) == ["0100007F"]
+    with pytest.raises(PamError, match=f"port {web} is in use"):
+        rerun_sink.RerunSink().serve(web, data, None, open_browser=False)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

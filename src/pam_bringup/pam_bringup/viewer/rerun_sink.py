@@ -6,7 +6,14 @@ and works without a network.
 
 from __future__ import annotations
 
+import atexit
+import contextlib
+import os
+import socket
+import subprocess
+import sys
 import time as clock
+import webbrowser
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +22,8 @@ from typing import Any
 from pam_bringup.viewer.arm_drawing import Stroke
 from pam_model.errors import PamError
 
+HOST = "127.0.0.1"  # nobody else may see the robot
+START_TIME = 30.0  # s; of the viewer's server
 LIVE_SPAN = 20.0  # s, that the curves of a running robot show
 HAND_OVER_EVERY = 0.1  # s; single points would keep the viewer busy with their headers
 CURVES = (
@@ -80,6 +89,19 @@ def layout(*, live: bool, narrow: bool) -> Any:
     )
 
 
+def _wait_for_server(server: subprocess.Popen[bytes], ports: Sequence[int]) -> None:
+    deadline = clock.monotonic() + START_TIME
+    for port in ports:
+        while True:
+            if server.poll() is not None or clock.monotonic() > deadline:
+                raise PamError(
+                    f"the viewer's server did not start on the ports {ports[0]} and {ports[1]}"
+                )
+            with contextlib.suppress(OSError), socket.create_connection((HOST, port), 0.5):
+                break
+            clock.sleep(0.05)
+
+
 class RerunSink:
     """Hands everything to the viewer's recording stream."""
 
@@ -90,10 +112,33 @@ class RerunSink:
         self._handed_over = clock.monotonic()
 
     def serve(self, web_port: int, data_port: int, blueprint: Any, *, open_browser: bool) -> str:
-        """Serve the page and its data on this machine; returns the address of the page."""
-        address = self._stream.serve_grpc(grpc_port=data_port, default_blueprint=blueprint)
-        self._rr.serve_web_viewer(web_port=web_port, open_browser=open_browser, connect_to=address)
-        return f"http://127.0.0.1:{web_port}/?url={address.replace('+', '%2B')}"
+        """Serve the page and its data to this machine alone; returns the address of the page.
+
+        The server is the program of the viewer: that of the Python module listens to the network.
+
+        Raises
+        ------
+        PamError
+            If a port is in use, or the server does not start.
+        """
+        for port in (web_port, data_port):
+            with contextlib.suppress(OSError), socket.create_connection((HOST, port), 0.5):
+                raise PamError(f"port {port} is in use; choose --web-port and --data-port")
+        words = [sys.executable, "-m", "rerun_cli", "--serve-web", "--bind", HOST]
+        words += ["--port", str(data_port), "--web-viewer-port", str(web_port)]
+        # otherwise the server itself opens a browser, with an address that shows no data
+        quiet = {**os.environ, "BROWSER": "true"}
+        server = subprocess.Popen(
+            words, env=quiet, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        atexit.register(server.terminate)
+        _wait_for_server(server, (web_port, data_port))
+        address = f"rerun+http://{HOST}:{data_port}/proxy"
+        self._stream.connect_grpc(address, default_blueprint=blueprint)
+        page = f"http://{HOST}:{web_port}/?url={address.replace('+', '%2B')}"
+        if open_browser:
+            webbrowser.open(page)
+        return page
 
     def save(self, path: Path, blueprint: Any) -> None:
         """Write to a file of the viewer instead of a page."""
