@@ -10,12 +10,20 @@ import numpy as np
 import pytest
 
 from pam_check.__main__ import main
-from pam_check.blind.sensitivity import Campaign, sensitivity, to_markdown
+from pam_check.blind.sensitivity import (
+    Campaign,
+    diagnosed_again,
+    sensitivity,
+    to_markdown,
+)
+from pam_gap.diagnosis_files import IMPROVED_RIG
 from pam_gap.inference.evidence import KeptEvidence, decide_again
 from pam_gap.inference.score import Score
 from pam_gap.rules import DEFAULT, table
 from pam_gap.rules.rule import DECISION
 from pam_model.errors import PamError
+
+SENSITIVITY = "pam_check.blind.sensitivity"
 
 
 def score(effects: tuple[str, ...], rms: float) -> Score:
@@ -136,3 +144,33 @@ def test_labels_that_were_not_sealed_are_refused(campaign: Path) -> None:
     labels.write_text(labels.read_text().replace("creep", "leakage"))
     with pytest.raises(PamError, match="not the labels that were sealed"):
         Campaign.read(campaign)
+
+
+def test_a_new_diagnosis_is_scored_on_the_second_recording_too(
+    campaign: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without it, every row of a new diagnosis says that no interval could be checked."""
+
+    class Found:
+        def to_json(self) -> dict[str, object]:
+            return {"verdict": "named", "closed": {"value": 0.9, "low": 0.8, "high": 0.95}}
+
+    def diagnosed(recordings: list[Path], rig: Path, out: Path, **_: object) -> list[Found]:
+        out.mkdir(parents=True)
+        (out / IMPROVED_RIG).write_text("")
+        return [Found()]
+
+    compared: list[tuple[Path, Path, Path]] = []
+
+    def closed(written: Path, improved: Path, recording: Path) -> float:
+        compared.append((written, improved, recording))
+        return 0.85
+
+    monkeypatch.setattr(f"{SENSITIVITY}.diagnose_files", diagnosed)
+    monkeypatch.setattr("pam_check.blind.untouched.untouched_closed", closed)
+    out = campaign / "again"
+    answer = diagnosed_again((campaign, "001", DEFAULT, out))
+    assert answer["closed"]["untouched"] == 0.85
+    place = campaign / "cases" / "001" / "rig.yaml"
+    sealed = campaign / "sealed" / "001" / "recording.csv.gz"
+    assert compared == [(place, out / IMPROVED_RIG, sealed)]

@@ -25,9 +25,8 @@ from pam_check.blind.cases import LABELS
 from pam_check.blind.draw import KNOWN, OUTSIDE
 from pam_check.blind.experiments import run_experiments
 from pam_check.blind.score import score
-from pam_check.blind.untouched import untouched_closed
+from pam_check.blind.untouched import with_untouched
 from pam_check.programs import DIAGNOSIS, DRAW_CASES
-from pam_gap.diagnosis_files import IMPROVED_RIG
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
@@ -91,13 +90,7 @@ def open_labels(sealed: Path, digest: str) -> list[dict[str, Any]]:
 def add_untouched(out: Path, answers: dict[str, dict[str, Any]]) -> None:
     """Add to each answer how much its improved rig closes the gap on the second recording."""
     for name, answer in answers.items():
-        improved = out / "answers" / name / IMPROVED_RIG
-        if answer.get("closed") and improved.exists():
-            answer["closed"]["untouched"] = untouched_closed(
-                out / "cases" / name / "rig.yaml",
-                improved,
-                out / "sealed" / name / "recording.csv.gz",
-            )
+        answers[name] = with_untouched(answer, out, name, out / "answers" / name)
 
 
 def draw_confusion(pairs: list[tuple[str, str]], path: Path) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 
 from pam_check.blind.cases import LABELS
 from pam_check.blind.score import score
+from pam_check.blind.untouched import with_untouched
 from pam_gap.diagnosis_files import EVIDENCE, diagnose_files
 from pam_gap.inference.evidence import KeptEvidence, decide_again
 from pam_gap.rules import DEFAULT, RuleEntry, Rules, changed, table
@@ -192,7 +193,7 @@ def counts_of(labels: Sequence[Mapping[str, Any]], answers: Answers) -> dict[str
 
 
 def diagnosed_again(task: tuple[Path, str, Rules, Path]) -> dict[str, Any]:
-    """Diagnose one case again with other rules and return its answer."""
+    """Diagnose one case again with other rules, and score its rig on the second recording."""
     folder, case, rules, out = task
     place = folder / "cases" / case
     found = diagnose_files(
@@ -203,7 +204,7 @@ def diagnosed_again(task: tuple[Path, str, Rules, Path]) -> dict[str, Any]:
         show_progress=False,
         rules=rules,
     )
-    return found[0].to_json()
+    return with_untouched(found[0].to_json(), folder, case, out)
 
 
 def sensitivity(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from pam_gap.diagnosis_files import IMPROVED_RIG
 from pam_gap.inference.confidence import pooled_rms
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem
@@ -41,3 +44,32 @@ def untouched_closed(written: Path, improved: Path, recording: Path, joint: int 
     floor = float(np.sqrt(noise_level(problem, before)[problem.present].mean()))
     first, last = float(rms[0]), float(rms[1])
     return (first - max(last, floor)) / max(first - floor, 1e-9)
+
+
+def with_untouched(
+    answer: Mapping[str, Any], folder: Path, case: str, answered: Path
+) -> dict[str, Any]:
+    """An answer with the share that its improved rig closes on the sealed second recording.
+
+    An answer that closes no gap is returned unchanged.
+
+    Parameters
+    ----------
+    answer : mapping
+        diagnosis.json of the case.
+    folder : Path
+        Folder of the campaign.
+    case : str
+        Name of the case.
+    answered : Path
+        Folder into which the diagnosis wrote its files.
+    """
+    improved = answered / IMPROVED_RIG
+    if not answer.get("closed") or not improved.exists():
+        return dict(answer)
+    share = untouched_closed(
+        folder / "cases" / case / "rig.yaml",
+        improved,
+        folder / "sealed" / case / "recording.csv.gz",
+    )
+    return dict(answer) | {"closed": dict(answer["closed"]) | {"untouched": share}}
