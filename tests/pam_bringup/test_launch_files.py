@@ -106,7 +106,8 @@ def test_the_simulation_hands_on_what_the_robots_launch_file_takes():
     (include,) = all_of("IncludeLaunchDescription", description(SIMULATION))
     handed = {key: plain(value) for key, value in include["launch_arguments"]}
     shared = set(arguments(ROBOT)) & set(arguments(SIMULATION))
-    assert {"namespace", "bus_port", "on_driver_exit", "params_file", "respawn", "urdf"} <= shared
+    assert {"namespace", "bus_port", "on_driver_exit", "params_file"} <= shared
+    assert {"respawn", "urdf", "view"} <= shared
     assert {key: handed.get(key) for key in shared} == {key: key for key in shared}
     assert set(handed) <= set(arguments(ROBOT))
 
@@ -210,3 +211,14 @@ def test_without_robot_state_publisher_the_log_says_so(monkeypatch):
 @pytest.mark.parametrize("choice", ["shutdown", "restart"])
 def test_a_driver_that_ends_with_the_launch_is_left_alone(choice):
     assert not ending(choice, 0, ends_anyway=True)
+
+
+def test_the_viewer_is_started_when_it_is_asked_for():
+    assert arguments(ROBOT)["view"]["default_value"] == "false"
+    (viewer,) = all_of("ExecuteProcess", description(ROBOT))
+    (condition,) = all_of("IfCondition", viewer["condition"])
+    assert plain(condition.given[0]) == "view"
+    words = viewer["cmd"]
+    assert words[1:4] == ["-m", "pam_bringup", "--rig"]
+    assert plain(words[4]) == "rig_file"
+    assert [plain(part) for part in words[5]] == ["--namespace=", "namespace"]

@@ -127,7 +127,7 @@ def test_a_signal_vents_and_ends_with_0(
     bench.move()
     driver.send(number)
     if number is signal.SIGINT:
-        driver.send(number)  # people press it twice
+        driver.send(number)  # from the terminal, and handed on by launch
     assert driver.wait() == 0
     bench.peer.until(bench.vented, "vented")
     codes = [command.code for command in bench.board.board_commands]

@@ -2,7 +2,10 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +14,8 @@ pytest.importorskip("rclpy")
 import rclpy
 from rclpy.node import Node
 
+from pam_ros import end_signals
+from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import Parameter
@@ -123,10 +128,60 @@ def test_a_signal_while_a_node_is_made_ends_it_after_it_is_made(number: int) -> 
     assert signal.getsignal(number) is handler
 
 
-def test_a_second_signal_interrupts_a_node_that_takes_long_to_make() -> None:
+SIGNALLED_IN_A_CALLBACK = """
+import os, signal, sys
+from rclpy.node import Node
+from pam_ros.node_help import NodeHelp
+from pam_ros.spin import spin_node
+
+class Drawer(Node):
+    def __init__(self):
+        super().__init__("drawer")
+        self.create_timer(0.01, self.turn)
+
+    def turn(self):
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+        sum(range(1000))
+        print("turned", flush=True)
+
+usage = NodeHelp(program="", purpose="", parameters=[], other_keys="", example="", publishes=[])
+sys.exit(spin_node(Drawer, usage, [], mistake=ValueError))
+"""
+
+
+def test_ctrl_c_that_arrives_twice_does_not_abort_a_node_in_a_callback(tmp_path: Path) -> None:
+    """The terminal and launch both send it; an exception out of a callback ends in C++."""
+    file = tmp_path / "drawer.py"
+    file.write_text(SIGNALLED_IN_A_CALLBACK)
+    ended = subprocess.run(
+        [sys.executable, str(file)], capture_output=True, text=True, timeout=60.0, check=False
+    )
+    assert (ended.returncode, ended.stdout) == (0, "turned\n"), ended.stderr
+
+
+def test_signals_close_together_are_one_request_to_end() -> None:
+    """A second request cuts the lowering of the arm short; launch sends two signals at once."""
+    now = [10.0]
+    with EndSignals(lambda: now[0]) as signals:
+        assert not signals.asked
+        for seconds, urgent in ((0.0, False), (0.3, False), (0.5, False), (0.5, True)):
+            now[0] += seconds
+            os.kill(os.getpid(), signal.SIGINT)
+            assert (signals.asked, signals.urgent) == (True, urgent)
+        with pytest.raises(KeyboardInterrupt), signals.interruptible():
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def test_a_later_signal_interrupts_a_node_that_takes_long_to_make(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(end_signals, "ONE_REQUEST", 0.0)
+
     def make_node() -> None:
         for _ in range(2):
             os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
         time.sleep(30.0)
         raise AssertionError("the second signal was ignored")
 

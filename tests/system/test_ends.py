@@ -49,6 +49,8 @@ def end(suite, name: str, how: str) -> float:
     process = suite.chain.processes.pop(name)
     at: float = suite.frames.now
     process.send(HOW[how])
+    if how == "Ctrl-C":
+        process.send(HOW[how])  # in a launch file: from the terminal, and handed on by launch
     code = process.wait(10.0 * suite.patience)
     expected = -signal.SIGKILL if how == "kill -9" else 0
     assert code == expected, f"{name}: {process.output}"

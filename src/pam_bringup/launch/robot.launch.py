@@ -21,11 +21,13 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
+    ExecuteProcess,
     LogInfo,
     OpaqueFunction,
     RegisterEventHandler,
     TimerAction,
 )
+from launch.conditions import IfCondition
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.events.process import ProcessExited
@@ -100,6 +102,17 @@ def publish_frames(context: LaunchContext) -> list[Action]:
             parameters=[{"robot_description": ParameterValue(description, value_type=str)}],
         )
     ]
+
+
+def show_in_browser(rig_file: LaunchConfiguration, namespace: LaunchConfiguration) -> Action:
+    """The viewer of this package, with `view:=true`; the robot runs on without it."""
+    words = [sys.executable, "-m", "pam_bringup", "--rig", rig_file]
+    return ExecuteProcess(
+        # one word: an empty namespace is no word of its own
+        cmd=[*words, ["--namespace=", namespace]],
+        condition=IfCondition(LaunchConfiguration("view")),
+        output="screen",
+    )
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -182,6 +195,12 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="",
                 description="URDF for robot_state_publisher; empty: made of the rig file",
             ),
+            DeclareLaunchArgument(
+                "view",
+                default_value="false",
+                choices=["true", "false"],
+                description="show the robot in a browser (docs/watching.md; needs rerun-sdk)",
+            ),
             *start_driver(
                 ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
                 ParameterValue(LaunchConfiguration("activate_on_start"), value_type=bool),
@@ -205,5 +224,6 @@ def generate_launch_description() -> LaunchDescription:
                 output="screen",
             ),
             OpaqueFunction(function=publish_frames),
+            show_in_browser(rig_file, namespace),
         ]
     )

@@ -28,6 +28,7 @@ def generate_launch_description() -> LaunchDescription:
         "params_file",
         "respawn",
         "urdf",
+        "view",
     )
     arguments = {name: LaunchConfiguration(name) for name in names}
     bus = {
@@ -83,6 +84,12 @@ def generate_launch_description() -> LaunchDescription:
                 "urdf",
                 default_value="",
                 description="URDF for robot_state_publisher; empty: made of the rig file",
+            ),
+            DeclareLaunchArgument(
+                "view",
+                default_value="false",
+                choices=["true", "false"],
+                description="show the robot in a browser (docs/watching.md; needs rerun-sdk)",
             ),
             Node(
                 package="pam_sim",

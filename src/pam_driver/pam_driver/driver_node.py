@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import logging
-import signal
 import sys
 import time
 from collections.abc import Callable
@@ -43,6 +42,7 @@ from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import diagnostic_array
 from pam_ros.driver_state import LATCHED, driver_state_message
+from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.lifecycle import refuse_impossible_transitions
 from pam_ros.node_help import MISTAKE, tell_mistake
@@ -360,41 +360,34 @@ def main(arguments: list[str] | None = None) -> int:
     ended = HELP.answer(arguments)
     if ended is not None:
         return ended
-    signals = 0
-
-    def stop(*_: object) -> None:
-        nonlocal signals
-        signals += 1
-
     logging.getLogger("can").setLevel(logging.ERROR)
     sys.setswitchinterval(0.0005)  # else the I/O thread may wait 5 ms for the executor's thread
-    # rclpy's own handlers would close the context while the I/O thread still has to vent
-    signal.signal(signal.SIGINT, stop)
-    signal.signal(signal.SIGTERM, stop)
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    node: DriverNode | None = None
-    try:
-        node = DriverNode()
-        node.hurry = lambda: signals > 1
-        if not node.autostart():
-            tell_mistake(node.failure)
+    with EndSignals() as signals:
+        # rclpy's own handlers would close the context while the I/O thread still has to vent
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        node: DriverNode | None = None
+        try:
+            node = DriverNode()
+            node.hurry = lambda: signals.urgent
+            if not node.autostart():
+                tell_mistake(node.failure)
+                return MISTAKE
+            executor = EventsExecutor()
+            executor.add_node(node)
+            gc.collect()
+            gc.freeze()
+            node.share_priority()
+            while not signals.asked and rclpy.ok():
+                executor.spin_once(timeout_sec=0.1)
+                node.check()
+        except (PamError, ParameterError) as error:
+            tell_mistake(error)
             return MISTAKE
-        executor = EventsExecutor()
-        executor.add_node(node)
-        gc.collect()
-        gc.freeze()
-        node.share_priority()
-        while not signals and rclpy.ok():
-            executor.spin_once(timeout_sec=0.1)
-            node.check()
-    except (PamError, ParameterError) as error:
-        tell_mistake(error)
-        return MISTAKE
-    finally:
-        if node is not None:
-            node.close()
-            node.destroy_node()
-        rclpy.try_shutdown()
+        finally:
+            if node is not None:
+                node.close()
+                node.destroy_node()
+            rclpy.try_shutdown()
     return 0
 
 

@@ -17,9 +17,10 @@ import pytest
 NAMES = {
     "launch": ("Action", "LaunchContext", "LaunchDescription"),
     "launch.actions": (
-        "DeclareLaunchArgument", "EmitEvent", "IncludeLaunchDescription", "LogInfo",
-        "OpaqueFunction", "RegisterEventHandler", "TimerAction",
+        "DeclareLaunchArgument", "EmitEvent", "ExecuteProcess", "IncludeLaunchDescription",
+        "LogInfo", "OpaqueFunction", "RegisterEventHandler", "TimerAction",
     ),
+    "launch.conditions": ("IfCondition",),
     "launch.event_handlers": ("OnProcessExit",),
     "launch.events": ("Shutdown",),
     "launch.events.process": ("ProcessExited",),

@@ -129,7 +129,11 @@ class RerunSink:
         # otherwise the server itself opens a browser, with an address that shows no data
         quiet = {**os.environ, "BROWSER": "true"}
         server = subprocess.Popen(
-            words, env=quiet, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            words,
+            env=quiet,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C must not end it before its last points are sent
         )
         atexit.register(server.terminate)
         _wait_for_server(server, (web_port, data_port))

@@ -12,10 +12,12 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from pam_bringup.viewer.robot_view import TOPICS, RobotView
+from pam_ros.end_signals import EndSignals
 
 TYPES = {kind.__name__: kind for kind in (DiagnosticArray, DiagnosticStatus, JointState)}
 TYPES["Float64MultiArray"] = Float64MultiArray
@@ -40,16 +42,17 @@ class ViewerNode(Node):  # type: ignore[misc]
 
 def show_robot(namespace: str, view: RobotView) -> None:
     """Show a running robot until SIGINT or SIGTERM."""
-    rclpy.init(args=[])
-    node = ViewerNode(namespace, view)
-    executor = EventsExecutor()
-    executor.add_node(node)
-    try:
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=0.1)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
+    with EndSignals() as signals:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        node = ViewerNode(namespace, view)
+        executor = EventsExecutor()
+        executor.add_node(node)
+        try:
+            while rclpy.ok() and not signals.asked:
+                executor.spin_once(timeout_sec=0.1)
+        except ExternalShutdownException:
+            pass
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+            rclpy.try_shutdown()

@@ -1,0 +1,81 @@
+"""SIGINT and SIGTERM are noted, so that a node ends at a moment of its own choice.
+
+The handlers of rclpy close the context at once, also while a node is being made or a callback runs,
+and the libraries below may then abort the process. An exception out of a handler does the same when
+it meets a callback that was called from C++.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Self
+
+ONE_REQUEST = 1.0
+"""Signals within this time are one request to end [s].
+
+Ctrl-C in the terminal of a launch file reaches a node twice: from the terminal, which signals all
+programs that it runs, and from launch, which hands it on.
+"""
+
+
+class EndSignals:
+    """The SIGINT and SIGTERM of this process, from `with` to its end.
+
+    Parameters
+    ----------
+    clock : callable, optional
+        Monotonic time [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._first: float | None = None
+        self._urgent = False
+        self._interruptible = False
+
+    @property
+    def asked(self) -> bool:
+        """Whether the process has been asked to end."""
+        return self._first is not None
+
+    @property
+    def urgent(self) -> bool:
+        """Whether it has been asked again, after more than `ONE_REQUEST`."""
+        return self._urgent
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Let an urgent request raise KeyboardInterrupt; for code that C++ does not call."""
+        self._interruptible = True
+        try:
+            yield
+        finally:
+            self._interruptible = False
+
+    def _note(self, number: int, frame: object) -> None:
+        now = self._clock()
+        if self._first is None:
+            self._first = now
+        elif now - self._first > ONE_REQUEST:
+            self._urgent = True
+            if self._interruptible:
+                raise KeyboardInterrupt
+
+    def __enter__(self) -> Self:
+        self._before = {
+            number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)
+        }
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
