@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,51 @@ def draw_sealed(cases: int, seed: int, out: Path, background: bool = False) -> s
     if done.returncode != 0:
         raise PamError(f"drawing the cases failed: {done.stderr.strip().splitlines()[-1]}")
     return done.stdout.strip()
+
+
+SEAL = "seal.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """What the rigs of a campaign were drawn from."""
+
+    cases: int
+    seed: int
+    background: bool
+
+    def seal(self, out: Path, digest: str) -> None:
+        """Write down the digest of the labels before the first diagnosis."""
+        text = json.dumps({"drawn": asdict(self), "labels_sha256": digest}, indent=1)
+        (out / SEAL).write_text(text + "\n")
+
+    def sealed_in(self, out: Path) -> str:
+        """Digest of the labels of the campaign that `out` holds.
+
+        Raises
+        ------
+        PamError
+            When `out` holds none, or one that was drawn from something else.
+        """
+        if not (out / SEAL).exists():
+            raise PamError(f"{out}: no campaign to resume; expected {SEAL}, which --out writes")
+        found = json.loads((out / SEAL).read_text())
+        if found["drawn"] != asdict(self):
+            raise PamError(
+                f"{out}: holds a campaign of {found['drawn']}; give the same --cases, --seed and "
+                "--background to resume it"
+            )
+        return str(found["labels_sha256"])
+
+
+def finished_answers(out: Path) -> dict[str, dict[str, Any]]:
+    """Answers of the cases of a campaign that have been diagnosed."""
+    answers = {}
+    for path in sorted((out / "answers").glob("*/diagnosis.json")):
+        answer: dict[str, Any] = json.loads(path.read_text())
+        answer["wall_time"] = float(answer["facts"].get("seconds", 0.0))
+        answers[path.parent.name] = answer
+    return answers
 
 
 def diagnose_case(case: Path, out: Path, keep_evidence: bool = False) -> dict[str, Any]:
@@ -120,25 +166,32 @@ def run_campaign(
     experiments: bool = False,
     keep_evidence: bool = False,
     background: bool = False,
+    resume: bool = False,
 ) -> dict[str, Any]:
     """Draw, diagnose and score `cases` cases; all files are written into `out`.
 
     With `experiments`, the experiment that each ambiguous diagnosis proposes is run and scored as
     well. With `keep_evidence`, every diagnosis keeps the evidence that `sensitivity` needs.
     With `background`, every rig has an ordinary background besides its hidden effects.
+    With `resume`, a campaign that was interrupted goes on: cases with an answer keep it.
 
     Raises
     ------
     PamError
-        When `out` already contains a campaign, or the generator fails.
+        When `out` already contains a campaign (with `resume`: another or none), or the generator
+        fails.
     """
-    if (out / "cases").exists():
-        raise PamError(f"{out}: holds a campaign already; give another --out")
-    out.mkdir(parents=True, exist_ok=True)
-    digest = draw_sealed(cases, seed, out, background)
-    (out / "seal.txt").write_text(f"SHA-256 of the labels, before any diagnosis: {digest}\n")
-    names = sorted(p.name for p in (out / "cases").iterdir())
-    answers: dict[str, dict[str, Any]] = {}
+    drawn = Drawn(cases, seed, background)
+    if resume:
+        digest = drawn.sealed_in(out)
+    elif (out / "cases").exists():
+        raise PamError(f"{out}: holds a campaign already; give another --out, or --resume")
+    else:
+        out.mkdir(parents=True, exist_ok=True)
+        digest = draw_sealed(cases, seed, out, background)
+        drawn.seal(out, digest)
+    answers = finished_answers(out)
+    names = sorted(p.name for p in (out / "cases").iterdir() if p.name not in answers)
     with ThreadPoolExecutor(workers) as pool:
         runs = {
             pool.submit(diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence): n
@@ -183,7 +236,7 @@ def run(given: Arguments) -> Outcome:
     seed = given.seed if given.seed is not None else time.time_ns() % 2**32
     result = run_campaign(
         given.cases, seed, given.out, given.workers, given.experiments, given.keep_evidence,
-        given.background,
+        given.background, given.resume,
     )  # fmt: skip
     print(f"seed {seed}; labels sealed as {result['labels_sha256'][:16]}…")
     shares = dict(result["shares"])
@@ -196,6 +249,13 @@ def run(given: Arguments) -> Outcome:
             print(
                 f"{name:24s} {entry['value']:6.1%}  ({entry['hits']}/{entry['of']}; "
                 f"90 % interval {low:.0%} to {high:.0%})"
+            )
+    for entry in result["reliability"]:
+        right = entry["right"]
+        if right["of"]:
+            print(
+                f"stated {entry['from']:.2f} to {entry['to']:.2f}      {right['value']:6.1%} right "
+                f"({right['hits']}/{right['of']}; mean {entry['stated_mean']:.2f})"
             )
     if result["closed_median"] is not None:
         print(f"{'gap closed, median':24s} {result['closed_median']:6.1%}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -81,6 +82,44 @@ def says_what_is_left(answer: Mapping[str, Any]) -> bool:
     """Whether an answer is `unknown`, or says that an error that matters stays unexplained."""
     leftover = answer.get("leftover") or {}
     return answer["verdict"] == "unknown" or bool(leftover.get("material"))
+
+
+BINS = (0.0, 0.5, 0.8, 0.95, 1.0)
+"""Limits of the classes of stated probability."""
+
+
+def hidden_explanation(label: Mapping[str, Any]) -> str:
+    """Explanation of the answer that is right, as `probabilities` of diagnosis.json names it."""
+    if label["kind"] == "outside":
+        return "unknown"
+    return " + ".join(sorted(label["effects"])) or "none"
+
+
+def reliability(
+    labels: Sequence[Mapping[str, Any]], answers: Mapping[str, Mapping[str, Any]]
+) -> list[dict[str, Any]]:
+    """How often the most probable explanation is right, by the probability that was stated.
+
+    Answers without probabilities (crashes, recordings with too little in them) are left out.
+
+    Parameters
+    ----------
+    labels, answers
+        As for `score`.
+    """
+    stated: list[tuple[float, bool]] = []
+    for label in labels:
+        probabilities = (answers.get(str(label["case"])) or {}).get("probabilities")
+        if probabilities:
+            best = max(probabilities, key=probabilities.__getitem__)
+            stated.append((float(probabilities[best]), best == hidden_explanation(label)))
+    table: list[dict[str, Any]] = []
+    for low, high in pairwise(BINS):
+        inside = [(p, right) for p, right in stated if low <= p < high or p == high == BINS[-1]]
+        mean = float(np.mean([p for p, _ in inside])) if inside else None
+        right = share([is_right for _, is_right in inside]).to_json()
+        table.append({"from": low, "to": high, "stated_mean": mean, "right": right})
+    return table
 
 
 def by_strength(
@@ -208,6 +247,7 @@ def score(
             name: share(outcomes).to_json()
             for name, outcomes in (rows | by_strength(labels, answers)).items()
         },
+        "reliability": reliability(labels, answers),
         "closed_median": float(np.median(closed)) if closed else None,
         "untouched_median": float(np.median(untouched)) if untouched else None,
         "closed_error_median": float(np.median(closed_error)) if closed_error else None,

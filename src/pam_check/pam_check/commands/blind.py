@@ -47,6 +47,11 @@ def _declare_blind(parser: Parser) -> None:
         action="store_true",
         help="draw rigs as they are: each with an ordinary background of small imperfections",
     )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the interrupted campaign in --out (same --cases, --seed, --background)",
+    )
 
 
 def _blind(given: Arguments) -> Outcome:
