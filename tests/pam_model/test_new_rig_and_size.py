@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
 from pam_model.rig import load_rig
+from pam_model.unit_hints import read_with_unit
 
 
 def test_a_new_rig_is_commented_and_check_rig_accepts_it(tmp_path, capsys):
@@ -108,3 +110,42 @@ def test_a_task_for_which_no_muscle_can_be_built_is_refused(tmp_path, capsys):
     task = ["--torque", "1e6", "--range", "1", "--speed", "3", "--pressure", "5e5"]
     assert main(["size", *task]) == MISTAKE
     assert "more than 1 m diameter" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("0.02", "m", 0.02),
+        ("20mm", "m", 0.02),
+        ("2e1 mm", "m", 0.02),
+        ("23deg", "deg", 23.0),
+        ("23 deg", "rad", math.radians(23.0)),
+        ("0.4rad", "deg", math.degrees(0.4)),
+        ("6bar", "Pa", 6e5),
+        ("600 kPa", "Pa", 6e5),
+        ("-1.5", "N m", -1.5),
+        ("-1.5 N m", "N m", -1.5),
+    ],
+)
+def test_a_number_may_be_written_with_its_unit(text, unit, value):
+    assert read_with_unit(text, unit) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["20furlong", "6bar", "mm", "", "1e", "20mm mm", "2..0mm"])
+def test_another_quantity_or_no_number_is_not_read(text):
+    assert math.isnan(read_with_unit(text, "m"))
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["braid", "--diameter", "20", "--length", "0.3", "--angle", "23"], "mean 20mm"),
+        (["braid", "--diameter", "0.02", "--length", "0.3", "--angle", "0.4"], "mean 0.4rad"),
+        (["size", "--torque", "5", "--range", "60", "--speed", "3", "--pressure", "5e5"], "60deg"),
+        (["size", "--torque", "5", "--range", "1", "--speed", "3", "--pressure", "5"], "5bar"),
+    ],
+)
+def test_a_number_in_another_unit_is_refused_with_what_was_meant(words, told, capsys):
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line

@@ -13,6 +13,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from pam_model.unit_hints import other_units, read_with_unit
+
 WrongArgument = argparse.ArgumentTypeError
 """What a type raises for a value that cannot be used."""
 
@@ -38,7 +40,7 @@ def count(least: int = 1, most: int | None = None) -> Callable[[str], int]:
 def number(
     unit: str, *, above: float | None = None, least: float | None = None, most: float | None = None
 ) -> Callable[[str], float]:
-    """A finite number within bounds.
+    """A finite number within bounds; a unit may follow it (`unit_hints.read_with_unit`).
 
     Parameters
     ----------
@@ -54,19 +56,21 @@ def number(
     if bounds:
         wanted += " " + " and ".join(bounds)
 
+    def is_within(value: float) -> bool:
+        return (
+            math.isfinite(value)
+            and (above is None or value > above)
+            and (least is None or value >= least)
+            and (most is None or value <= most)
+        )
+
     def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if (
-            not math.isfinite(value)
-            or (above is not None and value <= above)
-            or (least is not None and value < least)
-            or (most is not None and value > most)
-        ):
-            raise argparse.ArgumentTypeError(f"{text}: expected {wanted}")
-        return value
+        value = read_with_unit(text, unit)
+        if is_within(value):
+            return value
+        meant = [name for name, factor in other_units(unit).items() if is_within(value * factor)]
+        hint = f"; did you mean {' or '.join(text + name for name in meant)}?" if meant else ""
+        raise argparse.ArgumentTypeError(f"{text}: expected {wanted}{hint}")
 
     return read
 

@@ -8,6 +8,7 @@ diagnosis therefore share this table of the units that people use in place of SI
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 
 _PRESSURES = (("bar", 1e5), ("kPa", 1e3), ("MPa", 1e6), ("psi", 6894.757))
@@ -34,6 +35,7 @@ RECORDED: Mapping[str, tuple[tuple[str, float], ...]] = {
 """The same for measured channels, which also come in the units of sensors and loggers."""
 
 Scales = Mapping[str, tuple[tuple[str, float], ...]]
+_WRITTEN = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\S.*?)\s*")
 
 
 def units_that_fit(
@@ -67,3 +69,36 @@ def conversion_hint(value: float, unit: str, low: float, high: float) -> str:
         return ""
     named = " or ".join(f"{name} (multiply by {scale:.7g})" for name, scale in found)
     return f"; looks like {named}"
+
+
+def other_units(unit: str) -> dict[str, float]:
+    """The units that people write in place of a unit, with their factors to it."""
+    if unit == "deg":
+        return {"rad": 180.0 / math.pi}
+    return dict(RECORDED.get(f"{unit} gauge", RECORDED.get(unit, ())))
+
+
+def read_with_unit(text: str, unit: str) -> float:
+    """The number that a person wrote, with or without a unit behind it, such as 23deg or 20 mm.
+
+    Parameters
+    ----------
+    text : str
+        What was written.
+    unit : str
+        Unit of the result, and of a number without one.
+
+    Returns
+    -------
+    float
+        NaN if the text is no number, or its unit is no unit of this quantity.
+    """
+    factors = other_units(unit) | {unit: 1.0}
+    written = _WRITTEN.fullmatch(text)
+    number, factor = text, 1.0
+    if written and written[2] in factors:
+        number, factor = written[1], factors[written[2]]
+    try:
+        return factor * float(number)
+    except ValueError:
+        return math.nan

@@ -33,7 +33,7 @@ def _list(chosen: Arguments) -> Outcome:
 def _declare_show(parser: Parser) -> None:
     parser.add_argument("name", help="name as printed by `list`")
     parser.add_argument(
-        "--pressures", type=number("Pa", above=0.0), nargs="+", metavar="PA", help="gauge [Pa]"
+        "--pressures", type=number("Pa", above=1e3), nargs="+", metavar="PA", help="gauge [Pa]"
     )
     parser.add_argument(
         "--output", type=output_file, metavar="FILE", help="PNG or SVG file (default: NAME.png)"

@@ -93,13 +93,13 @@ def _compare(chosen: Arguments) -> Outcome:
 
 
 def _declare_design(parser: Parser) -> None:
-    def add(name: str, unit: str, text: str, **more: Any) -> None:
-        kind = number(unit, above=0.0)
+    def add(name: str, unit: str, text: str, above: float = 0.0, **more: Any) -> None:
+        kind = number(unit, above=above)
         parser.add_argument(name, type=kind, metavar="X", help=f"{text} [{unit or '-'}]", **more)
 
     add("--force", "N", "force at the end of the stroke", required=True)
     add("--stroke", "m", "stroke under that force", required=True)
-    add("--pressure", "Pa", "gauge pressure", required=True)
+    add("--pressure", "Pa", "gauge pressure", above=1e4, required=True)
     add("--contraction", "", "stroke over rest length (default: chosen by the program)")
     add("--strand-width", "m", "of the braid (default: %(default)g)", default=0.3e-3)
     parser.add_argument(

@@ -31,30 +31,50 @@ class Question(NamedTuple):
 
 QUESTIONS = (
     Question("joints", "names of the joints, separated by commas", "joint", names),
-    Question("diameter", "braid diameter of a muscle at rest [m]", "0.014", number("m", above=0)),
-    Question("length", "length between its fittings at rest [m]", "0.25", number("m", above=0)),
-    Question("angle", "angle between thread and axis at rest [deg]", "25", number("deg", above=0)),
-    Question("pulley_radius", "radius of the pulley [m]", "0.02", number("m", above=0)),
-    Question("largest_angle", "the joint turns by +- [rad]", "1.0", number("rad", above=0)),
+    Question(
+        "diameter",
+        "braid diameter of a muscle at rest [m]",
+        "0.014",
+        number("m", above=0, most=0.5),
+    ),
+    Question(
+        "length", "length between its fittings at rest [m]", "0.25", number("m", above=0, most=10)
+    ),
+    Question(
+        "angle",
+        "angle between thread and axis at rest [deg]",
+        "25",
+        number("deg", above=1, most=90),
+    ),
+    Question("pulley_radius", "radius of the pulley [m]", "0.02", number("m", above=0, most=2)),
+    Question(
+        "largest_angle", "the joint turns by +- [rad]", "1.0", number("rad", above=0, most=6.3)
+    ),
     Question("inertia", "inertia about the joint [kg m^2]", "0.02", number("kg m^2", above=0)),
     Question("gravity_torque", "torque of gravity at 90 degrees [N m]", "1.0", number("N m")),
     Question(
         "viscous_friction", "viscous friction [N m s/rad]", "0.1", number("N m s/rad", least=0)
     ),
     Question(
-        "max_pressure", "largest pressure of the muscles [Pa gauge]", "500000",
+        "max_pressure",
+        "largest pressure of the muscles [Pa gauge]",
+        "500000",
         number("Pa", above=1e4),
     ),
     Question(
-        "supply_pressure", "pressure before the valves [Pa gauge]", "600000",
+        "supply_pressure",
+        "pressure before the valves [Pa gauge]",
+        "600000",
         number("Pa", above=1e4),
     ),
     Question("valve", f"kind of valve, {FLOW} or {REGULATOR}", FLOW, one_of(FLOW, REGULATOR)),
     Question(
-        "sonic_conductance", "sonic conductance C of a valve [m^3/(s Pa)]", "4e-9",
+        "sonic_conductance",
+        "sonic conductance C of a valve [m^3/(s Pa)]",
+        "4e-9",
         number("m^3/(s Pa)", above=0),
     ),
-)  # fmt: skip
+)
 
 
 def _declare(parser: Parser) -> None:

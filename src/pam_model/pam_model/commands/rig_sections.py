@@ -13,17 +13,23 @@ from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig,
 def _declare_braid(parser: Parser) -> None:
     above: dict[str, Any] = {"required": True, "metavar": "X"}
     parser.add_argument(
-        "--diameter", type=number("m", above=0.0), help="of the braid at rest [m]", **above
-    )
-    parser.add_argument(
-        "--length", type=number("m", above=0.0), help="between the fittings at rest [m]", **above
-    )
-    parser.add_argument(
-        "--angle", type=number("deg", above=0.0), help="between thread and axis at rest [deg]",
+        "--diameter",
+        type=number("m", above=0.0, most=0.5),
+        help="of the braid at rest [m]",
         **above,
+    )
+    parser.add_argument(
+        "--length",
+        type=number("m", above=0.0, most=10.0),
+        help="between the fittings at rest [m]",
+        **above,
+    )
+    parser.add_argument(
+        "--angle", type=number("deg", above=1.0, most=90.0),
+        help="between thread and axis at rest [deg]", **above,
     )  # fmt: skip
     parser.add_argument(
-        "--wall-thickness", type=number("m", least=0.0), default=0.0, metavar="X",
+        "--wall-thickness", type=number("m", least=0.0, most=0.1), default=0.0, metavar="X",
         help="of the bladder [m] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument("--name", default="muscle", help="(default: %(default)s)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from pam_model.argument_types import make_parents, number, output_file
@@ -12,18 +13,18 @@ if TYPE_CHECKING:
 
 
 def _declare(parser: Parser) -> None:
-    for option, unit, text in (
-        ("--torque", "N m", "wanted at every angle, in both directions"),
-        ("--range", "rad", "the joint turns by +-"),
-        ("--speed", "rad/s", "with which it shall cross the range"),
-        ("--pressure", "Pa", "largest pressure of the muscles, gauge"),
+    for option, unit, above, most, text in (
+        ("--torque", "N m", 0.0, None, "wanted at every angle, in both directions"),
+        ("--range", "rad", 0.0, math.tau, "the joint turns by +-"),
+        ("--speed", "rad/s", 0.0, None, "with which it shall cross the range"),
+        ("--pressure", "Pa", 1e4, None, "largest pressure of the muscles, gauge"),
     ):
         parser.add_argument(
-            option, required=True, type=number(unit, above=0.0), metavar="X",
+            option, required=True, type=number(unit, above=above, most=most), metavar="X",
             help=f"{text} [{unit}]",
         )  # fmt: skip
     parser.add_argument(
-        "--muscle-length", type=number("m", above=0.0), default=0.25, metavar="X",
+        "--muscle-length", type=number("m", above=0.0, most=10.0), default=0.25, metavar="X",
         help="room for a muscle at rest [m] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
