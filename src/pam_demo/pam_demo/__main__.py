@@ -23,6 +23,9 @@ def _declare_demo(parser: Parser) -> None:
     add_rig(parser)
     _add_can(parser)
     parser.add_argument(
+        "--joint", default="", metavar="NAME", help="the joint that moves (default: the first)"
+    )
+    parser.add_argument(
         "--out", type=output_folder, default="out/demo", help="folder (default: %(default)s)"
     )
     parser.add_argument(

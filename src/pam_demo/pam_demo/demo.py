@@ -27,12 +27,14 @@ from pam_demo.player import TAIL, OpenPlayer, Player, VentedError
 from pam_demo.programs import RECORDER
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
-from pam_model.rig import load_rig
+from pam_model.rig import Rig, load_rig
 from pam_sim.rig import parse_effects
 from pam_sim.simulated_rig import apply_effects
 
+SIMULATING = "simulating"  # in the line that the rig's node writes when its boards run
 MOST_REPEATS = 2  # of one motion; a busy host may exceed the driver's time-outs
-START_TIMEOUT = 60.0  # s, until a node is ready; the rig may have to compile its plant
+COMPILE_TIMEOUT = 600.0  # s; at its first start the rig compiles its plant, 20 s of processor time
+START_TIMEOUT = 60.0  # s, until a node is ready
 LAWS: dict[str, dict[str, Setting]] = {
     "full": {"stream.bandwidth": 15.0},
     "no_feedforward": {"feedforward.enabled": False},
@@ -97,13 +99,15 @@ def perform(
     """
     runs: list[dict[str, Any]] = []
     total = sum(APPROACH + motion.duration + TAIL for _, motion in plays)
-    with progress(total, "starting the nodes") as bar:
+    with progress(total, "starting the rig") as bar:
         chain.processes["recorder"] = NodeProcess(
             RECORDER,
             environment=chain.environment,
             arguments=["--out", str(bag)],
         )
-        chain.start("rig", plant | REALTIME["rig"])
+        rig = chain.start("rig", plant | REALTIME["rig"])
+        rig.wait_for_output(SIMULATING, COMPILE_TIMEOUT)  # before that, no board answers the driver
+        bar.show(0.0, "starting the nodes")
         asked = {"activate_on_start": True, "startup_timeout": START_TIMEOUT}
         chain.start("driver", asked | REALTIME["driver"])
         chain.start("model")
@@ -130,6 +134,24 @@ def perform(
     return runs
 
 
+def chosen_joint(rig: Rig, name: str) -> str:
+    """The joint that moves: the one that was named, or the first.
+
+    Raises
+    ------
+    PamError
+        If the rig has no such joint.
+    """
+    if name and name not in rig.joint_names:
+        raise PamError(f"--joint {name}: the rig has the joints {', '.join(rig.joint_names)}")
+    return name or rig.joint_names[0]
+
+
+def _first(joint: str, rig: Rig) -> tuple[str, ...]:
+    """The joints of the rig, beginning with the one that moves."""
+    return (joint, *(name for name in rig.joint_names if name != joint))
+
+
 def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     """Run the demo for the command line (`pam_demo.__main__`).
 
@@ -148,6 +170,7 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     began = time.monotonic()
     rig_path = chosen_rig(given)
     rig = load_rig(rig_path)
+    joint = chosen_joint(rig, given.joint)
     bus = BusChoice("socketcan", given.can) if given.can else best_bus()
     plant: dict[str, Setting] = {}
     if given.true_rig:
@@ -169,16 +192,16 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     environment["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
     chain = Chain([rig_path], bus, environment)
     try:
-        with chain, open_player(rig.joint_names, environment) as player:
+        with chain, open_player(_first(joint, rig), environment) as player:
             plays = programme(motions, not (given.no_baselines or given.short))
             runs = perform(chain, player, bag, plays, plant)
     finally:
         for name, text in chain.outputs.items():
             (out / f"{name}.log").write_text(text)
     (out / "runs.json").write_text(json.dumps(runs, indent=1))
-    results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig)
+    results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig, joint)
     (out / "figures.json").write_text(json.dumps(results.as_json(), indent=1))
-    muscles = {name: rig.valve_kinds[name] for name in rig.joints[0].muscles}
+    muscles = {name: rig.valve_kinds[name] for name in rig.joint(joint).muscles}
     page = write_page(out / "demo.html", results, str(bus), muscles)
     write_picture(out / "demo.png", results, muscles)
     show(results, Console())

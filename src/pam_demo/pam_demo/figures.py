@@ -175,11 +175,11 @@ def _means(series: Series) -> Array:
     return np.convolve(series.values[:, 0], np.full(count, 1.0 / count), "valid")
 
 
-def _stiffness_figures(play: Play, rig: Rig) -> tuple[list[Figure], list[str]]:
+def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], list[str]]:
     """Worst deviation of the settled levels, and notes on levels that cannot be reached."""
-    joint = AntagonisticJoint.from_rig(rig, rig.joints[0].name)
+    joint = AntagonisticJoint.from_rig(rig, moved)
     position = float(np.mean(play.measured))
-    spec = rig.joints[0]
+    spec = rig.joint(moved)
     torque = spec.gravity_torque * float(np.sin(position - spec.gravity_angle))
     worst, notes = 0.0, []
     rate = ControlSettings().stiffness_rate
@@ -277,7 +277,7 @@ def _loop_figures(periods: Array, counts: Series, full: list[tuple[float, Motion
 
 
 def evaluate(
-    bag: Path, runs: list[dict[str, Any]], motions: Mapping[str, Motion], rig: Rig
+    bag: Path, runs: list[dict[str, Any]], motions: Mapping[str, Motion], rig: Rig, joint: str
 ) -> Results:
     """Read the recording and compute everything.
 
@@ -291,15 +291,18 @@ def evaluate(
         The motions by name.
     rig : Rig
         The controlled rig.
+    joint : str
+        The joint that moved.
 
     Raises
     ------
     PamError
         If a topic or a part of the recording is missing.
     """
-    data = read_recording(bag)
+    elements = (joint, *rig.joint(joint).muscles, str(rig.joint_names.index(joint)))
+    data = {topic: series.only(elements) for topic, series in read_recording(bag).items()}
     for topic in NEEDED:
-        if topic not in data:
+        if topic not in data or not data[topic].names:
             raise PamError(f"{bag}: nothing was recorded on {topic}")
     plays = [_play(run["law"], motions[run["motion"]], run["start"], data) for run in runs]
     by = {(play.law, play.motion.name): play for play in plays}
@@ -314,7 +317,7 @@ def evaluate(
         Figure("chirp_2hz_rms", "chirp to 2 Hz, RMS error", chirp.rms(to_2), "rad"),
     ]
     if ("full", "staircase") in by:
-        more, notes_here = _stiffness_figures(by["full", "staircase"], rig)
+        more, notes_here = _stiffness_figures(by["full", "staircase"], rig, joint)
         figures += more
         notes += notes_here
     for law in ("no_feedforward", "pressure_ratio_pid"):

@@ -29,15 +29,24 @@ class Series:
         Stamps of measurement, or of reception for messages without a header [s since the epoch].
     values : array, shape (n, elements)
         In the topic's unit.
+    names : tuple of str
+        Of the elements; their numbers, as text, where a message has no names.
     """
 
     times: Array
     values: Array
+    names: tuple[str, ...] = ()
 
     def between(self, start: float, end: float) -> Series:
         """The samples from `start` to `end` [s]."""
         first, last = np.searchsorted(self.times, (start, end))
-        return Series(self.times[first:last], self.values[first:last])
+        return Series(self.times[first:last], self.values[first:last], self.names)
+
+    def only(self, names: Sequence[str]) -> Series:
+        """The elements that have one of these names."""
+        columns = [self.names.index(name) for name in names if name in self.names]
+        kept = tuple(self.names[column] for column in columns)
+        return Series(self.times, self.values[:, columns], kept)
 
     def at(self, times: Array, element: int = 0) -> Array:
         """One element, linearly interpolated."""
@@ -67,10 +76,11 @@ def _values(message: Any, field: str) -> dict[str, float]:
     return dict(zip(names or map(str, range(len(values))), values, strict=False))
 
 
-def _matrix(rows: Sequence[dict[str, float]]) -> Array:
+def _series(times: Sequence[float], rows: Sequence[dict[str, float]]) -> Series:
     """One column for each name; `joint_states` leaves a joint out that is not measured."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    return np.array([[row.get(name, math.nan) for name in names] for row in rows])
+    names = tuple(dict.fromkeys(name for row in rows for name in row))
+    values = np.array([[row.get(name, math.nan) for name in names] for row in rows])
+    return Series(np.asarray(times), values, names)
 
 
 def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str, Series]:
@@ -113,11 +123,7 @@ def read_recording(bag: Path, fields: dict[str, str] | None = None) -> dict[str,
                     rows[connection.topic].append(values)
     except (AnyReaderError, OSError) as error:
         raise PamError(f"{bag}: cannot be read as a recording: {error}") from None
-    return {
-        topic: Series(np.asarray(stamps[topic]), _matrix(rows[topic]))
-        for topic in fields
-        if rows[topic]
-    }
+    return {topic: _series(stamps[topic], rows[topic]) for topic in fields if rows[topic]}
 
 
 def read_loop_counts(bag: Path, node: str) -> Series:

@@ -1,0 +1,74 @@
+"""How the demo starts: it waits for the simulated boards, and moves the joint that is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pam_demo.demo import SIMULATING, chosen_joint, perform
+from pam_demo.recording import Series
+from pam_model.errors import PamError
+from pam_model.rig import load_rig
+from pam_sim import rig_node
+
+TWO_BUSES = Path(__file__).parents[2] / "config/two_buses.yaml"
+
+
+class SlowRig:
+    """A rig's process that compiles for a long time."""
+
+    def __init__(self, log: list[str]) -> None:
+        self._log = log
+
+    def wait_for_output(self, text: str, timeout: float) -> None:
+        assert timeout >= 300.0  # a busy host takes minutes to compile the plant
+        self._log.append(f"waited for {text}")
+
+
+class LoggedChain:
+    """Notes what is started, and starts nothing."""
+
+    def __init__(self) -> None:
+        self.log: list[str] = []
+        self.processes: dict[str, Any] = {}
+        self.environment: dict[str, str] = {}
+
+    def start(self, name: str, parameters: Any = None) -> Any:
+        self.log.append(f"started {name}")
+        return SlowRig(self.log)
+
+    def check(self) -> None:
+        pass
+
+
+def test_the_driver_is_started_only_when_the_rig_has_compiled_its_plant(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Else its time to wait for the boards passes while a busy host compiles."""
+    monkeypatch.setattr("pam_demo.demo.NodeProcess", lambda *_, **__: None)
+    chain = LoggedChain()
+    player = SimpleNamespace(wait_for_driver=lambda *_: None)
+    perform(chain, player, tmp_path, [], {})  # type: ignore[arg-type]
+    assert chain.log[:3] == ["started rig", "waited for simulating", "started driver"]
+
+
+def test_the_rigs_node_says_that_it_simulates_in_the_words_for_which_the_demo_waits() -> None:
+    assert f'info(f"{SIMULATING} ' in Path(rig_node.__file__).read_text()
+
+
+def test_a_joint_that_the_rig_lacks_is_refused_by_name() -> None:
+    rig = load_rig(TWO_BUSES)
+    assert chosen_joint(rig, "") == "shoulder"
+    assert chosen_joint(rig, "elbow") == "elbow"
+    with pytest.raises(PamError, match="--joint wrist: the rig has the joints shoulder, elbow"):
+        chosen_joint(rig, "wrist")
+
+
+def test_figures_are_those_of_the_joint_that_moved() -> None:
+    series = Series(np.arange(2.0), np.array([[1.0, 2.0], [3.0, 4.0]]), ("shoulder", "elbow"))
+    assert series.only(("elbow", "elbow_flexor", "1")).values.tolist() == [[2.0], [4.0]]
+    assert series.only(("wrist",)).names == ()
