@@ -19,6 +19,8 @@ trap 'rm -rf "$work"' EXIT
 cp -rL src/*/pam_* config docs "$work"
 mkdir "$work/tests"
 cp -r tests/pam_driver tests/pam_model "$work/tests"
+mkdir "$work/tests/pam_check"
+cp tests/pam_check/test_start_up_check.py "$work/tests/pam_check"
 cp tools/mutation.cfg "$work/setup.cfg"
 cd "$work"
 export PYTHONPATH=$tool:$root/tests/helpers NUMBA_NUM_THREADS=1 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST

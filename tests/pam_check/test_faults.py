@@ -19,7 +19,7 @@ from pam_check.faults.rig_bounds import bounds_of
 from pam_check.faults.trial import Trial, draw_values, error_bound, problem_of, run_trial
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardState, FrameError
 from pam_driver.safety.states import TRANSITIONS, SafetyState
-from pam_driver.safety.states_page import diagram_as_mermaid
+from pam_driver.safety.tables_for_docs import diagram_as_mermaid
 from pam_model.errors import PamError
 from pam_sim.boards.pam_board_twin import SimulatedPamBoard
 from pam_sim.boards.protocol import BoardValve

@@ -112,16 +112,3 @@ def longest_lowering(conditions: Iterable[Condition]) -> float:
     """Longest time for lowering the joints after these conditions [s]."""
     found = (STOP_CATEGORIES.get(condition.kind) for condition in conditions)
     return min((category.longest for category in found if category is not None), default=math.inf)
-
-
-def categories_as_markdown() -> str:
-    """The table as docs/safety_tables.md shows it."""
-    lines = ["| fault | stop category | why |", "|---|---|---|"]
-    for kind, category in sorted(
-        STOP_CATEGORIES.items(), key=lambda item: (-item[1].number, item[0])
-    ):
-        number = f"{category.number}"
-        if math.isfinite(category.longest):
-            number += f", for {category.longest:g} s"
-        lines.append(f"| `{kind}` | {number} | {category.reason} |")
-    return "\n".join(lines)

@@ -12,8 +12,7 @@ from typing import Final
 
 from pam_driver.boards.register import DEFAULT_KIND
 from pam_driver.safety.states import table_as_markdown as states_as_markdown
-from pam_driver.safety.states_page import diagram_as_mermaid
-from pam_driver.safety.stop_categories import categories_as_markdown
+from pam_driver.safety.tables_for_docs import categories_as_markdown, diagram_as_mermaid
 from pam_model.errors import PamError
 from pam_sim.faults.bus_and_board_kinds import BUS_AND_BOARD_KINDS
 from pam_sim.faults.device_kinds import DEVICE_KINDS, FOR_ALL_BOARDS
