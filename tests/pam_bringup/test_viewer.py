@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import signal
 import socket
+import subprocess
+import sys
 from pathlib import Path
+from time import sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +19,8 @@ from pam_bringup.viewer.arm_drawing import arm_strokes, pressure_colour
 from pam_bringup.viewer.robot_view import GAP_WINDOW, TOPICS, RobotView
 from pam_check.security.policy import POLICY, rights_of
 from pam_model.errors import PamError
+
+ELBOW = Path(__file__).parents[2] / "config/elbow.yaml"
 
 
 class KeptSink:
@@ -175,6 +181,24 @@ def test_the_page_is_served_to_this_machine_alone():
     assert listening(web) == listening(data) == ["0100007F"]
     with pytest.raises(PamError, match=f"port {web} is in use"):
         rerun_sink.RerunSink().serve(web, data, None, open_browser=False)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_server_ends_with_the_viewer_and_nothing_is_complained_about(number):
+    pytest.importorskip("rerun", reason="rerun-sdk is optional")
+    web, data = free_port(), free_port()
+    words = [sys.executable, "-m", "pam_bringup", "--rig", str(ELBOW), "--no-browser"]
+    words += ["--web-port", str(web), "--data-port", str(data)]
+    viewer = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert viewer.stdout
+    assert viewer.stdout.readline().startswith("http://127.0.0.1")
+    sleep(2.0)  # until it has subscribed
+    viewer.send_signal(number)
+    viewer.send_signal(number)
+    _, errors = viewer.communicate(timeout=60.0)
+    assert (viewer.returncode, errors) == (0, "")
+    assert not listening(web)
+    assert not listening(data)
 
 
 def free_port() -> int:

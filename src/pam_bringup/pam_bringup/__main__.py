@@ -38,6 +38,8 @@ def _declare(parser: Parser) -> None:
 
 
 def _view(given: Arguments) -> Outcome:
+    import signal  # noqa: PLC0415
+
     from pam_bringup.viewer.rerun_sink import RerunSink, layout  # noqa: PLC0415  (slow)
     from pam_bringup.viewer.robot_view import RobotView  # noqa: PLC0415
     from pam_model.rig import load_rig  # noqa: PLC0415
@@ -46,6 +48,8 @@ def _view(given: Arguments) -> Outcome:
     blueprint = layout(live=given.bag is None, narrow=given.narrow)
     sink = RerunSink()
     address = ""
+    # the server of the page must not outlive this program
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     if given.save:
         sink.save(Path(given.save), blueprint)
     else:

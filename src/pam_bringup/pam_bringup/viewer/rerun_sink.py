@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -102,6 +103,13 @@ def _wait_for_server(server: subprocess.Popen[bytes], ports: Sequence[int]) -> N
             clock.sleep(0.05)
 
 
+def _end_server(server: subprocess.Popen[bytes]) -> None:
+    """End the server and the program that it starts in turn."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(server.pid, signal.SIGTERM)
+    server.wait()
+
+
 class RerunSink:
     """Hands everything to the viewer's recording stream."""
 
@@ -135,7 +143,7 @@ class RerunSink:
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C must not end it before its last points are sent
         )
-        atexit.register(server.terminate)
+        atexit.register(_end_server, server)
         _wait_for_server(server, (web_port, data_port))
         address = f"rerun+http://{HOST}:{data_port}/proxy"
         self._stream.connect_grpc(address, default_blueprint=blueprint)
