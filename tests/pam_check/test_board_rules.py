@@ -123,6 +123,56 @@ def test_a_slow_computer_is_not_the_boards_fault() -> None:
     assert "this computer stalled for" in result.came_back
 
 
+class PausingLine(VirtualLine):
+    """A computer that sleeps for 60 ms in every 300 ms; what arrives meanwhile is lost."""
+
+    AWAKE, PAUSE = 0.24, 0.06
+
+    def __init__(self, board: GoodBoard) -> None:
+        super().__init__(board)
+        self.pauses_at = self.AWAKE
+
+    def receive(self, until: float) -> list[broken.HeardFrame]:
+        heard = super().receive(until)
+        if self.now() >= self.pauses_at:
+            super().receive(self.now() + self.PAUSE)
+            self.pauses_at = self.now() + self.AWAKE
+        return heard
+
+
+class TenPercentLate(GoodBoard):
+    def __init__(self, now: float = 0.0) -> None:
+        super().__init__(now)
+        self._periods[broken.Measurement] = 0.0022
+
+
+class SleepsOnce(GoodBoard):
+    """Sends no measurement for 40 ms in each second."""
+
+    def _is_due(self, kind: type, now: float) -> bool:
+        due = super()._is_due(kind, now)
+        return due and (kind is not broken.Measurement or now % 1.0 > 0.04)
+
+
+@pytest.mark.parametrize(
+    ("board", "line", "verdict"),
+    [
+        (GoodBoard, PausingLine, Verdict.PASS),
+        (TenPercentLate, PausingLine, Verdict.FAIL),
+        (TenPercentLate, VirtualLine, Verdict.FAIL),
+        (SleepsOnce, VirtualLine, Verdict.FAIL),
+    ],
+)
+def test_pauses_of_the_computer_fail_no_period_and_hide_no_late_board(
+    board: type[GoodBoard], line: type[VirtualLine], verdict: Verdict
+) -> None:
+    tester = BoardTester(line(board()), CODEC, 0)
+    find_board(tester)
+    rule = next(rule for rule in RULES if rule.name == "measurement_period")
+    result = play(tester, rule, may_open=True)
+    assert result.verdict is verdict, result.came_back
+
+
 def test_without_person_or_limit_the_rules_that_need_them_are_not_tried() -> None:
     tester = BoardTester(VirtualLine(GoodBoard()), CODEC, 0)
     find_board(tester)

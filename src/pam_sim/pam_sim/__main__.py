@@ -50,6 +50,13 @@ def _declare_rig(parser: Parser) -> None:
         metavar="HZ",
         help="rate at which plant and boards are updated [Hz] (default: %(default)g)",
     )
+    add(
+        "--realtime-priority",
+        type=count(0, 99),
+        default=0,
+        help="real-time priority (SCHED_FIFO) of the simulation's thread, where the system permits "
+        "it; 0: none (default: %(default)s)",
+    )
     for name, unit, text in (
         ("step", "s", "longest integration step of the plant"),
         ("measurement-rate", "Hz", "rate of the boards' measurements"),

@@ -72,7 +72,8 @@ def _make_loop(given: Arguments) -> RigLoop:
         now=time.monotonic(),
     )
     only = bus_of_options(rig, given.interface, given.channel, given.port)
-    loop = RigLoop(simulated, open_buses(rig, simulated.wiring, only), given.rate)
+    ports = open_buses(rig, simulated.wiring, only)
+    loop = RigLoop(simulated, ports, given.rate, realtime_priority=given.realtime_priority)
     loop.schedule(given.faults)
     return loop
 

@@ -101,6 +101,9 @@ class BoardTester:
         The longest pause between two commands that were due every 2 ms [s].
     unsent : int
         Frames that the bus did not accept.
+    pauses : list of (float, float)
+        When this computer did not listen although it should have: a pause above the tolerance, from
+        and to [s]; `forget` empties it.
     """
 
     def __init__(
@@ -115,6 +118,7 @@ class BoardTester:
         self.commanded = False
         self.stalled = 0.0
         self.unsent = 0
+        self.pauses: list[tuple[float, float]] = []
         self.sent_at = line.now()
         self._counter = 0
         self._status: Status | None = None
@@ -150,6 +154,7 @@ class BoardTester:
     def forget(self) -> None:
         """Forget what was heard, except for the last status and pressures."""
         self.heard.clear()
+        self.pauses.clear()
 
     def raw(self, frame_id: int, data: bytes) -> None:
         """Send any frame."""
@@ -262,9 +267,12 @@ class BoardTester:
         while now < end - 1e-9:
             if feed is not None:
                 self.command(feed, counter)
-            for time, frame_id, data in self.line.receive(min(now + FEED_PERIOD, end)):
+            asked = min(now + FEED_PERIOD, end)
+            for time, frame_id, data in self.line.receive(asked):
                 self._hear(time, frame_id, data)
             before, now = now, self.line.now()
+            if now - asked > self.limits.tolerance:
+                self.pauses.append((before, now))
             if feed is not None:
                 self.stalled = max(self.stalled, now - before)
             if condition():
