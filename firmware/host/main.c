@@ -1,3 +1,5 @@
+#define _DEFAULT_SOURCE
+#include <sched.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -5,6 +7,7 @@
 #include "host.h"
 
 #define FIRMWARE_VERSION 1
+#define PRIORITY 30
 
 static void explain(void)
 {
@@ -24,6 +27,17 @@ static long number(const char *option, const char *text, long most)
         exit(2);
     }
     return value;
+}
+
+/* A board does not wait for other work of this computer, and a simulated rig with a real-time priority
+ * waits for the answers of its board. Where the system does not permit it, the priority stays. */
+static void take_priority(void)
+{
+    struct sched_param wanted;
+
+    memset(&wanted, 0, sizeof wanted);
+    wanted.sched_priority = PRIORITY;
+    (void)sched_setscheduler(0, SCHED_FIFO, &wanted);
 }
 
 int main(int count, char **given)
@@ -63,5 +77,6 @@ int main(int count, char **given)
         explain();
         return 2;
     }
+    take_priority();
     return pipe ? run_on_pipe(&settings) : run_on_socketcan(&settings, interface);
 }

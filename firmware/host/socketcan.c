@@ -4,7 +4,6 @@
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
-#include <sched.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/ioctl.h>
@@ -15,7 +14,6 @@
 #include "host.h"
 
 #define TURN_NS 500000L
-#define PRIORITY 30
 #define SUPPLY 600000 /* Pa gauge */
 #define AMBIENT 101325
 #define FILL_TIME 0.5  /* s, time constant with a fully open valve */
@@ -143,16 +141,6 @@ static int open_interface(const char *name)
     return opened;
 }
 
-/* A board does not wait for its host; where the system does not permit it, the priority stays. */
-static void take_priority(void)
-{
-    struct sched_param wanted;
-
-    memset(&wanted, 0, sizeof wanted);
-    wanted.sched_priority = PRIORITY;
-    (void)sched_setscheduler(0, SCHED_FIFO, &wanted);
-}
-
 int run_on_socketcan(const struct pam_settings *settings, const char *interface)
 {
     static struct can_board self;
@@ -167,7 +155,6 @@ int run_on_socketcan(const struct pam_settings *settings, const char *interface)
         fprintf(stderr, "pam_board: cannot open %s: %s\n", interface, strerror(errno));
         return 2;
     }
-    take_priority();
     self.moved_at = time_us(&self);
     self.outputs.vents[0] = self.outputs.vents[1] = true;
     pam_board_init(&board, &hardware, settings);

@@ -6,7 +6,7 @@ import itertools
 import math
 import statistics
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from pam_check.boards.rule import Rule
 from pam_check.boards.tester import (
@@ -44,31 +44,49 @@ def _period_kept(tester: BoardTester, kind: type[BoardMessage], period: float, s
     tester.forget()
     tester.wait(seconds)
     times = [time for time, _ in tester.messages(kind)]
-    paused = sum(end - begin for begin, end in tester.pauses)
-    if paused > 0.5 * seconds:
-        raise NotTriedError(f"this computer paused for {paused:.2f} s of {seconds:g} s")
-    wanted = seconds / period
     came = f"{len(times)} frames in {seconds:g} s"
-    if paused:
+    allowed = _Allowed(period, share, seconds, 2.5 * period + 4.0 * tester.limits.tolerance)
+    wrong = _wrong_times(times, allowed, ())
+    if wrong and tester.pauses:
+        paused = sum(end - begin for begin, end in tester.pauses)
         came += f" (this computer paused for {1e3 * paused:.0f} ms)"
-    least = (1.0 - share) * (seconds - paused) / period - 1.0
-    if not least <= len(times) <= (1.0 + share) * wanted + 1.0:
-        raise RuleBrokenError(f"{came}, expected {wanted:.0f}: one every {1e3 * period:g} ms")
-    many = max(1, len(times) // _PARTS)
-    means = [(b - a) / many for a, b in itertools.pairwise(times[::many])]
-    usual = statistics.median(means)
-    if abs(usual - period) > share * period:
-        text = f"mostly one every {1e3 * usual:.2f} ms, expected {1e3 * period:g} ms"
-        raise RuleBrokenError(f"{came}, {text}")
-    longest = max(
-        (b - a for a, b in itertools.pairwise(times) if not _overlaps(tester.pauses, a, b)),
-        default=0.0,
-    )
-    limit = 2.5 * period + 4.0 * tester.limits.tolerance
-    if longest > limit:
-        text = f"a pause of {1e3 * longest:.0f} ms, at most {1e3 * limit:.0f} ms"
-        raise RuleBrokenError(f"{came}, with {text}")
+        if paused > 0.5 * seconds:
+            raise NotTriedError(f"{came}, {wrong}")
+        wrong = _wrong_times(times, allowed, tester.pauses)
+    if wrong:
+        raise RuleBrokenError(f"{came}, {wrong}")
+    longest = max(b - a for a, b in itertools.pairwise(times))
     return f"{came}, longest pause {1e3 * longest:.1f} ms"
+
+
+class _Allowed(NamedTuple):
+    """Period, its relative tolerance, how long was listened, and the longest pause [s]."""
+
+    period: float
+    share: float
+    seconds: float
+    longest: float
+
+
+def _wrong_times(
+    times: Sequence[float], allowed: _Allowed, pauses: Sequence[tuple[float, float]]
+) -> str:
+    """What is wrong with the times of frames [s], apart from pauses of this computer."""
+    period, share, seconds, limit = allowed
+    wanted = seconds / period
+    least = wanted - sum(end - begin for begin, end in pauses) / period
+    if not (1.0 - share) * least - 1.0 <= len(times) <= (1.0 + share) * wanted + 1.0:
+        return f"expected {wanted:.0f}: one every {1e3 * period:g} ms"
+    many = max(1, len(times) // _PARTS)
+    usual = statistics.median((b - a) / many for a, b in itertools.pairwise(times[::many]))
+    if abs(usual - period) > share * period:
+        return f"mostly one every {1e3 * usual:.2f} ms, expected {1e3 * period:g} ms"
+    longest = max(
+        (b - a for a, b in itertools.pairwise(times) if not _overlaps(pauses, a, b)), default=0.0
+    )
+    if longest > limit:
+        return f"with a pause of {1e3 * longest:.0f} ms, at most {1e3 * limit:.0f} ms"
+    return ""
 
 
 def _overlaps(pauses: Sequence[tuple[float, float]], begin: float, end: float) -> bool:

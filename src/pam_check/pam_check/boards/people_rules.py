@@ -13,6 +13,7 @@ from pam_check.boards.tester import (
     BoardTester,
     NotTriedError,
     RuleBrokenError,
+    ValveFeed,
 )
 from pam_driver.boards.pam_board.codec import (
     BoardCode,
@@ -20,7 +21,6 @@ from pam_driver.boards.pam_board.codec import (
     BoardState,
     SafetyInput,
     Status,
-    ValveCommand,
 )
 
 PRESS_STOP: Final = "Press the emergency stop"
@@ -44,12 +44,7 @@ def _outputs(tester: BoardTester) -> tuple[bool, bool]:
 
 def _send_outputs(tester: BoardTester, enable: tuple[bool, bool], wanted: bool) -> None:
     """Valve commands for 0.1 s with both output bits set or clear."""
-    for _ in range(50):
-        counter = (tester.counter + 1) & 0xFF
-        message = ValveCommand((0.0, 0.0), enable, counter, wanted, wanted)
-        tester.send_command(message)
-        tester.wait(0.002)
-    tester.wait(tester.answer_time)
+    tester.wait(0.1 + tester.answer_time, ValveFeed((0.0, 0.0), enable, wanted))
 
 
 def _brake_and_dump(tester: BoardTester) -> str:

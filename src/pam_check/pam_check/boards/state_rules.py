@@ -170,7 +170,8 @@ def _clear_needs_arming(tester: BoardTester) -> str:
 
 def _checksum_storm(tester: BoardTester) -> str:
     tester.activate()
-    frame_id, data = tester.codec.encode(tester.number, ValveCommand(*ENABLED, tester.counter))
+    command = ValveCommand(ENABLED.valves, ENABLED.enable, tester.counter)
+    frame_id, data = tester.codec.encode(tester.number, command)
     for _ in range(_CRC_FRAMES - 1):
         tester.raw(frame_id, data[:-1] + bytes([data[-1] ^ 1]))
     tester.wait(tester.answer_time, ENABLED)

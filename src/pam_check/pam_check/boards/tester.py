@@ -38,10 +38,11 @@ class NotTriedError(PamError):
 
 
 class ValveFeed(NamedTuple):
-    """A valve command that is repeated in every cycle."""
+    """A valve command for every cycle; `outputs` sets the bits of brake and dump valve."""
 
     valves: tuple[float, float]
     enable: tuple[bool, bool]
+    outputs: bool = False
 
 
 DISABLED: Final = ValveFeed((0.0, 0.0), OFF)
@@ -162,12 +163,8 @@ class BoardTester:
 
     def command(self, feed: ValveFeed, counter: int | None = None) -> None:
         """Send a valve command, by default with the next counter."""
-        counter = (self._counter + 1) & 0xFF if counter is None else counter
-        self.send_command(ValveCommand(*feed, counter))
-
-    def send_command(self, message: ValveCommand) -> None:
-        """Send a valve command as it is."""
-        self._counter = message.counter
+        self._counter = (self._counter + 1) & 0xFF if counter is None else counter
+        message = ValveCommand(feed.valves, feed.enable, self._counter, feed.outputs, feed.outputs)
         self.raw(*self.codec.encode(self.number, message))
         self.sent_at = self.line.now()
 
