@@ -22,20 +22,16 @@ import can
 import pytest
 
 from pam_driver.boards.pam_board.codec import BoardState
-from pam_driver.can_bus.bus import BusState, open_bus
-from pam_driver.driver import Driver
+from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
-from pam_model.rig import load_rig
-from pam_sim.simulated_rig import SimulatedRig
-from support.commands import offer
+from support.kernel_chain import PERIOD, KernelChain
 from support.reruns import EMULATED
 
 ROOT = Path(__file__).parents[2]
 pytestmark = [pytest.mark.vcan, pytest.mark.rerun_because(EMULATED)]
 
-PERIOD = 0.01  # s
 NAMES = ("elbow_flexor", "elbow_extensor")
 AIR = (0.2, 0.1)
 OWN = "vcan94"
@@ -49,41 +45,11 @@ SHOWN = {
 }
 
 
-class Chain:
-    """A driver and a simulated rig, each with a socket of its own."""
+class Chain(KernelChain):
+    """With one board of this project, whose state is watched as well."""
 
-    def __init__(
-        self, rig_path: Path, channel: str, settings: DriverSettings | None = None
-    ) -> None:
-        rig = load_rig(rig_path)
-        self.ports = [open_bus("socketcan", channel) for _ in range(2)]
-        self.rig = SimulatedRig(rig, rate=1.0 / PERIOD, step=0.001)
-        self.driver = Driver(rig, self.ports[0], settings or DriverSettings())
-        self.rig_is_heard = True
-        self.now = 0.0
-
-    def run(self, seconds: float, fractions: tuple[float, float] | None = None) -> None:
-        for _ in range(round(seconds / PERIOD)):
-            self.now += PERIOD
-            for frame in self.ports[1].receive_all(self.now):
-                self.rig.on_frame(frame.frame_id, frame.data, self.now)
-            for frame_id, data in self.rig.advance(self.now):
-                if self.rig_is_heard:
-                    self.ports[1].send(frame_id, data, self.now)
-            if fractions is not None:
-                offer(self.driver, NamedCommand(NAMES, fractions), self.now)
-            self.driver.cycle(self.now, 0.0)
-
-    def run_until(self, state: SafetyState) -> None:
-        """Muscles need time to become empty."""
-        end = self.now + 6.0
-        self.run(0.2)
-        while self.driver.state is not state:
-            assert self.now < end, self.driver.state
-            self.run(0.1)
-
-    def pressures(self) -> tuple[float, ...]:
-        return self.driver.cycle(self.now, 0.0).pressures
+    def run(self, seconds: float, fractions: tuple[float, float] | None = None) -> None:  # type: ignore[override]
+        super().run(seconds, None if fractions is None else NamedCommand(NAMES, fractions))
 
     def make_move(self) -> None:
         """Clear, activate, and let air in."""
@@ -112,10 +78,6 @@ class Chain:
                 self.rig.boards[0].valve_commands, self.rig.boards[0].valves, strict=True
             )
         )
-
-    def close(self) -> None:
-        for port in self.ports:
-            port.close()
 
 
 def test_air_moves_over_socketcan_vents_after_and_candump_shows_it(bus, rig_path) -> None:
