@@ -14,7 +14,7 @@ import pytest
 from pam_driver.boards.canopen.board import CanopenBoard
 from pam_driver.boards.canopen.boot import Stage
 from pam_driver.boards.canopen.dictionary import ObjectName, profile_path
-from pam_driver.boards.protocol import Condition
+from pam_driver.boards.protocol import Condition, Frame
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.driver import ActivationError
 from pam_driver.safety.states import SafetyState
@@ -22,6 +22,8 @@ from pam_driver.tools.monitor import Monitor
 from pam_model.errors import RigError
 from pam_model.rig import Rig, load_rig
 from pam_sim.boards.canopen_twin import SimulatedCanopenDevice
+from pam_sim.boards.protocol import BoardSettings
+from pam_sim.boards.register import twin_called
 from support.canopen_device import ELBOW_CANOPEN, ELBOW_REGULATOR
 from support.mapped_device import nested
 
@@ -302,6 +304,57 @@ def test_another_device_that_uses_an_identifier_of_the_node_is_named() -> None:
     )
     robot.run(1.1)
     assert conditions(robot) == []
+
+
+def plug_in_a_second(robot: Robot, name: str) -> None:
+    """Another device of the same kind with the same node number, as both come from the maker."""
+    wired = robot.sim.wired[name]
+    other = twin_called("canopen")({}).make(wired, BoardSettings(), robot.now)
+    hears, advance = robot.sim.on_frame, robot.sim.advance
+
+    def on_frame(frame_id: int, data: bytes, now: float) -> None:
+        hears(frame_id, data, now)
+        other.on_frame(frame_id, data, now)
+
+    def both(now: float) -> list[Frame]:
+        pressures, angles = [0.0] * len(wired.pressures), [0.0] * len(wired.angles)
+        return [*advance(now), *other.poll(now, pressures, angles, 7e5)]
+
+    robot.sim.on_frame, robot.sim.advance = on_frame, both  # type: ignore[assignment]
+
+
+@pytest.mark.parametrize("running", [False, True])
+def test_two_devices_with_the_same_node_number_are_refused(running: bool) -> None:
+    robot = Robot(load_rig(ELBOW_CANOPEN))
+    if running:
+        robot.run(0.3)
+        assert conditions(robot, "flexor_pressure") == []
+    plug_in_a_second(robot, "flexor_pressure")
+    robot.run(0.6)
+    assert "fault: two devices answer as node 6: give one of them another node number" in " ".join(
+        one.text for one in conditions(robot, "flexor_pressure")
+    )
+    with pytest.raises(ActivationError, match="two devices answer as node 6"):
+        robot.driver.activate(robot.now)
+
+
+def test_a_device_that_answers_late_is_one_device() -> None:
+    """A request that was repeated has two answers."""
+    robot = Robot(load_rig(ELBOW_CANOPEN))
+    late: list[tuple[float, Frame]] = []
+    advance = robot.sim.advance
+
+    def delayed(now: float) -> list[Frame]:
+        found = advance(now)
+        late.extend((now + 0.15, frame) for frame in found if frame[0] == 0x586)
+        due = [frame for time, frame in late if time <= now]
+        late[:] = [entry for entry in late if entry[0] > now]
+        return [frame for frame in found if frame[0] != 0x586] + due
+
+    robot.sim.advance = delayed  # type: ignore[method-assign]
+    robot.run(12.0)
+    assert board(robot, "flexor_pressure").boot.stage is Stage.DONE
+    robot.move()
 
 
 def test_a_device_that_measures_nothing_can_be_stopped_to_vent() -> None:

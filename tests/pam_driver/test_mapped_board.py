@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import struct
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pam_driver.boards.mapped.board import MappedBoard
 from pam_driver.boards.mapped.sample_counter import SampleCounter
+from pam_driver.boards.power_on_time import has_restarted
 from pam_driver.boards.wiring import RigWiring
 from pam_model.rig import load_rig
-from support.mapped_device import ELBOW_VENDOR, Change, changed
+from support.mapped_device import ELBOW_VENDOR, Change, changed, vendor_dbc
 
 TIMEOUT, SENSOR_TIMEOUT = 0.5, 0.05
 
@@ -104,7 +106,7 @@ def test_state_faults_echo_and_restart_become_conditions() -> None:
 
 
 def test_a_counter_of_four_bits_counts_lost_and_repeated_frames() -> None:
-    counter = SampleCounter(15)
+    counter = SampleCounter(16)
     fresh = [counter.fresh(value, time) for time, value in enumerate([14, 15, 0, 2, 2, 2])]
     assert fresh == [True, True, True, True, False, False]
     assert (counter.lost, counter.repeated, counter.reordered) == (1, 2, 0)
@@ -114,7 +116,41 @@ def test_a_counter_of_four_bits_counts_lost_and_repeated_frames() -> None:
 
 
 def test_a_counter_of_eight_bits_knows_frames_out_of_order() -> None:
-    counter = SampleCounter(255)
+    counter = SampleCounter(256)
     fresh = [counter.fresh(value, float(time)) for time, value in enumerate([10, 12, 11, 13])]
     assert fresh == [True, True, False, True]
     assert (counter.lost, counter.reordered) == (1, 1)
+
+
+def with_dbc(tmp_path: Path, before: str, after: str) -> MappedBoard:
+    text = vendor_dbc().read_text()
+    assert before in text
+    path = tmp_path / "other.dbc"
+    path.write_text(text.replace(before, after))
+    return board_with(lambda section: section.update(dbc=str(path)))
+
+
+def test_a_counter_goes_through_the_range_of_the_dbc_file(tmp_path: Path) -> None:
+    """15 is no count in AUTOSAR's profile 1; a device takes it for a defect of the sender."""
+    board = with_dbc(tmp_path, "Roll_Cnt : 35|4@0+ (1,0) [0|15]", "Roll_Cnt : 35|4@0+ (1,0) [0|14]")
+    counts = [next(iter(board.command(None, 0.002 * cycle)))[1][4] & 15 for cycle in range(31)]
+    assert counts == [(cycle + 1) % 15 for cycle in range(31)]
+    heard = SampleCounter(15)
+    assert all(heard.fresh(count % 15, 0.002 * count) for count in range(40))
+    assert heard.lost == 0
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "restarted"),
+    [(65_530.0, 4.0, False), (65_530.0, 30_000.0, True), (30_000.0, 4.0, True), (5.0, 6.0, False)],
+)
+def test_a_time_since_power_up_that_begins_again_at_its_end_is_no_restart(
+    before: float, now: float, restarted: bool, tmp_path: Path
+) -> None:
+    """16 bits of milliseconds last for 65 s, 32 bits for 50 days."""
+    assert has_restarted(before, now, 0.0, 65_535.0) is restarted
+    board = with_dbc(tmp_path, "[0|4294967.295]", "[0|65.535]")
+    hear = board.listeners[board.identifiers.answers[2]]
+    for time, uptime in ((1.0, before), (2.0, now)):
+        hear(status(1, uptime=1e-3 * uptime), time, 0.0)
+    assert board.restarts == restarted

@@ -72,6 +72,19 @@ def test_any_signal_has_the_bits_that_cantools_reads(made: tuple[str, int], nois
     assert float(again) == pytest.approx(expected, rel=1e-12, abs=1e-300)
 
 
+def test_a_set_point_above_the_range_of_a_short_float_is_limited() -> None:
+    """6 bar in Pa is more than a float of 16 bits can carry."""
+    text = (
+        'VERSION ""\nBS_:\nBU_: A\nBO_ 291 M: 2 A\n SG_ S : 7|16@0- (1,0) [0|0] "Pa" A\n'
+        "SIG_VALTYPE_ 291 S : 1;\n"
+    )
+    (message,) = cantools.database.load_string(text, "dbc").messages
+    layout = SignalLayout(message, message.signals[0])
+    assert layout.high == 65504.0
+    assert layout.number(layout.bits_of_counts(6e5)) == 65504.0
+    assert layout.number(layout.bits_of_counts(-6e5)) == -65504.0
+
+
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_a_checksum_has_the_check_value_of_its_standard(name: str) -> None:
     assert ALGORITHMS[name].compute(b"123456789") == CHECK_VALUES[name]

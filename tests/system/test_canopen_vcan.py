@@ -141,6 +141,17 @@ def candump(bus: Any, tmp_path: Path) -> Iterator[Any]:
         process.wait()
 
 
+def check_dialogue(seen: Seen, node: int) -> None:
+    """Each SDO request has 8 bytes and an answer for the same object, without an abort."""
+    asked, answered = seen.of(0x600 + node), seen.of(0x580 + node)
+    assert {len(data) for data in (*asked, *answered)} == {8}
+    objects = [data[1:4] for data in asked]  # one that is asked again was not answered at first
+    new = [one for place, one in enumerate(objects) if objects[place - 1 : place] != [one]]
+    assert [data[1:4] for data in answered] == new
+    assert all(data[0] != 0x80 for data in answered), f"node {node}"
+    assert (0x1017, 0) in written(seen.frames, node)
+
+
 def test_tools_that_are_not_ours_read_every_frame_of_boot_motion_and_emergency(
     bus: Any, rig_file: Path, candump: Any
 ) -> None:
@@ -181,15 +192,8 @@ def test_tools_that_are_not_ours_read_every_frame_of_boot_motion_and_emergency(
     angles = len(seen.of(0x188))
     assert 0.8 * angles <= len(seen.of(0x080))
 
-    # SDO: each request has 8 bytes and an answer for the same object, without an abort
     for node in PROFILES:
-        asked, answered = seen.of(0x600 + node), seen.of(0x580 + node)
-        assert {len(data) for data in (*asked, *answered)} == {8}
-        objects = [data[1:4] for data in asked]  # one that is asked again was not answered at first
-        new = [one for place, one in enumerate(objects) if objects[place - 1 : place] != [one]]
-        assert [data[1:4] for data in answered] == new
-        assert all(data[0] != 0x80 for data in answered), f"node {node}"
-        assert (0x1017, 0) in written(seen.frames, node)
+        check_dialogue(seen, node)
 
     # EMCY
     assert seen.emergencies == [(5, EMERGENCY)]

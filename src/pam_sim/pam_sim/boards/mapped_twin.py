@@ -158,6 +158,9 @@ class SimulatedMappedBoard:
             return
         if first.counter is not None:
             count = int(values[first.counter.name])
+            if not first.counter.in_range(count):
+                self.rejected_frames += 1
+                return
             if count == self._last_count.get(first.name):
                 return
             self._last_count[first.name] = count
@@ -339,7 +342,7 @@ class SimulatedMappedBoard:
             layout = frame.uptime.layout
             values[layout.name] = round((now - self._started - layout.offset) / layout.scale)
         if frame.counter is not None:
-            sent.count = (sent.count + self._counter_step) & frame.counter.mask
+            sent.count = frame.counter.after(sent.count) if self._counter_step else sent.count
             values[frame.counter.name] = sent.count
         data = message.encode(values, scaling=False, strict=False)
         data = (data + bytes(frame.length))[: frame.length]

@@ -24,6 +24,8 @@ from pam_driver.boards.protocol import NEVER, Frame
 
 # A device that did not answer is asked again after [s].
 _PAUSE: Final = 0.5
+# So many answers without a request come from a second device; another tool may cause fewer.
+_SURPLUS: Final = 3
 
 
 class Stage(Enum):
@@ -81,6 +83,7 @@ class Boot:
         self.stage, self.error, self.notes = Stage.CONFIGURING, "", []
         self._place, self._began = 0, False
         self.sdo.cancel()
+        self.sdo.surplus = 0
 
     def is_operational(self) -> None:
         """Note that the device has shown to be operational after it was started."""
@@ -101,6 +104,10 @@ class Boot:
         if self.stage is not Stage.CONFIGURING:
             return
         node = self._device.node
+        if self.sdo.surplus >= _SURPLUS:
+            text = f"two devices answer as node {node}: give one of them another node number"
+            self._fail(text, Stage.REFUSED, now)
+            return
         if not self._began:
             self._began = True
             self.sdo.begin(self._device.steps[0])

@@ -9,6 +9,7 @@ abort codes are those of `canopen`. Source: CiA 301 version 4.2, section 7.2.4.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from typing import Final, NamedTuple
 
 from canopen.sdo.exceptions import SdoAbortedError
@@ -47,6 +48,11 @@ class SdoClient:
         Node number of the device.
     timeout : float
         How long an answer is waited for before the request is repeated [s].
+
+    Attributes
+    ----------
+    surplus : int
+        Answers without a request: a second device with the same node number gives one to each.
     """
 
     def __init__(self, node: int, timeout: float) -> None:
@@ -58,6 +64,8 @@ class SdoClient:
         self._sent_at = NEVER
         self._attempts = 0
         self._result: SdoResult | None = None
+        self.surplus = 0
+        self._unanswered: Counter[ObjectName] = Counter()
 
     def begin(self, step: Step) -> None:
         """Begin a request; its frame is returned by `frame`."""
@@ -79,6 +87,7 @@ class SdoClient:
             return None
         self._attempts += 1
         self._sent_at = now
+        self._unanswered[step.name] += 1
         if isinstance(step, Check):
             return _REQUEST.pack(0x40, *step.name, bytes(4))
         specifier = 0x23 | (4 - len(step.data)) << 2
@@ -108,8 +117,13 @@ class SdoClient:
             raise FrameRangeError(
                 self.answer_id, f"SDO answer of node {self._node} begins with 0x{specifier:02X}"
             )
-        step = self._step
-        if step is None or ObjectName(index, sub) != step.name or self._result is not None:
+        step, name = self._step, ObjectName(index, sub)
+        if name in self._unanswered:
+            self._unanswered[name] -= 1
+            if self._unanswered[name] < 0:
+                self._unanswered[name] = 0
+                self.surplus += 1
+        if step is None or name != step.name or self._result is not None:
             return  # an answer to another tool, or one that comes late
         kind = specifier & 0xE0
         if kind == _ABORT:

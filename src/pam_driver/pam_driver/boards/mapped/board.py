@@ -23,6 +23,7 @@ from pam_driver.boards.mapped.device import (
     RequestFrame,
 )
 from pam_driver.boards.mapped.sample_counter import SampleCounter
+from pam_driver.boards.power_on_time import has_restarted
 from pam_driver.boards.protocol import (
     NEVER,
     BoardReport,
@@ -75,7 +76,7 @@ class MappedBoard:
         self._wired = wired
         self._device = device
         self._counters = {
-            frame.name: SampleCounter(frame.counter.mask)
+            frame.name: SampleCounter(int(frame.counter.values))
             for frame in device.answers
             if frame.counter is not None
         }
@@ -235,7 +236,7 @@ class MappedBoard:
             else:
                 little |= bits
         if frame.counter is not None:
-            self._count[frame.name] = (self._count[frame.name] + 1) & frame.counter.mask
+            self._count[frame.name] = frame.counter.after(self._count[frame.name])
             bits = frame.counter.bits_of_raw(self._count[frame.name])
             if frame.counter.big:
                 big |= bits
@@ -299,7 +300,7 @@ class MappedBoard:
         if frame.uptime is not None and frame.uptime.present(little, big):
             layout = frame.uptime.layout
             uptime = layout.physical(layout.raw(little, big))
-            if uptime < self._uptime:
+            if has_restarted(self._uptime, uptime, layout.low, layout.high):
                 self.restarts += 1
                 self._restarted = True
                 for counter in self._counters.values():

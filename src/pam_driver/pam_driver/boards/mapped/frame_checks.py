@@ -22,11 +22,11 @@ def read_counter(where: Section, lookup: DbcLookup, message: Message) -> SignalL
     if signal is None or not lookup.claim(message, signal, where, "counter"):
         return None
     layout = SignalLayout(message, signal)
-    if layout.float_format or layout.sign or layout.length < 2 or signal.multiplexer_ids:
+    if layout.float_format or layout.sign or layout.values < 4 or signal.multiplexer_ids:
         where.add(
             "counter",
-            f" = {name}: must be an unsigned whole number of at least 2 bits in every frame of "
-            f"{message.name}",
+            f" = {name}: must be an unsigned whole number with at least 4 values in every frame "
+            f"of {message.name}",
         )
         return None
     return layout

@@ -10,8 +10,8 @@ class SampleCounter:
 
     Parameters
     ----------
-    mask : int
-        The largest value; the next one is 0.
+    values : int
+        How many values it has before it begins again.
 
     Attributes
     ----------
@@ -19,12 +19,12 @@ class SampleCounter:
         Frames that were counted.
     """
 
-    def __init__(self, mask: int) -> None:
+    def __init__(self, values: int) -> None:
         self.lost = self.repeated = self.reordered = 0
-        self._mask = mask
+        self._values = values
         # A counter that is behind by less means frames out of order; else it was reset. A counter
         # of a few bits cannot tell frames out of order from frames lost.
-        self._window = min(16, (mask + 1) // 16)
+        self._window = min(16, values // 16)
         self._last: int | None = None
         self._changed_at = NEVER
         self._repeated_in_a_row = 0
@@ -33,12 +33,12 @@ class SampleCounter:
     def fresh(self, value: int, time: float) -> bool:
         """Whether the frame is newer than the last one; counts it otherwise."""
         if self._last is not None:
-            step = (value - self._last) & self._mask
+            step = (value - self._last) % self._values
             if step == 0:
                 self.repeated += 1
                 self._repeated_in_a_row += 1
                 return False
-            if step > self._mask + 1 - self._window and self._reordered_in_a_row < self._window:
+            if step > self._values - self._window and self._reordered_in_a_row < self._window:
                 self.reordered += 1
                 self._reordered_in_a_row += 1
                 return False

@@ -15,6 +15,7 @@ from typing import Final
 from cantools.database.can import Message, Signal
 
 _FLOATS: Final = {16: ">e", 32: ">f", 64: ">d"}
+_FLOAT_LIMITS: Final = {16: 65504.0, 32: 3.4028234663852886e38, 64: 1.7976931348623157e308}
 _FD_LENGTHS: Final[tuple[int, ...]] = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
@@ -78,7 +79,8 @@ class SignalLayout:
         self.raw_low: float = -self.sign
         self.raw_high: float = self.sign - 1 if self.sign else self.mask
         if self.float_format:
-            self.raw_low, self.raw_high = -math.inf, math.inf
+            self.raw_high = _FLOAT_LIMITS[signal.length]
+            self.raw_low = -self.raw_high
         ends = [
             (end - self.offset) / self.scale
             for end in (signal.minimum, signal.maximum)
@@ -108,6 +110,19 @@ class SignalLayout:
     def physical(self, raw: int) -> float:
         """The physical value of a raw value, in the unit of the DBC file."""
         return self.number(raw) * self.scale + self.offset
+
+    @property
+    def values(self) -> float:
+        """How many values a whole number can have within its range."""
+        return self.raw_high - self.raw_low + 1
+
+    def after(self, count: int) -> int:
+        """The next count of a counter, which begins again at the end of its range.
+
+        The range of the DBC file may be smaller than that of the bits: 15 is no count of a counter
+        of AUTOSAR's end-to-end profile 1, which has four bits.
+        """
+        return int(self.raw_low) if count >= self.raw_high else count + 1
 
     def in_range(self, number: float) -> bool:
         """Whether a value in counts is within the range that the DBC file states."""

@@ -15,6 +15,7 @@ from pam_driver.boards.pam_board.codec import (
     SafetyInput,
     Status,
 )
+from pam_driver.boards.power_on_time import has_restarted
 from pam_driver.boards.protocol import (
     EMERGENCY_STOP,
     ENABLING_SWITCH,
@@ -26,6 +27,7 @@ from pam_driver.boards.protocol import (
 
 # A counter that is behind by less means frames out of order; otherwise the counter was reset.
 _REORDER_WINDOW: Final = 16
+_LONGEST_UPTIME: Final = 2**32 * 1e-3  # s, 32 bits of milliseconds
 
 
 class BoardMonitor:
@@ -106,7 +108,9 @@ class BoardMonitor:
 
     def hear_heartbeat(self, message: Heartbeat, time: float) -> None:
         """Store a heartbeat; a smaller uptime than before means a restart."""
-        if self.heartbeat is not None and message.uptime < self.heartbeat.uptime:
+        if self.heartbeat is not None and has_restarted(
+            self.heartbeat.uptime, message.uptime, 0.0, _LONGEST_UPTIME
+        ):
             self.restarts += 1
             self._restarted = True
             self._counter = None
