@@ -13,12 +13,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from pam_driver.boards.canopen.device import (
-    ANGLE_INPUT,
     OPERATIONAL,
-    PRESSURE_INPUT,
     READY,
     STOPPED,
-    SUPPLY_INPUT,
     Check,
     Device,
     Input,
@@ -27,6 +24,7 @@ from pam_driver.boards.canopen.device import (
 from pam_driver.boards.canopen.dictionary import Dictionary, ObjectName
 from pam_driver.boards.canopen.reader import read_device
 from pam_driver.boards.protocol import Channel, Frame, KindOptions, WiredBoard
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT, SUPPLY_INPUT
 from pam_sim.boards.canopen_slave import SimulatedSlave
 from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 

@@ -17,8 +17,6 @@ from cantools.database.errors import Error
 
 from pam_driver.boards.dbc_file import load_dbc
 from pam_driver.boards.mapped.device import (
-    ANGLE_INPUT,
-    PRESSURE_INPUT,
     AnswerFrame,
     CommandFrame,
     Device,
@@ -27,6 +25,7 @@ from pam_driver.boards.mapped.device import (
 )
 from pam_driver.boards.mapped.kind import read_device
 from pam_driver.boards.protocol import Channel, Frame, KindOptions, WiredBoard
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT
 from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 
 _MAX_DBC_BYTES = 20_000_000

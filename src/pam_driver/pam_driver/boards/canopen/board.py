@@ -237,8 +237,8 @@ class CanopenBoard:
         values["emergencies"] = ", ".join(self._emergencies.values()) or "none"
         if self.boot.notes:
             values["refused at boot"] = "; ".join(self.boot.notes)
-        if self._measured.invalid:
-            values["invalid"] = ", ".join(self._measured.invalid_texts())
+        if invalid := self._measured.invalid_texts():
+            values["invalid"] = ", ".join(invalid)
         if self.promises.measures_supply:
             values["supply pressure [Pa absolute]"] = self.supply_pressure
         return BoardReport(self._state_text(), values)

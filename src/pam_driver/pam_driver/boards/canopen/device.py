@@ -15,10 +15,6 @@ from typing import Final, NamedTuple
 from pam_driver.boards.canopen.dictionary import ObjectName, ObjectType
 from pam_driver.boards.protocol import Channel, Promises
 
-PRESSURE_INPUT: Final = "pressure"
-ANGLE_INPUT: Final = "angle"
-SUPPLY_INPUT: Final = "supply"
-
 NMT: Final = 0x000
 SYNC: Final = 0x080
 START, STOP, PRE_OPERATIONAL = 1, 2, 128

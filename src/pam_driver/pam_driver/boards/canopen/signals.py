@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from pam_driver.boards.canopen.device import ANGLE_INPUT, PRESSURE_INPUT, SUPPLY_INPUT
 from pam_driver.boards.canopen.dictionary import Dictionary, ObjectName, ObjectType, object_name
 from pam_driver.boards.conversion import Source, fits, read_conversion
 from pam_driver.boards.protocol import Channel, MuscleWire, WiredBoard
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT, SUPPLY_INPUT
 from pam_driver.boards.units import ANGLE, PRESSURE, SHARE, UNITS, Linear, unit_called, unknown_unit
 from pam_model.rig.keys import Section
 

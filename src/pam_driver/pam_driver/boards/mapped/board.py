@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 from pam_driver.boards.frame_errors import (
@@ -13,13 +13,10 @@ from pam_driver.boards.frame_errors import (
     FrameRangeError,
 )
 from pam_driver.boards.mapped.device import (
-    ANGLE_INPUT,
-    PRESSURE_INPUT,
     AnswerFrame,
     CommandFrame,
     Device,
     FrameChecksum,
-    Input,
     RequestFrame,
 )
 from pam_driver.boards.mapped.sample_counter import SampleCounter
@@ -36,8 +33,8 @@ from pam_driver.boards.protocol import (
     Traffic,
     WiredBoard,
 )
+from pam_driver.boards.samples import Samples
 
-_TURN: Final = 2.0 * math.pi
 # A frame is due half a cycle early rather than nearly a cycle late [s].
 _EARLY: Final = 0.0005
 
@@ -62,9 +59,8 @@ class MappedBoard:
         self.identifiers = Identifiers(
             tuple(frame.frame_id for frame in device.answers), tuple(commands)
         )
-        self.pressures: dict[Channel, Sample] = {wire.channel: Sample() for wire in wired.pressures}
-        self.angles: dict[Channel, Sample] = {angle.channel: Sample() for angle in wired.angles}
-        self.supply_pressure = math.nan
+        self._samples = Samples(wired)
+        self.pressures, self.angles = self._samples.pressures, self._samples.angles
         self.host_fault = False
         self.round_trip = math.nan  # what a device echoes need not be a counter
         self.inputs: Mapping[str, Sample] = {}
@@ -86,7 +82,6 @@ class MappedBoard:
             (f.state.layout.labels for f in device.answers if f.state is not None), {}
         )
         self._faults: dict[str, bool] = {}
-        self._invalid: dict[tuple[str, Channel], str] = {}
         self._echo: int | None = None
         self._echo_at = NEVER
         self._uptime = NEVER
@@ -94,6 +89,11 @@ class MappedBoard:
         self._count: dict[str, int] = dict.fromkeys((f.name for f in commands.values()), 0)
         self._due = [NEVER] * len(device.commands)
         self._venting = True
+
+    @property
+    def supply_pressure(self) -> float:
+        """The last measured supply pressure [Pa absolute]; NaN if it measures none."""
+        return self._samples.supply_pressure
 
     @property
     def follows(self) -> bool:
@@ -150,7 +150,7 @@ class MappedBoard:
                 yield Condition("counter_frozen", self.name, text)
         if self._restarted:
             yield Condition("board_restarted", self.name, "has restarted")
-        wrong = [f"{what} {channel}: {name}" for (what, channel), name in self._invalid.items()]
+        wrong = self._samples.invalid_texts()
         wrong += [name for name, present in self._faults.items() if present]
         if self._state in self._device.fault:
             wrong.append(f"state {self._state_text()}")
@@ -183,10 +183,8 @@ class MappedBoard:
         if self.promises.tells_faults:
             named = [name for name, present in self._faults.items() if present]
             values["faults"] = ", ".join(named) or "none"
-        if self._invalid:
-            values["invalid"] = ", ".join(
-                f"{what} {channel}: {name}" for (what, channel), name in self._invalid.items()
-            )
+        if invalid := self._samples.invalid_texts():
+            values["invalid"] = ", ".join(invalid)
         if self.promises.measures_supply:
             values["supply pressure [Pa absolute]"] = self.supply_pressure
         if self._uptime != NEVER:
@@ -251,13 +249,16 @@ class MappedBoard:
         return self._built(request.frame, request.base, None)
 
     def _listener(self, frame: AnswerFrame) -> Hear:
-        readings = tuple((entry, self._store(entry)) for entry in frame.inputs)
+        keeper = self._samples.keeper
+        readings = tuple(
+            (entry, keeper(entry.what, entry.channel, wraps=entry.wraps)) for entry in frame.inputs
+        )
 
         def hear(data: bytes, time: float, stamp: float) -> None:
             self._check(frame, data)
             little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
             found = []
-            for entry, store in readings:
+            for entry, keep in readings:
                 if not entry.signal.present(little, big):
                     continue
                 layout = entry.signal.layout
@@ -271,17 +272,14 @@ class MappedBoard:
                         f"{frame.name}.{layout.name} of {self.name} is {value:g} raw, expected "
                         f"{layout.raw_low:g} to {layout.raw_high:g}",
                     )
-                found.append((entry, store, name, entry.gain * value + entry.bias))
+                found.append((keep, name, entry.gain * value + entry.bias))
             if frame.counter is not None and not self._counters[frame.name].fresh(
                 frame.counter.raw(little, big), time
             ):
                 return
             self._heard_at[frame.name] = time
-            for entry, store, name, value in found:
-                if name:
-                    self._invalid[entry.what, entry.channel] = name
-                else:
-                    store(value, time, stamp)
+            for keep, name, value in found:
+                keep(name, value, time, stamp)
             self._hear_status(frame, little, big, time)
 
         return hear
@@ -306,28 +304,6 @@ class MappedBoard:
                 for counter in self._counters.values():
                     counter.reset()
             self._uptime = uptime
-
-    def _store(self, entry: Input) -> Callable[[float, float, float], None]:
-        """The function that keeps a valid measurement."""
-        key = (entry.what, entry.channel)
-
-        def pressure(value: float, time: float, stamp: float) -> None:
-            self._invalid.pop(key, None)
-            self.pressures[entry.channel] = Sample(value, time, stamp)
-
-        def angle(value: float, time: float, stamp: float) -> None:
-            self._invalid.pop(key, None)
-            if entry.wraps:
-                value = math.remainder(value, _TURN)
-            self.angles[entry.channel] = Sample(value, time, stamp)
-
-        def supply(value: float, time: float, stamp: float) -> None:
-            self._invalid.pop(key, None)
-            self.supply_pressure = value
-
-        if entry.what == PRESSURE_INPUT:
-            return pressure
-        return angle if entry.what == ANGLE_INPUT else supply
 
     def _foreign(self, frame: CommandFrame) -> Hear:
         def hear(data: bytes, time: float, stamp: float) -> None:

@@ -7,15 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from pam_driver.boards.mapped.checksum import Algorithm
 from pam_driver.boards.mapped.signal_layout import SignalLayout
 from pam_driver.boards.protocol import Channel, Promises
-
-PRESSURE_INPUT: Final = "pressure"
-ANGLE_INPUT: Final = "angle"
-SUPPLY_INPUT: Final = "supply"
 
 
 class FrameChecksum(NamedTuple):

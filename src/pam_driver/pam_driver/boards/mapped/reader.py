@@ -14,9 +14,6 @@ from pam_driver.boards.frame_errors import DbcError
 from pam_driver.boards.mapped.command_reader import CommandReader, Commands
 from pam_driver.boards.mapped.dbc_lookup import DbcLookup, raw_limits, raw_value
 from pam_driver.boards.mapped.device import (
-    ANGLE_INPUT,
-    PRESSURE_INPUT,
-    SUPPLY_INPUT,
     AnswerFrame,
     Device,
     FrameChecksum,
@@ -26,6 +23,7 @@ from pam_driver.boards.mapped.device import (
 from pam_driver.boards.mapped.frame_checks import read_checksum, read_counter
 from pam_driver.boards.mapped.signal_layout import frame_length
 from pam_driver.boards.protocol import Channel, Promises, WiredBoard
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT, SUPPLY_INPUT
 from pam_driver.boards.units import ANGLE, PRESSURE
 from pam_model.rig.keys import Key, Problems, Section
 

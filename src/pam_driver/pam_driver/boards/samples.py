@@ -1,0 +1,73 @@
+"""The last measurements of a device, for kinds of board whose rig file says what each signal is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from pam_driver.boards.protocol import Channel, Sample, WiredBoard
+
+PRESSURE_INPUT: Final = "pressure"
+ANGLE_INPUT: Final = "angle"
+SUPPLY_INPUT: Final = "supply"
+_TURN: Final = 2.0 * math.pi
+
+Keep = Callable[[str, float, float, float], None]
+"""Keeps a measurement: the name of the value that means that there is none (else empty), the value
+in SI units, when it was measured (monotonic) and its stamp [s]."""
+
+
+class Samples:
+    """What a device has measured.
+
+    Parameters
+    ----------
+    wired : WiredBoard
+        Its muscles and joints.
+
+    Attributes
+    ----------
+    pressures, angles : dict of channel to Sample
+        The last samples [Pa gauge], [rad].
+    supply_pressure : float
+        [Pa absolute]; NaN if none was received.
+    """
+
+    def __init__(self, wired: WiredBoard) -> None:
+        self.pressures: dict[Channel, Sample] = {wire.channel: Sample() for wire in wired.pressures}
+        self.angles: dict[Channel, Sample] = {angle.channel: Sample() for angle in wired.angles}
+        self.supply_pressure = math.nan
+        self._invalid: dict[str, str] = {}
+
+    def invalid_texts(self) -> list[str]:
+        """The measurements that the device says it does not have."""
+        return [f"{what}: {name}" for what, name in self._invalid.items()]
+
+    def keeper(self, what: str, channel: Channel, *, wraps: bool = False) -> Keep:
+        """The function that keeps one measurement.
+
+        Parameters
+        ----------
+        what : str
+            PRESSURE_INPUT [Pa gauge], ANGLE_INPUT [rad] or SUPPLY_INPUT [Pa absolute].
+        channel : int, str
+            As muscles and joints name it; "" for the supply pressure.
+        wraps : bool, optional
+            Bring an angle to -pi to pi.
+        """
+        called, invalids = f"{what} {channel}".strip(), self._invalid
+        kept = self.pressures if what == PRESSURE_INPUT else self.angles
+
+        def keep(invalid: str, value: float, time: float, stamp: float) -> None:
+            if invalid:
+                invalids[called] = invalid
+                return
+            invalids.pop(called, None)
+            if what == SUPPLY_INPUT:
+                self.supply_pressure = value
+            else:
+                value = math.remainder(value, _TURN) if wraps else value
+                kept[channel] = Sample(value, time, stamp)
+
+        return keep
