@@ -78,13 +78,10 @@ def test_boards_that_come_too_late_do_not_start_the_robot() -> None:
     assert step(start, robot, late) == WAITING
 
 
-@pytest.mark.parametrize(
-    "robot",
-    [Robot(faults=[BURST]), Robot(conditions=[Condition("board_fault", "0", "over-pressure")])],
-)
-def test_a_fault_cancels_the_activation_for_good(robot: Robot) -> None:
-    start = begun(activates=True)
-    (fault,) = robot.faults or robot.conditions
+@pytest.mark.parametrize("place", ["faults", "conditions"])
+def test_a_fault_cancels_the_activation_for_good(place: str) -> None:
+    fault = BURST if place == "faults" else Condition("board_fault", "0", "over-pressure")
+    start, robot = begun(activates=True), Robot(**{place: [fault]})
     assert step(start, robot, 1.0) == StartStep(Advice.CANCELLED, str(fault))
     robot.faults, robot.conditions = [], []
     assert step(start, robot, 1.5) == StartStep(Advice.READY)
