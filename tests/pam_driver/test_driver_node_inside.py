@@ -12,6 +12,7 @@ import pytest
 import rclpy
 from lifecycle_msgs.msg import State
 from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -254,7 +255,7 @@ def test_commands_before_the_activation_are_counted_and_the_reason_is_shown(
     inside: Inside, capfd: pytest.CaptureFixture[str]
 ) -> None:
     node = inside.node
-    command = JointState(name=NAMES, position=[0.25, -0.25])
+    command = serialize_message(JointState(name=NAMES, position=[0.25, -0.25]))
     node._on_valve_commands(command)
     assert "valve_commands refused: not configured" in capfd.readouterr().err
     assert node.autostart()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,7 @@ from pam_driver.driver_topics import DriverTopics
 from pam_driver.safety.states import SafetyState
 from pam_driver.snapshot import Snapshot
 from pam_model.rig import Rig, load_rig
+from pam_ros.joint_state_bytes import JointStateReader
 from pam_ros.periodic import LoopStatistics
 from support.rigs import ELBOW
 
@@ -26,12 +28,13 @@ TWO_JOINTS = ELBOW.with_name("two_joints.yaml")
 class Node:
     """Makes publishers that keep what is published."""
 
-    def __init__(self) -> None:
+    def __init__(self, hearers: int = 1) -> None:
         self.published: dict[str, list[Any]] = {}
+        self.hearers = hearers
 
     def create_publisher(self, _: Any, topic: str, depth: int) -> Any:
         kept = self.published.setdefault(topic, [])
-        return SimpleNamespace(publish=kept.append)
+        return SimpleNamespace(publish=kept.append, get_subscription_count=lambda: self.hearers)
 
 
 def snapshot(rig: Rig, positions: tuple[float, ...]) -> Snapshot:
@@ -44,8 +47,21 @@ def published(positions: tuple[float, ...], keeps_nan: bool = False) -> Any:
     node = Node()
     topics = DriverTopics(node, rig, keeps_nan)
     topics.publish(snapshot(rig, positions), SimpleNamespace(), 2.0, 2.0)  # type: ignore[arg-type]
-    (message,) = node.published["joint_states"]
-    return rig.joint_names, message
+    (data,) = node.published["joint_states"]
+    return rig.joint_names, JointStateReader().read(data)
+
+
+def test_a_topic_that_nobody_hears_is_not_written() -> None:
+    rig, node = load_rig(TWO_JOINTS), Node(hearers=0)
+    topics = DriverTopics(node, rig, False)
+    measured = snapshot(rig, (0.1, 0.2))
+    topics.publish(measured, SimpleNamespace(), 2.0, 2.0)  # type: ignore[arg-type]
+    assert not any(node.published.values())
+    node.hearers = 1
+    end = time.monotonic() + 5.0
+    while not node.published["pressure_states"]:
+        assert time.monotonic() < end, "a subscription that comes later is heard too"
+        topics.publish(measured, SimpleNamespace(), 2.0, 2.0)  # type: ignore[arg-type]
 
 
 def test_a_joint_that_is_not_measured_is_left_out_of_joint_states() -> None:

@@ -1,16 +1,15 @@
 """ROS 2 node of the controller: references and measurements in, valve commands out.
 
 docs/controller.md describes topics, parameters and behaviour. The control cycle runs in one thread
-with absolute deadlines; callbacks only store the latest message for it. Measurements are received
-by a second node in its own thread, because designing gains for a changed parameter takes longer
-than the permitted age of a measurement.
+with absolute deadlines, which takes the measurements itself. All other messages and the parameters
+are handled by the executor in the main thread, because designing gains for a changed parameter
+takes longer than the permitted age of a measurement.
 """
 
 from __future__ import annotations
 
 import contextlib
 import gc
-import math
 import sys
 import threading
 import time
@@ -19,11 +18,9 @@ from typing import Any
 
 import rclpy
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.executors import ExternalShutdownException
-from rclpy.experimental import EventsExecutor
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -33,6 +30,7 @@ from pam_control.actions.follow_trajectory import FollowTrajectory
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller_health import ControllerHealth
+from pam_control.controller_inputs import ControllerInputs
 from pam_control.controller_parameters import (
     HELP,
     create_controller,
@@ -41,12 +39,11 @@ from pam_control.controller_parameters import (
 )
 from pam_control.controller_topics import ControllerTopics
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
-from pam_control.rig_order import in_order
 from pam_control.trajectory_message import TrajectoryMessage
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros import diagnostics as health
-from pam_ros.driver_state import LATCHED, reason_against_commands
+from pam_ros.driver_state import reason_against_commands
 from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
@@ -87,8 +84,6 @@ class ControllerNode(Node):  # type: ignore[misc]
 
         self._origin = time.monotonic()
         self._lock = threading.Lock()
-        self._positions: tuple[list[float], float] = ([], -math.inf)
-        self._pressures: tuple[list[float], float] = ([], -math.inf)
         self._reason = "no measurement yet"
         self._driver_reason = ""  # why the driver takes no commands; empty without such a driver
         self.intake = CommandIntake(
@@ -114,7 +109,6 @@ class ControllerNode(Node):  # type: ignore[misc]
         every = rate / min(self._declared.number("telemetry.rate"), rate)
         self._topics = ControllerTopics(self, self.rig, max(1, round(every)))
         latest = QoSProfile(depth=1)
-        sensed = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(  # raw: see pam_control.trajectory_message
             JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10, raw=True
@@ -127,45 +121,15 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.create_service(Trigger, "~/lower", self._on_lower)
         self._vent = self.create_client(Trigger, "pam_driver/vent")
         self.create_timer(1.0, self._report)
-        # The process arguments would give this node the same name as the first one. Therefore it
-        # ignores them, and topic names are remapped through the first node.
-        self._hearing = rclpy.create_node(
-            f"{self.get_name()}_inputs",
-            namespace=self.get_namespace(),
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
+        self._inputs = ControllerInputs(
+            self, self.rig, self._now, self.intake.rejecting, self._on_driver_state
         )
-        for topic, callback in (
-            ("joint_states", self._on_joint_states),
-            ("pressure_states", self._on_pressure_states),
-        ):
-            self._hearing.create_subscription(
-                JointState, self.resolve_topic_name(topic), callback, sensed
-            )
-        # heard here, so that a vent does not wait behind a long trajectory
-        self._hearing.create_subscription(
-            DiagnosticStatus,
-            self.resolve_topic_name("pam_driver/state"),
-            self._on_driver_state,
-            LATCHED,
-        )
-        self._ending = threading.Event()
-        self._hearing_thread = threading.Thread(target=self._hear, name="inputs", daemon=True)
+        self.polled_topics = self._inputs.topics
         priority = int(self._declared.number("loop.realtime_priority"))
         self.loop = PeriodicLoop(self._cycle, 1.0 / rate, "control", priority)
         gc.collect()
         gc.freeze()
-        self._hearing_thread.start()
         self.loop.start()
-
-    def _hear(self) -> None:
-        """Process measurement messages until the node ends."""
-        executor = EventsExecutor()
-        executor.add_node(self._hearing)
-        while rclpy.ok() and not self._ending.is_set():
-            with _unless_ending(), contextlib.suppress(ExternalShutdownException):
-                executor.spin_once(timeout_sec=0.1)
 
     def _joint_names_given(self) -> list[str]:
         if not self.has_parameter("joints"):
@@ -205,24 +169,6 @@ class ControllerNode(Node):  # type: ignore[misc]
         return self._now() - (time.time() - stamped)
 
     # --- messages in ----------------------------------------------------------------------------
-
-    def _on_joint_states(self, message: Any) -> None:
-        with self.intake.rejecting("joint_states"):
-            values = in_order(message.name, message.position, self.rig.joint_names, "position")
-            if values is not None:
-                self._positions = (values, self._stamp(message))
-
-    def _on_pressure_states(self, message: Any) -> None:
-        with self.intake.rejecting("pressure_states"):
-            values = in_order(message.name, message.effort, self.rig.muscle_names, "effort")
-            if values is not None:
-                self._pressures = (values, self._stamp(message))
-
-    def _stamp(self, message: Any) -> float:
-        """Time of a measurement: its stamp, but not later than its arrival."""
-        stamp = self._seconds(message.header.stamp)
-        now = self._now()
-        return now if stamp is None else min(stamp, now)
 
     def _on_trajectory(self, data: Any) -> None:
         most = int(self._values["trajectory.max_points"])
@@ -265,13 +211,13 @@ class ControllerNode(Node):  # type: ignore[misc]
         if self._vent.service_is_ready():
             self._vent.call_async(Trigger.Request())
 
-    def _on_driver_state(self, message: Any) -> None:
+    def _on_driver_state(self, data: bytes) -> None:
         """Follow the driver: while it takes no commands, references are dropped and refused.
 
         When it takes commands again, the next cycle takes over the joints where they are.
         """
         with self._lock:
-            self._driver_reason = reason_against_commands(message)
+            self._driver_reason = reason_against_commands(data)
             if self._driver_reason:
                 self._controller.drop_commands()
                 self._reason = self._driver_reason
@@ -301,10 +247,12 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._control()
 
     def _control(self) -> None:
+        inputs = self._inputs
+        inputs.poll()
         now = self._now()
-        positions, position_time = self._positions
-        pressures, pressure_time = self._pressures
-        measurement = Measurement(positions, pressures, position_time, pressure_time)
+        measurement = Measurement(
+            inputs.positions, inputs.pressures, inputs.position_time, inputs.pressure_time
+        )
         with self._lock:
             if self._driver_reason:
                 return
@@ -323,9 +271,8 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._tell_guard(*after)
         if commands is None:
             return
-        stamp = self.get_clock().now().to_msg()
-        self._topics.publish(stamp, commands, self._controller.channels)
-        self._health.count((now - position_time, now - pressure_time))
+        self._topics.publish(time.time_ns(), commands, self._controller.channels)
+        self._health.count((now - inputs.position_time, now - inputs.pressure_time))
 
     def _tell_guard(self, stopped: str, softened: str) -> None:
         if stopped:
@@ -337,7 +284,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _report(self) -> None:
         now = self._now()
-        ages = (now - self._positions[1], now - self._pressures[1])
+        ages = (now - self._inputs.position_time, now - self._inputs.pressure_time)
         law = str(self._values["law"])
         statuses = self._health.statuses(now, self._reason, law, self.loop, ages)
         with _unless_ending():
@@ -347,13 +294,11 @@ class ControllerNode(Node):  # type: ignore[misc]
             )
 
     def destroy_node(self) -> None:
-        """Stop both threads and then the node; nothing is sent afterwards."""
-        self._ending.set()
+        """Stop the loop and then the node; nothing is sent afterwards."""
         try:
             self.loop.stop(timeout=5.0)
         finally:
-            self._hearing_thread.join(2.0)
-            self._hearing.destroy_node()
+            self._inputs.destroy()
             super().destroy_node()
 
 

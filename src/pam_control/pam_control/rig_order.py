@@ -37,8 +37,8 @@ def in_order(
     """
     if len(values) != len(names):
         raise CommandError(f"{len(values)} {field} values for {len(names)} names")
-    if list(names) == list(wanted):
-        return [float(value) for value in values]
+    if tuple(names) == tuple(wanted):
+        return list(map(float, values))
     found = dict(zip(names, values, strict=True))
     if found and not any(name in found for name in wanted):
         return None

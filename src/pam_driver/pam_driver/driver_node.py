@@ -44,10 +44,12 @@ from pam_ros.diagnostics import diagnostic_array
 from pam_ros.driver_state import LATCHED, driver_state_message
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
+from pam_ros.joint_state_bytes import JointStateReader, MalformedMessageError
 from pam_ros.lifecycle import refuse_impossible_transitions
 from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
+from pam_ros.polled_topic import PolledTopic
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
@@ -89,9 +91,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         keeps_nan = bool(self._values["joint_states.keep_nan"])
         self._topics = DriverTopics(self, self._rig, keeps_nan)
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(
-            JointState, "valve_commands", self._on_valve_commands, QoSProfile(depth=1)
-        )
+        # taken by the I/O thread; two publishers in one cycle are both heard
+        self._commands = PolledTopic(self, JointState, "valve_commands", self._on_valve_commands)
+        self.polled_topics = [self._commands]
+        self._reader = JointStateReader()
         for name, topic in PEOPLE_TOPICS.items():
             if getattr(self._rig.people, f"{name}_topic"):
                 # not latched: the last word of a publisher that has ended must not count as new
@@ -241,30 +244,34 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
     def _cycle(self, driver: Driver, now: float) -> None:
         """One cycle, in the I/O thread."""
+        self._commands.poll()
         wall_now = time.time()
         snapshot = driver.cycle(now, wall_now)
         sent_at = time.time()
         self._snapshot = snapshot
         self._topics.publish(snapshot, driver.intake, wall_now, sent_at)
 
-    def _on_valve_commands(self, message: Any) -> None:
+    def _on_valve_commands(self, data: bytes) -> None:
         driver = self._driver
         if driver is None:
             self.get_logger().warning(
                 "valve_commands refused: not configured", throttle_duration_sec=1.0
             )
             return
-        stamp = message.header.stamp
-        seconds = stamp.sec + 1e-9 * stamp.nanosec
-        # a stamp of zero means "now", as in other ROS interfaces
-        age = time.time() - seconds if seconds else 0.0
-        source = message.header.frame_id
-        command = NamedCommand(
-            message.name, message.position, message.velocity, message.effort, age, source
-        )
         try:
+            message = self._reader.read(data)
+            # a stamp of zero means "now", as in other ROS interfaces
+            age = time.time() - message.stamp if message.stamp else 0.0
+            command = NamedCommand(
+                message.name,
+                message.position,
+                message.velocity,
+                message.effort,
+                age,
+                message.frame_id,
+            )
             driver.set_commands(command, time.monotonic())
-        except CommandError as error:
+        except (CommandError, MalformedMessageError) as error:
             self.get_logger().warning(f"valve_commands refused: {error}", throttle_duration_sec=1.0)
 
     def _on_people(self, name: str, message: Any) -> None:
@@ -301,6 +308,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """Log what the I/O thread has found, and make the lifecycle transitions that follow."""
         driver = self._driver
         if driver is None:
+            self._commands.poll()
             return
         self._publish_state()
         if driver.state in FAULTY and not self._fault_reported:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import FluidPressure
 
 from pam_driver.safety.command_intake import CommandIntake
 from pam_driver.snapshot import Snapshot
 from pam_model.rig import Rig
+from pam_ros.joint_state_publisher import JointStatePublisher, nanoseconds_of
 
 
 class DriverTopics:
@@ -31,9 +33,10 @@ class DriverTopics:
     def __init__(self, node: Any, rig: Rig, keeps_nan: bool) -> None:
         self._rig = rig
         self._keeps_nan = keeps_nan
-        self._pressure_states = node.create_publisher(JointState, "pressure_states", 10)
-        self._joint_states = node.create_publisher(JointState, "joint_states", 10)
-        self._sent_commands = node.create_publisher(JointState, "sent_valve_commands", 10)
+        self._joints, self._muscles = rig.joint_names, rig.muscle_names
+        self._pressure_states = JointStatePublisher(node, "pressure_states", 10)
+        self._joint_states = JointStatePublisher(node, "joint_states", 10)
+        self._sent_commands = JointStatePublisher(node, "sent_valve_commands", 10)
         self._fluid_pressures = [
             node.create_publisher(FluidPressure, f"{name}/pressure", 10)
             for name in rig.muscle_names
@@ -53,28 +56,29 @@ class DriverTopics:
         wall_now, sent_at : float
             When the cycle began, and when its commands had been sent; wall clock [s].
         """
-        message = JointState(name=self._rig.muscle_names, effort=snapshot.pressures)
-        message.header.stamp = _stamp(snapshot.pressure_stamp or wall_now)
-        self._pressure_states.publish(message)
+        stamp = nanoseconds_of(snapshot.pressure_stamp or wall_now)
+        self._pressure_states.publish(stamp, self._muscles, effort=snapshot.pressures)
         if snapshot.positions:
-            rows = self._joint_rows(snapshot)
-            message = JointState(
-                name=[name for name, _, _ in rows],
-                position=[position for _, position, _ in rows],
-                velocity=[velocity for _, _, velocity in rows],
-            )
-            message.header.stamp = _stamp(snapshot.joint_stamp or wall_now)
-            self._joint_states.publish(message)
-        if snapshot.sent:
+            stamp = nanoseconds_of(snapshot.joint_stamp or wall_now)
+            self._joint_states.publish(stamp, *self._measured_joints(snapshot))
+        if snapshot.sent and self._sent_commands.heard():
             position, effort = intake.in_units(snapshot.sent)
-            message = JointState(name=self._rig.muscle_names, position=position, effort=effort)
-            message.header.stamp = _stamp(sent_at)
-            self._sent_commands.publish(message)
+            stamp = nanoseconds_of(sent_at)
+            self._sent_commands.publish(stamp, self._muscles, position, effort=effort)
 
-    def _joint_rows(self, snapshot: Snapshot) -> list[tuple[str, float, float]]:
-        """Name, position and velocity of the joints in `joint_states`."""
-        rows = zip(self._rig.joint_names, snapshot.positions, snapshot.velocities, strict=True)
-        return [row for row in rows if self._keeps_nan or not math.isnan(row[1])]
+    def _measured_joints(
+        self, snapshot: Snapshot
+    ) -> tuple[tuple[str, ...], Sequence[float], Sequence[float]]:
+        """Names, positions and velocities of the joints in `joint_states`."""
+        positions, velocities = snapshot.positions, snapshot.velocities
+        if self._keeps_nan or not any(map(math.isnan, positions)):
+            return self._joints, positions, velocities
+        kept = [place for place, position in enumerate(positions) if not math.isnan(position)]
+        return (
+            tuple(self._joints[place] for place in kept),
+            [positions[place] for place in kept],
+            [velocities[place] for place in kept],
+        )
 
     def unmeasured(self, snapshot: Snapshot) -> list[str]:
         """The joints that have no fresh measurement."""

@@ -11,8 +11,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
@@ -20,8 +18,15 @@ from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import JointEstimator
 from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
+from pam_ros.joint_state_bytes import (
+    JointStateFields,
+    JointStateReader,
+    MalformedMessageError,
+)
+from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.polled_topic import PolledTopic
 from pam_ros.spin import spin_node
 
 PARAMETERS = (
@@ -31,11 +36,8 @@ PARAMETERS = (
         "closed_chambers", False, "-", 0, 0, "stiffness with shut valves instead of fixed pressure"
     ),
 )
-_LATEST = QoSProfile(depth=1)
-
-
-def _seconds(stamp: Any) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+# Measurements are taken before every estimate, and at least so often, so that none is lost [Hz].
+_POLL_RATE = 100.0
 
 
 class ModelNode(Node):  # type: ignore[misc]
@@ -52,13 +54,21 @@ class ModelNode(Node):  # type: ignore[misc]
         )
         self._messages = 0
         self._problems: list[str] = []
-        self._muscle_states = self.create_publisher(JointState, "muscle_states", _LATEST)
-        self._joint_estimates = self.create_publisher(JointState, "joint_estimates", _LATEST)
-        self._joint_stiffness = self.create_publisher(Float64MultiArray, "joint_stiffness", _LATEST)
+        self._joints, self._muscles = self._rig.joint_names, self._rig.muscle_names
+        self._muscle_states = JointStatePublisher(self, "muscle_states", 1)
+        self._joint_estimates = JointStatePublisher(self, "joint_estimates", 1)
+        self._joint_stiffness = self.create_publisher(Float64MultiArray, "joint_stiffness", 1)
+        self._stiffness_heard = Audience(self._joint_stiffness).present
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(JointState, "pressure_states", self._take_pressures, _LATEST)
-        self.create_subscription(JointState, "joint_states", self._take_positions, _LATEST)
-        self.create_timer(1.0 / self._parameters.number("publish_rate"), self._publish)
+        self._pressure_reader, self._position_reader = JointStateReader(), JointStateReader()
+        self.polled_topics = [
+            PolledTopic(self, JointState, "pressure_states", self._take_pressures),
+            PolledTopic(self, JointState, "joint_states", self._take_positions),
+        ]
+        rate = self._parameters.number("publish_rate")
+        self.create_timer(1.0 / rate, self._publish)
+        if rate < _POLL_RATE:
+            self.create_timer(1.0 / _POLL_RATE, self._poll)
         self.create_timer(1.0, self._report)
 
     def _change(self, changes: Any) -> None:
@@ -67,44 +77,55 @@ class ModelNode(Node):  # type: ignore[misc]
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
-    def _stamp(self, message: Any) -> float:
-        stamp = _seconds(message.header.stamp)
-        return stamp if stamp > 0.0 else self._now()
+    def _poll(self) -> None:
+        for topic in self.polled_topics:
+            topic.poll()
 
-    def _take_pressures(self, message: Any) -> None:
+    def _read(self, reader: JointStateReader, data: bytes) -> JointStateFields | None:
+        """A measurement; a message that cannot be read is left out, and said in the log."""
+        try:
+            message = reader.read(data)
+        except MalformedMessageError as error:
+            self.get_logger().warning(f"a measurement is {error}", throttle_duration_sec=1.0)
+            return None
         self._messages += 1
-        self._estimator.take_pressures(self._stamp(message), message.name, message.effort)
+        return message
 
-    def _take_positions(self, message: Any) -> None:
-        self._messages += 1
-        self._estimator.take_positions(
-            self._stamp(message), message.name, message.position, message.velocity
-        )
+    def _take_pressures(self, data: bytes) -> None:
+        message = self._read(self._pressure_reader, data)
+        if message is not None:
+            stamp = message.stamp if message.stamp > 0.0 else self._now()
+            self._estimator.take_pressures(stamp, message.name, message.effort)
+
+    def _take_positions(self, data: bytes) -> None:
+        message = self._read(self._position_reader, data)
+        if message is not None:
+            stamp = message.stamp if message.stamp > 0.0 else self._now()
+            self._estimator.take_positions(stamp, message.name, message.position, message.velocity)
 
     def _publish(self) -> None:
+        self._poll()
         now = self._now()
         estimate = self._estimator.estimate(now)
         self._problems = estimate.problems
         # unknown estimates (NaN) are stamped with the present time
-        at = now if estimate.stamp is None else estimate.stamp
-        stamp = Time(nanoseconds=round(at * 1e9)).to_msg()
-        muscles = JointState(
-            name=self._rig.muscle_names,
-            position=estimate.muscle_lengths,
-            velocity=estimate.muscle_speeds,
-            effort=estimate.muscle_forces,
+        stamp = nanoseconds_of(now if estimate.stamp is None else estimate.stamp)
+        self._muscle_states.publish(
+            stamp,
+            self._muscles,
+            estimate.muscle_lengths,
+            estimate.muscle_speeds,
+            estimate.muscle_forces,
         )
-        joints = JointState(name=self._rig.joint_names, effort=estimate.joint_torques)
-        muscles.header.stamp = joints.header.stamp = stamp
-        self._muscle_states.publish(muscles)
-        self._joint_estimates.publish(joints)
-        stiffness = Float64MultiArray(data=estimate.joint_stiffnesses)
-        count = len(estimate.joint_stiffnesses)
-        stiffness.layout.dim = [
-            MultiArrayDimension(
-                label="joint: " + ",".join(self._rig.joint_names), size=count, stride=count
-            )
-        ]
+        self._joint_estimates.publish(stamp, self._joints, effort=estimate.joint_torques)
+        if self._stiffness_heard():
+            self._publish_stiffness(estimate.joint_stiffnesses)
+
+    def _publish_stiffness(self, values: Sequence[float]) -> None:
+        stiffness = Float64MultiArray(data=values)
+        count = len(values)
+        label = "joint: " + ",".join(self._joints)
+        stiffness.layout.dim = [MultiArrayDimension(label=label, size=count, stride=count)]
         self._joint_stiffness.publish(stiffness)
 
     def _report(self) -> None:

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 
 LATCHED: Final = QoSProfile(
     depth=1,
@@ -43,8 +44,15 @@ def driver_state_message(name: str, state: str, reason: str) -> Any:
     )
 
 
-def reason_against_commands(message: Any) -> str:
-    """Why the driver takes no commands in the state of this message; empty if it does."""
+def reason_against_commands(data: bytes) -> str:
+    """Why the driver takes no commands in the state of this message; empty if it does.
+
+    Parameters
+    ----------
+    data : bytes
+        The message as it was received.
+    """
+    message = deserialize_message(data, DiagnosticStatus)
     values = {pair.key: pair.value for pair in message.values}
     state, reason = values.get("state", ""), values.get("reason", "")
     if state in COMMANDABLE:

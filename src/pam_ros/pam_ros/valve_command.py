@@ -86,6 +86,7 @@ class ValveCommandFormat:
         self.vented = tuple(_VENTED[kind] for kind in kinds.values())
         self._kinds = tuple(kinds.values())
         self._is_flow = tuple(kind == FLOW for kind in self._kinds)
+        self._all_flow = all(self._is_flow)
         self._index = {name: index for index, name in enumerate(kinds)}
 
     def pack(self, commands: Iterable[float]) -> ValveFields:
@@ -96,12 +97,12 @@ class ValveCommandFormat:
         commands : iterable of float
             One for each muscle, in order: -1..1 of a flow valve, Pa gauge of a regulator.
         """
+        if self._all_flow:
+            return ValveFields(list(commands), [])
         pairs = list(zip(commands, self._is_flow, strict=True))
         position = [value if is_flow else math.nan for value, is_flow in pairs]
         effort = [math.nan if is_flow else value for value, is_flow in pairs]
-        return ValveFields(
-            position if any(self._is_flow) else [], [] if all(self._is_flow) else effort
-        )
+        return ValveFields(position if any(self._is_flow) else [], effort)
 
     def unpack(
         self,

@@ -157,13 +157,11 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
 
 
 def callbacks(node: Any) -> list[tuple[str, type, Callable[[Any], Any]]]:
-    """Topic, type and callback of every subscription, including those of a node's inner node."""
-    inner = getattr(node, "_hearing", None)
+    """Topic, type and callback of every subscription, including those that a loop polls."""
+    polled = [one.subscription for one in getattr(node, "polled_topics", ())]
     return [
         (one.topic_name, one.msg_type, _taking_messages(one))
-        for owner in (node, inner)
-        if owner is not None
-        for one in owner.subscriptions
+        for one in (*node.subscriptions, *polled)
         if not one.topic_name.startswith(("/parameter", "/rosout"))
     ]
 

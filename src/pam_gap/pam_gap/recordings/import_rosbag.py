@@ -7,10 +7,11 @@ finished or is cut short is read as far as it is intact; a remark says what is m
 
 from __future__ import annotations
 
-import math
+import contextlib
 import tempfile
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +20,26 @@ from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.recordings.broken_bag import STORAGES, is_unfinished, salvage, storage_files
+from pam_gap.recordings.joint_state_columns import JointStateColumns
 from pam_gap.recordings.recording import COMMANDS, SUPPLY, RawChannel, RawRecording, RecordingError
-from pam_ros.valve_command import commands_of_any_kind
+from pam_ros.joint_state_bytes import (
+    JointStateFields,
+    JointStateReader,
+    MalformedMessageError,
+    is_little_endian,
+)
 
+_JOINT_STATE = "sensor_msgs/msg/JointState"
 _COMMANDS = "valve_commands"
 _SENT = "sent_valve_commands"
 """Commands that the driver sent to the boards; where recorded, they replace `valve_commands`."""
 
 _FIELDS = {
-    "pressure_states": ("effort",),
-    "joint_states": ("position",),
-    "muscle_states": ("effort", "position"),
+    "pressure_states": {"effort": "pressure_states.{}"},
+    "joint_states": {"position": "joint_states.{}.position"},
+    "muscle_states": {"effort": "muscle_states.{}.effort", "position": "muscle_states.{}.position"},
 }
+"""By topic the fields that are read, and the names of their channels."""
 
 _TOPICS = (_SENT, _COMMANDS, *_FIELDS)
 
@@ -72,28 +81,6 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
     }
 
 
-def _commands(message: Any) -> tuple[list[tuple[str, float]], tuple[str, ...]]:
-    """Commands in a message as rows, and the muscles whose command is ambiguous."""
-    position, effort = message.position.tolist(), message.effort.tolist()
-    read = commands_of_any_kind(message.name, position, effort)
-    return [(f"{COMMANDS}{name}", value) for name, value in read.values.items()], read.ambiguous
-
-
-def _joint_state(topic: str, message: Any) -> list[tuple[str, float]]:
-    rows: list[tuple[str, float]] = []
-    for field in _FIELDS[topic]:
-        values = getattr(message, field).tolist()
-        if len(values) != len(message.name):
-            continue
-        end = "" if topic == "pressure_states" else f".{field}"
-        rows += [
-            (f"{topic}.{name}{end}", value)
-            for name, value in zip(message.name, values, strict=True)
-            if math.isfinite(value)
-        ]
-    return rows
-
-
 def read_rosbag(path: Path) -> RawRecording:
     """Read the rig contract's topics from a rosbag2.
 
@@ -126,11 +113,8 @@ def read_rosbag(path: Path) -> RawRecording:
 
 def _read(files: Sequence[Path], path: Path) -> RawRecording:
     typestore = get_typestore(Stores.ROS2_JAZZY)
-    stamps: dict[str, list[float]] = defaultdict(list)
-    values: dict[str, list[float]] = defaultdict(list)
-    unstamped: dict[str, int] = defaultdict(int)
-    spoilt: dict[str, int] = defaultdict(int)
-    ambiguous: dict[tuple[str, str], int] = defaultdict(int)
+    channels: dict[str, RawChannel] = {}
+    remarks: list[str] = []
     with AnyReader(files, default_typestore=typestore) as reader:
         topics = _topics(reader, path)
         if not topics:
@@ -140,47 +124,104 @@ def _read(files: Sequence[Path], path: Path) -> RawRecording:
                 f"{', '.join(seen) or 'nothing'}"
             )
         for topic, connections in topics.items():
-            for connection, received, data in reader.messages(connections=connections):
-                try:
-                    message: Any = reader.deserialize(data, connection.msgtype)
-                except AnyReaderError:
-                    spoilt[topic] += 1
-                    continue
-                nanoseconds = received
-                header = getattr(message, "header", None)
-                if header is not None and (header.stamp.sec or header.stamp.nanosec):
-                    nanoseconds = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+            counts = _Counts()
+            if topic == SUPPLY:
+                channels |= _read_supply(reader, connections, counts)
+            else:
+                columns = _read_joint_states(reader, connections, counts)
+                if topic in _FIELDS:
+                    channels |= columns.measured(_FIELDS[topic])
                 else:
-                    unstamped[topic] += 1
-                time = 1e-9 * (nanoseconds - reader.start_time)
-                if topic in (_COMMANDS, _SENT):
-                    rows, unclear = _commands(message)
-                    for muscle in unclear:
-                        ambiguous[topic, muscle] += 1
-                elif topic in _FIELDS:
-                    rows = _joint_state(topic, message)
-                else:
-                    field = "fluid_pressure" if hasattr(message, "fluid_pressure") else "data"
-                    rows = [(SUPPLY, float(getattr(message, field, np.nan)))]
-                for name, value in rows:
-                    stamps[name].append(time)
-                    values[name].append(value)
-    channels = {
-        name: RawChannel(np.asarray(stamps[name]), np.asarray(values[name])) for name in stamps
-    }
+                    commands, counts.ambiguous = columns.commands(f"{COMMANDS}{{}}")
+                    channels |= commands
+            remarks += counts.remarks(topic)
     if not channels:
         raise RecordingError(f"{path}: the topics {', '.join(topics)} hold no messages")
-    remarks = [
-        f"{topic}: {count} messages have no stamp; the time of recording is used instead"
-        for topic, count in unstamped.items()
-    ]
-    remarks += [
-        f"{topic}: {count} messages cannot be read and are not used"
-        for topic, count in spoilt.items()
-    ]
-    remarks += [
-        f"{topic}: {count} commands of {muscle} have a position and an effort, which no valve "
-        "accepts; they are not used"
-        for (topic, muscle), count in ambiguous.items()
-    ]
     return RawRecording(path, channels, remarks)
+
+
+@dataclass(slots=True)
+class _Counts:
+    """What was wrong with the messages of one topic, by the number of messages."""
+
+    unstamped: int = 0
+    spoilt: int = 0
+    ambiguous: dict[str, int] = field(default_factory=dict)
+
+    def remarks(self, topic: str) -> list[str]:
+        """What a reader of the recording should know."""
+        found = []
+        if self.unstamped:
+            found.append(
+                f"{topic}: {self.unstamped} messages have no stamp; the time of recording is used "
+                "instead"
+            )
+        if self.spoilt:
+            found.append(f"{topic}: {self.spoilt} messages cannot be read and are not used")
+        found += [
+            f"{topic}: {count} commands of {muscle} have a position and an effort, which no valve "
+            "accepts; they are not used"
+            for muscle, count in self.ambiguous.items()
+        ]
+        return found
+
+
+def _read_joint_states(
+    reader: AnyReader, connections: Sequence[Any], counts: _Counts
+) -> JointStateColumns:
+    """The messages of a JointState topic; its usual layout is read without rosbags."""
+    columns, fast = JointStateColumns(), JointStateReader()
+    start = reader.start_time
+    for connection, received, data in reader.messages(connections=connections):
+        message = None
+        if reader.is2 and connection.msgtype == _JOINT_STATE and is_little_endian(data):
+            with contextlib.suppress(MalformedMessageError):
+                message = fast.read(data)
+        if message is None:
+            try:
+                message = _fields_of(reader.deserialize(data, connection.msgtype))
+            except AnyReaderError:
+                counts.spoilt += 1
+                continue
+        nanoseconds = message.seconds * 1_000_000_000 + message.nanoseconds
+        if not nanoseconds:
+            counts.unstamped += 1
+            nanoseconds = received
+        columns.add(1e-9 * (nanoseconds - start), message)
+    return columns
+
+
+def _read_supply(
+    reader: AnyReader, connections: Sequence[Any], counts: _Counts
+) -> dict[str, RawChannel]:
+    """The channel of the supply pressure, from a FluidPressure or a number."""
+    times, values = [], []
+    for connection, received, data in reader.messages(connections=connections):
+        try:
+            message: Any = reader.deserialize(data, connection.msgtype)
+        except AnyReaderError:
+            counts.spoilt += 1
+            continue
+        header = getattr(message, "header", None)
+        if header is not None and (header.stamp.sec or header.stamp.nanosec):
+            nanoseconds = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+        else:
+            counts.unstamped += 1
+            nanoseconds = received
+        number = "fluid_pressure" if hasattr(message, "fluid_pressure") else "data"
+        times.append(1e-9 * (nanoseconds - reader.start_time))
+        values.append(float(getattr(message, number, np.nan)))
+    return {SUPPLY: RawChannel(np.asarray(times), np.asarray(values))} if times else {}
+
+
+def _fields_of(message: Any) -> JointStateFields:
+    """A message of rosbags."""
+    return JointStateFields(
+        message.header.stamp.sec,
+        message.header.stamp.nanosec,
+        message.header.frame_id,
+        tuple(message.name),
+        tuple(message.position.tolist()),
+        tuple(message.velocity.tolist()),
+        tuple(message.effort.tolist()),
+    )

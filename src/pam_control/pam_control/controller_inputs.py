@@ -1,0 +1,113 @@
+"""What the controller hears in every cycle: measurements, and the driver's state.
+
+The control loop takes these messages itself, so that neither a long trajectory nor the design of
+new gains delays them, and no other thread has to run for them.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import JointState
+
+from pam_control.references.trajectory import CommandError
+from pam_control.rig_order import in_order
+from pam_model.rig import Rig
+from pam_ros.joint_state_bytes import JointStateFields, JointStateReader, MalformedMessageError
+from pam_ros.polled_topic import PolledTopic
+
+
+class ControllerInputs:
+    """The subscriptions that the control loop polls.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Makes the subscriptions.
+    rig : Rig
+        Gives the order of the values.
+    clock : callable
+        Present time on the controller's time axis [s].
+    rejecting : callable
+        Gives a block for a topic, in which a PamError means that its message is rejected.
+    take_driver_state : callable
+        Called with each message about the driver's state, as bytes.
+
+    Attributes
+    ----------
+    positions, pressures : list of float
+        The latest measurements in the rig's order [rad], [Pa gauge], NaN if not measured; empty
+        before the first message.
+    position_time, pressure_time : float
+        When they were measured [s].
+    topics : list of PolledTopic
+        The subscriptions.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        rig: Rig,
+        clock: Callable[[], float],
+        rejecting: Callable[[str], AbstractContextManager[None]],
+        take_driver_state: Callable[[bytes], object],
+    ) -> None:
+        self.positions: list[float] = []
+        self.pressures: list[float] = []
+        self.position_time = self.pressure_time = -math.inf
+        self._joints, self._muscles = rig.joint_names, rig.muscle_names
+        self._clock = clock
+        self._rejecting = rejecting
+        self._position_reader, self._pressure_reader = JointStateReader(), JointStateReader()
+        on_joints, on_pressures = self._on_joint_states, self._on_pressure_states
+        self.topics = [
+            PolledTopic(node, JointState, "joint_states", on_joints, best_effort=True),
+            PolledTopic(node, JointState, "pressure_states", on_pressures, best_effort=True),
+            PolledTopic(
+                node, DiagnosticStatus, "pam_driver/state", take_driver_state, latched=True
+            ),
+        ]
+
+    def poll(self) -> None:
+        """Take what has arrived; called in every cycle."""
+        for topic in self.topics:
+            topic.poll()
+
+    def destroy(self) -> None:
+        """End the subscriptions."""
+        for topic in self.topics:
+            topic.destroy()
+
+    def _on_joint_states(self, data: bytes) -> None:
+        with self._rejecting("joint_states"):
+            message = _read(self._position_reader, data)
+            values = in_order(message.name, message.position, self._joints, "position")
+            if values is not None:
+                self.positions, self.position_time = values, self._stamp(message)
+
+    def _on_pressure_states(self, data: bytes) -> None:
+        with self._rejecting("pressure_states"):
+            message = _read(self._pressure_reader, data)
+            values = in_order(message.name, message.effort, self._muscles, "effort")
+            if values is not None:
+                self.pressures, self.pressure_time = values, self._stamp(message)
+
+    def _stamp(self, message: JointStateFields) -> float:
+        """Time of a measurement: its stamp, but not later than its arrival.
+
+        The wall clock is only used for the age of the stamp when the message is taken.
+        """
+        now = self._clock()
+        return min(now, now - (time.time() - message.stamp)) if message.stamp else now
+
+
+def _read(reader: JointStateReader, data: bytes) -> JointStateFields:
+    try:
+        return reader.read(data)
+    except MalformedMessageError as error:
+        raise CommandError(str(error)) from None

@@ -1,0 +1,85 @@
+"""A subscription whose messages a loop takes itself, without an executor.
+
+An executor wakes its thread for every message, and this thread then competes with the loop for the
+interpreter. A loop that uses the latest messages once in a cycle can take them itself, which saves
+both. The messages are taken as bytes, see `pam_ros.joint_state_bytes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+MOST_TAKEN: Final = 32
+"""Messages that are taken in one call; a flood of them must not stop the loop that takes them."""
+
+DEPTH: Final = 10
+"""Messages that are kept from one poll to the next; several nodes may publish on one topic."""
+
+
+class PolledTopic:
+    """One subscription.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Makes the subscription.
+    message_type : type
+        Of the messages.
+    topic : str
+        Name of the topic.
+    take : callable
+        Called by `poll` with the bytes of each message, oldest first.
+    best_effort : bool, optional
+        Whether lost messages stay lost, as it suits measurements.
+    latched : bool, optional
+        Whether the last message from before the subscription is wanted too.
+
+    Attributes
+    ----------
+    subscription : rclpy.subscription.Subscription
+        The subscription.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        message_type: Any,
+        topic: str,
+        take: Callable[[bytes], object],
+        *,
+        best_effort: bool = False,
+        latched: bool = False,
+    ) -> None:
+        reliability, durability = ReliabilityPolicy, DurabilityPolicy
+        qos = QoSProfile(
+            depth=DEPTH,
+            reliability=reliability.BEST_EFFORT if best_effort else reliability.RELIABLE,
+            durability=durability.TRANSIENT_LOCAL if latched else durability.VOLATILE,
+        )
+        self.subscription = node.create_subscription(message_type, topic, take, qos, raw=True)
+        # rclpy has no subscription outside of an executor; the warnings about publishers of
+        # another quality of service stay with the node
+        node._subscriptions.remove(self.subscription)
+        self._node = node
+        self._take = take
+        self._message_type = message_type
+        self._handle = self.subscription.handle
+
+    def poll(self) -> int:
+        """Hand over the messages that have arrived; returns their number, never waits."""
+        handle = self._handle
+        with handle:
+            for count in range(MOST_TAKEN):
+                taken = handle.take_message(self._message_type, True)
+                if taken is None:
+                    return count
+                self._take(taken[0])
+        return MOST_TAKEN
+
+    def destroy(self) -> None:
+        """End the subscription; `poll` must not be called afterwards."""
+        self._node._subscriptions.append(self.subscription)
+        self._node.destroy_subscription(self.subscription)
