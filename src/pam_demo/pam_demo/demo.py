@@ -28,6 +28,7 @@ from pam_demo.programs import RECORDER
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
+from pam_ros.periodic import LOWEST_PRIORITY
 from pam_sim.rig import parse_effects
 from pam_sim.simulated_rig import apply_effects
 
@@ -103,7 +104,7 @@ def perform(
         chain.processes["recorder"] = NodeProcess(
             RECORDER,
             environment=chain.environment,
-            arguments=["--out", str(bag)],
+            arguments=["--out", str(bag), "--realtime-priority", str(LOWEST_PRIORITY)],
         )
         rig = chain.start("rig", plant | REALTIME["rig"])
         rig.wait_for_output(SIMULATING, COMPILE_TIMEOUT)  # before that, no board answers the driver

@@ -23,9 +23,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
 
-from pam_model.argument_types import output_folder
+from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
+from pam_ros.periodic import take_priority
 
 NOT_RECORDED = ("/parameter_events",)
 LOOK_EVERY = 0.2  # s
@@ -121,11 +122,19 @@ def record(out: Path) -> None:
 
 def _declare(parser: Parser) -> None:
     parser.add_argument("--out", type=output_folder, required=True, help="folder to make")
+    parser.add_argument(
+        "--realtime-priority",
+        type=count(0, 99),
+        default=0,
+        help="real-time priority (SCHED_FIFO), where the system permits it; 0: none (default: "
+        "%(default)s)",
+    )
 
 
 def _run(given: Arguments) -> Outcome:
     if given.out.exists():
         raise PamError(f"--out {given.out}: exists already; a recording makes its own folder")
+    take_priority(given.realtime_priority)  # before there are other threads, which inherit it
     record(given.out)
     return Outcome({"bag": given.out})
 
