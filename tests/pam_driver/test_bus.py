@@ -14,13 +14,16 @@ from pathlib import Path
 from typing import Any
 
 import can
+import msgpack
 import pytest
+from can.interfaces.udp_multicast import UdpMulticastBus
 
 from pam_driver.can_bus import bus as bus_module
 from pam_driver.can_bus import bus_opening
 from pam_driver.can_bus.bus import BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
 from pam_driver.can_bus.bus_opening import BusError
 from pam_driver.can_bus.identifiers import EXTENDED
+from pam_driver.can_bus.multicast_reader import multicast_reader
 from support.reruns import EMULATED
 
 VCAN = os.environ.get("PAM_TEST_CAN_CHANNEL", "vcan0")
@@ -283,6 +286,76 @@ def test_an_adapter_that_was_unplugged_is_opened_anew(
     assert port.send(0x101, b"", 13.5) is SendOutcome.SENT
     assert port.state is BusState.ERROR_ACTIVE
     assert port.counts["reopened"] == 1
+
+
+PLAIN = {
+    "timestamp": 0.0,
+    "arbitration_id": 0x101,
+    "is_extended_id": False,
+    "is_remote_frame": False,
+    "is_error_frame": False,
+    "channel": None,
+    "dlc": 2,
+    "data": b"\1\2",
+    "is_fd": False,
+    "bitrate_switch": False,
+    "error_state_indicator": False,
+}
+UNUSUAL = [
+    {},
+    {"arbitration_id": 0x800},
+    {"arbitration_id": 0x800, "is_extended_id": True},
+    {"arbitration_id": -1},
+    {"arbitration_id": "1"},
+    {"arbitration_id": 2**29, "is_extended_id": True},
+    {"dlc": 1},
+    {"dlc": 9, "data": bytes(9)},
+    {"data": "text"},
+    {"data": None},
+    {"is_fd": True, "dlc": 12, "data": bytes(12)},
+    {"is_remote_frame": True, "dlc": 0, "data": None},
+    {"is_error_frame": 1},
+    {"unknown": 1},
+    {"timestamp": "never"},
+]
+
+
+def meaning(frame: ReceivedFrame | can.Message | None) -> object:
+    """What a frame says, whoever has read it."""
+    if isinstance(frame, ReceivedFrame):
+        return frame.frame_id, frame.data, False, False, False
+    if frame is None:
+        return None
+    number = frame.arbitration_id | (EXTENDED if frame.is_extended_id else 0)
+    kind = bool(frame.is_error_frame), frame.is_remote_frame, frame.is_fd
+    return number, bytes(frame.data), *kind
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("change", UNUSUAL, ids=str)
+def test_every_packet_means_what_it_means_to_python_can(change: dict[str, object]) -> None:
+    """The reader of multicast frames is faster, and neither kinder nor stricter."""
+    number = random.randint(20_000, 60_000)
+    bus = can.Bus(interface="udp_multicast", channel="239.74.163.9", port=number, hop_limit=0)
+    reader = multicast_reader(bus)
+    if reader is None:
+        pytest.skip("this system has no stamps in nanoseconds")
+    packet = msgpack.packb({**PLAIN, **change}, use_bin_type=True)
+    assert isinstance(bus, UdpMulticastBus)
+    found = []
+    for read in (reader.read, lambda: bus.recv(0.0)):
+        bus._multicast._socket.sendto(packet, ("239.74.163.9", number))
+        deadline = time.monotonic() + 5.0
+        meant: object = None
+        while meant is None and time.monotonic() < deadline:
+            try:
+                meant = meaning(read())
+            except can.CanOperationError:
+                meant = "refused"
+        found.append(meant)
+    assert found[0] == found[1] is not None
+    reader.close()
+    bus.shutdown()
 
 
 @pytest.mark.system

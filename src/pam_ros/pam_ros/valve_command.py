@@ -131,6 +131,9 @@ class ValveCommandFormat:
             number in a field that the muscle's valve does not use.
         """
         count = len(self.names)
+        fields_of_flow = len(position) == count and not len(velocity) and not len(effort)
+        if self._all_flow and fields_of_flow and names == self.names:
+            return list(position)  # as the controller of the suite sends it
         if len(names) != count:
             raise ValveCommandError(
                 "size", f"{len(names)} names, expected {count}: every muscle once"

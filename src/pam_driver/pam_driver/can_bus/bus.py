@@ -13,13 +13,23 @@ import errno
 from collections import Counter, deque
 from collections.abc import Collection, Sequence
 from enum import IntEnum
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
 from pam_driver.can_bus.bus_opening import DEFAULT_BITRATE, BusError, bus_name, open_can_bus
 from pam_driver.can_bus.identifiers import EXTENDED, FD, number_of
+from pam_driver.can_bus.multicast_reader import ReceivedFrame, multicast_reader
+
+__all__ = [
+    "MAX_FRAMES_PER_CALL",
+    "BusState",
+    "CanPort",
+    "ReceivedFrame",
+    "SendOutcome",
+    "open_bus",
+]
 
 # A flood of frames must not block the caller: the rest is fetched in the next cycle.
 MAX_FRAMES_PER_CALL: Final = 256
@@ -52,18 +62,6 @@ class SendOutcome(IntEnum):
     BUS_DOWN = 2
 
 
-class ReceivedFrame(NamedTuple):
-    """A data frame; `stamp` is wall-clock time [s].
-
-    The identifier has 11 bits, or 29 bits and the flag `EXTENDED`; that of a CAN FD frame has the
-    flag `FD`.
-    """
-
-    frame_id: int
-    data: bytes
-    stamp: float
-
-
 class CanPort:
     """One open bus; made by `open_bus`.
 
@@ -94,6 +92,7 @@ class CanPort:
         self._fd = fd
         # a multicast socket also receives the frames that it sends
         self._hears_itself = isinstance(bus, UdpMulticastBus)
+        self._reader = multicast_reader(bus)
         self._sent_ids: set[int] = set()
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=1024)
         self._controller = BusState.ERROR_ACTIVE
@@ -127,7 +126,7 @@ class CanPort:
             return frames
         for _ in range(MAX_FRAMES_PER_CALL):
             try:
-                message = bus.recv(0.0)
+                message = bus.recv(0.0) if self._reader is None else self._reader.read()
             except (can.CanError, OSError, ValueError) as error:
                 number = _errno(error)
                 if number is None:  # python-can could not decode a packet
@@ -137,23 +136,22 @@ class CanPort:
                 break
             if message is None:
                 break
-            if message.is_error_frame:
-                self._error_frame(message)
+            frame = self._frame_of(message) if isinstance(message, can.Message) else message
+            if frame is None:
                 continue
-            data = bytes(message.data)
-            frame_id = _flagged(message)
+            frame_id, data, _ = frame
             if frame_id in self._sent_ids and self._is_echo((frame_id, data)):
                 continue
             self.bits += 47 + 8 * len(data)
             known = self._extended
-            foreign = message.is_extended_id and known is not None and frame_id not in known
-            if foreign or message.is_remote_frame or (message.is_fd and not self._fd):
+            foreign = frame_id & EXTENDED and known is not None and frame_id not in known
+            if foreign or (frame_id & FD and not self._fd):
                 kind = "extended_id" if foreign else "remote_or_fd"
-                self._count(kind, f"0x{message.arbitration_id:X}")
+                self._count(kind, f"0x{number_of(frame_id):X}")
                 continue
             if self._controller is BusState.BUS_OFF:  # a controller that receives is on the bus
                 self._controller = BusState.ERROR_ACTIVE
-            frames.append(ReceivedFrame(frame_id, data, message.timestamp))
+            frames.append(frame)
         else:
             self.counts["receive_backlog"] += 1
         return frames
@@ -192,6 +190,9 @@ class CanPort:
     def close(self) -> None:
         """Close the bus; may be called twice."""
         bus, self._bus = self._bus, None
+        reader, self._reader = self._reader, None
+        if reader is not None:
+            reader.close()
         if bus is not None:
             with contextlib.suppress(can.CanError, OSError):
                 bus.shutdown()
@@ -227,9 +228,21 @@ class CanPort:
             return
         self.close()
         self._bus = bus
+        self._reader = multicast_reader(bus)
         self._gone = False
         self._controller = BusState.ERROR_ACTIVE
         self.counts["reopened"] += 1
+
+    def _frame_of(self, message: can.Message) -> ReceivedFrame | None:
+        """The data frame in a message of python-can; error and remote frames are counted."""
+        if message.is_error_frame:
+            self._error_frame(message)
+            return None
+        if message.is_remote_frame:
+            self.bits += 47
+            self._count("remote_or_fd", f"0x{message.arbitration_id:X}")
+            return None
+        return ReceivedFrame(_flagged(message), bytes(message.data), message.timestamp)
 
     def _error_frame(self, message: can.Message) -> None:
         kind = message.arbitration_id
