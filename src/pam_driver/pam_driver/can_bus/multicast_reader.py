@@ -8,7 +8,6 @@ still handed to python-can, so that its checks decide.
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import socket
 import struct
@@ -49,7 +48,9 @@ class MulticastReader:
 
     def __init__(self, bus: UdpMulticastBus) -> None:
         # python-can needs it for this interface alone
-        self._unpack = importlib.import_module("msgpack").unpackb
+        from msgpack import unpackb  # type: ignore[import-untyped]  # noqa: PLC0415
+
+        self._unpack = unpackb
         self._socket = socket.socket(fileno=os.dup(bus.fileno()))
 
     def read(self) -> ReceivedFrame | can.Message | None:
