@@ -164,8 +164,11 @@ class Chain:
         return code
 
     def stop_all(self) -> None:
-        """End all processes, the commanding ones first, so that valves shut before the rig ends."""
-        for name in reversed(list(self.processes)):
+        """End all processes: the driver first, which lowers the arm and vents, the rig last.
+
+        Without its controller the driver would report a fault at every end.
+        """
+        for name in sorted(reversed(list(self.processes)), key=lambda name: name != "driver"):
             self.stop(name)
 
     def __enter__(self) -> Self:
