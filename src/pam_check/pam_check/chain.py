@@ -168,7 +168,8 @@ class Chain:
 
         Without its controller the driver would report a fault at every end.
         """
-        for name in sorted(reversed(list(self.processes)), key=lambda name: name != "driver"):
+        names = list(self.processes)[::-1]
+        for name in sorted(names, key=lambda name: name != "driver"):
             self.stop(name)
 
     def __enter__(self) -> Self:

@@ -25,6 +25,7 @@ from pam_demo.motions import APPROACH, Motion, all_motions
 from pam_demo.page import write_page, write_picture
 from pam_demo.player import TAIL, OpenPlayer, Player, VentedError
 from pam_demo.programs import RECORDER
+from pam_gap.answer.user_units import told
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
@@ -211,7 +212,7 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     return Outcome(
         {**results.as_json(), "recording": bag, "page": page},
         [
-            f"{figure.text}: {figure.value:.3g} {figure.unit}, expected {target_text(figure)}"
+            f"{figure.text}: {told(figure.value, figure.unit, 3)}, expected {target_text(figure)}"
             for figure in missed
         ],
     )

@@ -15,6 +15,7 @@ from scipy.interpolate import BPoly
 from pam_control.settings import ControlSettings
 from pam_demo.motions import Motion, Window
 from pam_demo.recording import Array, Series, read_loop_counts, read_recording
+from pam_gap.answer.user_units import told
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Rig
@@ -328,7 +329,9 @@ def evaluate(
             text = f"{by[law, name].motion.title}: RMS error of {NAMES[law]}"
             ratio = rms / by["full", name].rms(windows)
             figures.append(Figure(f"{name}_rms_{law}", text, rms, "rad"))
-            text = f"{by[law, name].motion.title}: error relative to the full controller"
+            text = (
+                f"{by[law, name].motion.title}: error of {NAMES[law]}, times the full controller's"
+            )
             figures.append(Figure(f"{name}_ratio_{law}", text, ratio, "-", 3.0, True))
     if ("full", "steps") in by:
         figures += _step_figures(by["full", "steps"])
@@ -358,18 +361,19 @@ def target_text(figure: Figure) -> str:
     """The target as text; empty if there is none."""
     if figure.target is None:
         return ""
-    return f"{'at least' if figure.at_least else 'at most'} {figure.target:g}"
+    bound = "at least" if figure.at_least else "at most"
+    return f"{bound} {told(figure.target, figure.unit)}"
 
 
 def show(results: Results, console: Console) -> None:
     """Print the table of figures."""
     table = Table(title="Results of the demo")
-    for name, justify in (("", "left"), ("value", "right"), ("unit", "left"), ("target", "left")):
+    for name, justify in (("", "left"), ("value", "right"), ("target", "left")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for figure in results.figures:
         style = {None: "", True: "green", False: "red"}[figure.met]
         table.add_row(
-            figure.text, f"{figure.value:.3g}", figure.unit, target_text(figure), style=style
+            figure.text, told(figure.value, figure.unit, 3), target_text(figure), style=style
         )
     console.print(table)
     for note in results.notes:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from pam_demo.figures import (
     target_text,
 )
 from pam_demo.recording import Array
+from pam_gap.answer.user_units import told
 from pam_ros.valve_command import FLOW
 
 COLOURS = {"full": "#1f5fbf", "no_feedforward": "#d9822b", "pressure_ratio_pid": "#8e5bb5"}
@@ -178,6 +180,15 @@ def write_picture(path: Path, results: Results, muscles: Mapping[str, str]) -> P
     return path
 
 
+def _alt(plays: Sequence[Play]) -> str:
+    """What the plot of a motion shows, for those who do not see it."""
+    errors = [f"{NAMES[play.law]} {told(play.rms(play.motion.windows), 'rad')}" for play in plays]
+    return (
+        f"{plays[0].motion.title}: angle, error, stiffness, pressures and valves over time. "
+        f"RMS errors: {', '.join(errors)}."
+    )
+
+
 def _css(figure: Figure) -> str:
     return {None: "", True: "good", False: "bad"}[figure.met]
 
@@ -205,10 +216,11 @@ def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str
     for motion in dict.fromkeys(play.motion.name for play in results.plays):
         plays = [play for play in results.plays if play.motion.name == motion]
         svg = _svg(lambda plays=plays: _motion_plot(plays, muscles))  # type: ignore[misc]
-        plots.append({"title": plays[0].motion.title, "svg": svg})
-    plots.append(
-        {"title": "Period of the controller loop", "svg": _svg(lambda: _histogram(results))}
-    )
+        title = plays[0].motion.title
+        plots.append({"title": title, "alt": _alt(plays), "svg": svg})
+    title = "Period of the controller loop"
+    alt = f"{title}: histogram on a logarithmic scale; a line marks where a period counts as late."
+    plots.append({"title": title, "alt": alt, "svg": _svg(lambda: _histogram(results))})
     by_key = {figure.key: figure for figure in results.figures}
     template = jinja2.Environment(autoescape=True).from_string(
         Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
@@ -219,7 +231,7 @@ def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str
         figures=results.figures,
         notes=results.notes,
         plots=plots,
-        number=lambda value: f"{value:.3g}",
+        told=partial(told, digits=3),
         target=target_text,
         css=_css,
     )

@@ -100,6 +100,11 @@ class JointComparison:
     """What changed by more than noise, in sentences."""
 
 
+def letter(place: int) -> str:
+    """The name of a diagnosis in tables and sentences: A for the first one."""
+    return chr(ord("A") + place) if place < 26 else str(place + 1)
+
+
 def _read(path: Path) -> Answer:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -158,6 +163,15 @@ def _neutral(effect: str, parameter: str) -> float | None:
     return None if found is None or found.is_shape else found.neutral
 
 
+def _deviations(z: float) -> str:
+    """A sure difference in words; beyond a hundred, the interval says nothing more."""
+    return (
+        f"{abs(z):.1f} standard deviations"
+        if abs(z) < 100.0
+        else "more than 100 standard deviations"
+    )
+
+
 def _untold(words: str) -> Difference:
     return Difference(math.nan, False, words)
 
@@ -174,7 +188,7 @@ def _judged(
         z, sure = difference(first, other)
         if math.isnan(z):
             return _untold("without intervals, it cannot be told")
-        text = f"{'rose' if z > 0.0 else 'fell'}, {abs(z):.1f} standard deviations"
+        text = f"{'rose' if z > 0.0 else 'fell'}, {_deviations(z)}"
         return Difference(z, sure, text if sure else f"within noise ({abs(z):.1f})")
     if first is None and other is None:
         return _untold("named in neither")
@@ -202,7 +216,7 @@ def _appeared(
     z, sure = difference(none, known) if first is None else difference(known, none)
     if math.isnan(z):
         return _untold(f"{word}; without intervals, it cannot be told")
-    text = f"{word}, {abs(z):.1f} standard deviations from no effect"
+    text = f"{word}, {_deviations(z)} from no effect"
     return Difference(z, sure, text if sure else f"{word}, within noise ({abs(z):.1f})")
 
 
@@ -240,15 +254,24 @@ def _changes(answers: tuple[Answer, ...], rows: Sequence[Row]) -> list[str]:
     said = []
     first = answers[0].content["verdict"]
     for place, answer in enumerate(answers[1:]):
-        where = f"{answer.name}: " if len(answers) > 2 else ""
+        where = f"{letter(place + 1)}: " if len(answers) > 2 else ""
         verdict = answer.content["verdict"]
         if verdict != first:
             said.append(f"{where}the verdict changed from `{first}` to `{verdict}`.")
+        changed: dict[str, dict[str, Difference]] = {}
         for row in rows:
-            change = row.differences[place]
-            if change.sure:
-                name = f"{row.effect.replace('_', ' ')}, {row.parameter}"
-                said.append(f"{where}{name}: {change.words}.")
+            if row.differences[place].sure:
+                changed.setdefault(row.effect, {})[row.parameter] = row.differences[place]
+        for effect, found in changed.items():
+            name = effect.replace("_", " ")
+            if (
+                len(found) > 1
+                and len({change.words.partition(",")[0] for change in found.values()}) == 1
+            ):
+                surest = max(found.values(), key=lambda change: abs(change.z))
+                said.append(f"{where}{name} ({', '.join(found)}): {surest.words}.")
+                continue
+            said += [f"{where}{name}, {key}: {change.words}." for key, change in found.items()]
     return said
 
 

@@ -14,7 +14,14 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib import pyplot as plt
 
-from pam_gap.answer.compare import GapRow, JointComparison, Row, compare, read_answers
+from pam_gap.answer.compare import (
+    GapRow,
+    JointComparison,
+    Row,
+    compare,
+    letter,
+    read_answers,
+)
 from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
 from pam_gap.answer.user_units import plain, told, user_unit
 from pam_model.command_line import Arguments, Outcome
@@ -61,7 +68,7 @@ endif %}
 {% for _ in names[1:] %}<th>{{ letters[loop.index] }} against A</th>{% endfor %}</tr>
 {% for row in joint.rows %}<tr><td>{{ row.effect }}</td><td>{{ row.parameter }}</td>
 {% for cell in row.cells %}<td class="n">{{ cell }}</td>{% endfor %}
-{% for d in row.differences %}<td>{% if d.sure %}<b>{{ d.words }}</b>{% else %}{{ d.words }}
+{% for d in row.differences %}<td style="min-width: 11em">{% if d.sure %}<b>{{ d.words }}</b>{% else %}{{ d.words }}
 {% endif %}</td>{% endfor %}</tr>{% endfor %}
 </table></div>
 <p class="quiet">Values with their 90 % intervals. {{ how }}</p>{% endif %}
@@ -79,10 +86,6 @@ def _cell(value: Mapping[str, float] | None, unit: str) -> str:
     return f"{here} ({low} to {high})" + ("" if name in ("", "-") else f" {name}")
 
 
-def _letter(place: int) -> str:
-    return chr(ord("A") + place) if place < 26 else str(place + 1)
-
-
 def draw_gaps(gaps: Sequence[GapRow]) -> str:
     """Draw the error of each channel as written and with the answer; return a data URL."""
     figure, axes = plt.subplots(
@@ -97,7 +100,7 @@ def draw_gaps(gaps: Sequence[GapRow]) -> str:
         ):
             heights = [math.nan if s is None else factor * s[key] for s in row.sizes]
             axis.bar(np.arange(len(heights)) + offset, heights, 0.36, color=colour, label=label)
-        axis.set_xticks(range(len(row.sizes)), [_letter(k) for k in range(len(row.sizes))])
+        axis.set_xticks(range(len(row.sizes)), [letter(k) for k in range(len(row.sizes))])
         axis.set_ylabel(f"RMS error [{unit}]")
         axis.set_title(row.channel, fontsize=8)
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
@@ -124,7 +127,7 @@ def _alt(joint: JointComparison) -> str:
     parts = []
     for row in joint.gaps:
         sizes = [
-            f"{_letter(k)} {told(s['before'], row.unit)} as written, "
+            f"{letter(k)} {told(s['before'], row.unit)} as written, "
             f"{told(s['after'], row.unit)} with the answer"
             for k, s in enumerate(row.sizes) if s is not None
         ]  # fmt: skip
@@ -138,7 +141,7 @@ def render(joints: Sequence[JointComparison], names: Sequence[str]) -> str:
     return environment.from_string(_PAGE).render(
         style=STYLE,
         names=list(names),
-        letters=[_letter(k) for k in range(len(names))],
+        letters=[letter(k) for k in range(len(names))],
         how=HOW,
         joints=[
             {
@@ -177,13 +180,13 @@ def print_table(joints: Sequence[JointComparison]) -> None:
 
     console = Console(highlight=False)
     for joint in joints:
-        letters = [_letter(k) for k in range(len(joint.answers))]
+        letters = [letter(k) for k in range(len(joint.answers))]
         table = Table(title=joint.joint, title_justify="left")
         table.add_column("", overflow="fold")
-        for letter in letters:
-            table.add_column(letter)
-        for letter in letters[1:]:
-            table.add_column(f"{letter} against A")
+        for name in letters:
+            table.add_column(name)
+        for name in letters[1:]:
+            table.add_column(f"{name} against A")
         blank = [""] * (len(letters) - 1)
         table.add_row("verdict", *(str(a.content["verdict"]) for a in joint.answers), *blank)
         for gap in joint.gaps:
