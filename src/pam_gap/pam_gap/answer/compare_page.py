@@ -68,8 +68,9 @@ endif %}
 {% for _ in names[1:] %}<th>{{ letters[loop.index] }} against A</th>{% endfor %}</tr>
 {% for row in joint.rows %}<tr><td>{{ row.effect }}</td><td>{{ row.parameter }}</td>
 {% for cell in row.cells %}<td class="n">{{ cell }}</td>{% endfor %}
-{% for d in row.differences %}<td style="min-width: 11em">{% if d.sure %}<b>{{ d.words }}</b>{% else %}{{ d.words }}
-{% endif %}</td>{% endfor %}</tr>{% endfor %}
+{% for d in row.differences %}<td style="min-width: 11em">
+{% if d.sure %}<b>{{ d.words }}</b>{% else %}{{ d.words }}{% endif %}</td>{% endfor %}</tr>
+{% endfor %}
 </table></div>
 <p class="quiet">Values with their 90 % intervals. {{ how }}</p>{% endif %}
 {% endfor %}
