@@ -8,8 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from std_srvs.srv import Trigger
 
 from pam_demo.demo import SIMULATING, chosen_joint, perform
+from pam_demo.player_node import PlayerNode
 from pam_demo.recording import Series
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
@@ -72,3 +76,44 @@ def test_figures_are_those_of_the_joint_that_moved() -> None:
     series = Series(np.arange(2.0), np.array([[1.0, 2.0], [3.0, 4.0]]), ("shoulder", "elbow"))
     assert series.only(("elbow", "elbow_flexor", "1")).values.tolist() == [[2.0], [4.0]]
     assert series.only(("wrist",)).names == ()
+
+
+class FaultyDriver:
+    """A driver whose activation at start-up ended with a latched fault, since the host was busy."""
+
+    def __init__(self, player: PlayerNode) -> None:
+        self.state = State.PRIMARY_STATE_INACTIVE
+        self.cleared = False
+        self.refused = 0
+        self._player = player
+        player._fault = "vented, latched: elbow: no angle for 0.05 s"
+        player._call = self.answer  # type: ignore[method-assign]
+
+    def answer(self, kind: Any, name: str, request: Any, check: Any) -> Any:
+        active = self.state == State.PRIMARY_STATE_ACTIVE
+        if kind is GetState:
+            return SimpleNamespace(current_state=SimpleNamespace(id=self.state, label="inactive"))
+        if kind is Trigger:
+            self.cleared = True
+            return SimpleNamespace(success=True)
+        done = self.cleared and not active
+        self.refused += not done
+        if done:
+            self.state = State.PRIMARY_STATE_ACTIVE
+        return SimpleNamespace(success=done)
+
+
+def test_a_fault_while_the_nodes_start_does_not_end_the_demo() -> None:
+    player = PlayerNode.__new__(PlayerNode)
+    driver = FaultyDriver(player)
+    player.wait_for_driver(5.0, lambda: None)
+    assert driver.state == State.PRIMARY_STATE_ACTIVE
+
+
+def test_a_driver_that_is_active_already_is_not_activated_again() -> None:
+    """It refuses that, and the demo would ask until its patience ends."""
+    player = PlayerNode.__new__(PlayerNode)
+    driver = FaultyDriver(player)
+    driver.state = State.PRIMARY_STATE_ACTIVE
+    player.activate(lambda: None)
+    assert driver.refused == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from pam_driver.boards.wiring import RigWiring
 from pam_model.errors import RigError
 from pam_model.rig import Rig, load_rig
-from support.mapped_device import ELBOW_VENDOR, nested, problems_after
+from support.mapped_device import ELBOW_VENDOR, nested, problems_after, vendor_dbc
 
 Change = Callable[[dict[str, Any]], None]
 
@@ -76,6 +77,14 @@ MISTAKES: dict[str, tuple[Change, str]] = {
     "unknown key of a signal": (
         put(f"{A}/units", "bar"),
         f"{BOARD}.setpoints.port_a.units: unknown key; did you mean unit?",
+    ),
+    "raw value that is not a number": (
+        put("enables/mode/enabled", float("nan")),
+        f"{BOARD}.enables.mode.enabled: must be a finite number, or a label of Op_Mode",
+    ),
+    "raw value beyond all numbers": (
+        put("enables/mode/enabled", float("inf")),
+        f"{BOARD}.enables.mode.enabled: must be a finite number, or a label of Op_Mode",
     ),
     "signal missing": (
         drop(f"{A}/signal"),
@@ -385,3 +394,23 @@ def test_nonsense_anywhere_in_a_section_is_refused_or_accepted_but_never_a_crash
             continue
         lines = problems_after(rig, put("/".join(path), junk))
         assert all(line.startswith("boards.manifold") and "\n" not in line for line in lines), path
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ("(0,0) [0|6]", "the factor 0 and the offset 0"),
+        ("(1e400,0) [0|6]", "the factor inf and the offset 0"),
+        ("(0.001,0) [0|1e400]", "the range 0 to inf"),
+    ],
+)
+def test_a_signal_without_usable_numbers_is_refused(
+    numbers: str, told: str, tmp_path: Path
+) -> None:
+    text = vendor_dbc().read_text()
+    before = "P_Dem_A : 7|16@0+ (0.0005,0) [0|10]"
+    assert before in text
+    path = tmp_path / "other.dbc"
+    path.write_text(text.replace(before, f"P_Dem_A : 7|16@0+ {numbers}"))
+    problems = problems_after(load_rig(ELBOW_VENDOR), put("dbc", str(path)))
+    assert any(f"PVM_Demand.P_Dem_A has {told}" in line for line in problems), problems

@@ -76,6 +76,7 @@ class PlayerNode(Node):  # type: ignore[misc]
             publisher.get_subscription_count() for publisher in publishers
         ):
             check()
+            self._allow_again(check)
             if time.monotonic() > deadline:
                 raise PamError(
                     f"no controller has begun to follow a reference within {timeout:g} s"
@@ -95,6 +96,9 @@ class PlayerNode(Node):  # type: ignore[misc]
     def wait_for_driver(self, timeout: float, check: Callable[[], None]) -> None:
         """Wait until the driver has received data from every board and allows valve motion.
 
+        A busy host may exceed the driver's time-outs already while the nodes start: a fault that is
+        latched then is cleared.
+
         Raises
         ------
         PamError
@@ -108,22 +112,40 @@ class PlayerNode(Node):  # type: ignore[misc]
             except VentedError as error:
                 if time.monotonic() > deadline:
                     raise PamError(f"the driver has not become active: {error}") from None
+            self._allow_again(check)
             time.sleep(0.1)
 
+    def _allow_again(self, check: Callable[[], None]) -> None:
+        """Clear a fault that is latched, and activate the driver if it lets itself be activated."""
+        if self._fault:
+            self.clear_faults(check)
+            self._change_state(Transition.TRANSITION_ACTIVATE, check)
+
+    def _change_state(self, transition: int, check: Callable[[], None]) -> bool:
+        request = ChangeState.Request()
+        request.transition.id = transition
+        return bool(self._call(ChangeState, "pam_driver/change_state", request, check).success)
+
+    def _state(self, check: Callable[[], None]) -> Any:
+        """The present state of the driver, with `id` and `label`."""
+        answer = self._call(GetState, "pam_driver/get_state", GetState.Request(), check)
+        return answer.current_state
+
     def _check_driver(self, check: Callable[[], None]) -> None:
-        state = self._call(GetState, "pam_driver/get_state", GetState.Request(), check)
-        if state.current_state.id != State.PRIMARY_STATE_ACTIVE:
-            raise VentedError(self._fault or f"the driver is {state.current_state.label}")
+        state = self._state(check)
+        if state.id != State.PRIMARY_STATE_ACTIVE:
+            raise VentedError(self._fault or f"the driver is {state.label}")
 
     def activate(self, check: Callable[[], None]) -> None:
         """Activate the driver, so that valves may move again.
 
         A fault that is latched is cleared. The driver refuses both while it lowers the joints.
         """
-        request = ChangeState.Request()
-        request.transition.id = Transition.TRANSITION_ACTIVATE
         deadline = time.monotonic() + ANSWER_TIMEOUT
-        while not self._call(ChangeState, "pam_driver/change_state", request, check).success:
+        while (
+            self._state(check).id != State.PRIMARY_STATE_ACTIVE  # it is if an answer was lost
+            and not self._change_state(Transition.TRANSITION_ACTIVATE, check)
+        ):
             if time.monotonic() > deadline:
                 raise PamError("the driver cannot be activated; see its log for the reason")
             time.sleep(RETRY_AFTER)

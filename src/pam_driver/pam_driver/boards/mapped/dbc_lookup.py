@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from difflib import get_close_matches
 from pathlib import Path
@@ -18,6 +19,7 @@ from pam_driver.can_bus.identifiers import EXTENDED, FD
 from pam_model.rig.keys import Section
 
 _MAX_DBC_BYTES: Final = 20_000_000
+_LARGEST: Final = 2.0**64  # of a raw value
 _MAX_ID: Final = {False: 0x7FF, True: 0x1FFF_FFFF}
 
 
@@ -70,6 +72,12 @@ class DbcLookup:
             where.add(key, f"{shown_as}: {' '.join(str(error).split())}")
             self._refused.add(message.name)
             return None
+        for signal in message.signals:
+            unusable = _unusable(signal)
+            if unusable:
+                where.add(key, f"{shown_as}: {message.name}.{signal.name} has {unusable}")
+                self._refused.add(message.name)
+                return None
         number = message.frame_id + self._offset
         if not 0 <= number <= _MAX_ID[message.is_extended_frame]:
             where.add(
@@ -177,11 +185,24 @@ def raw_value(signal: Signal, value: object) -> int | str:
         value = int(value)
     if not isinstance(value, int | float):
         return f"must be a number, or a label of {signal.name}"
-    raw = round((float(value) - signal.conversion.offset) / signal.conversion.scale)
     low, high = raw_limits(signal)
+    if not abs(value) < _LARGEST:  # also "not a number"
+        return f"must be a finite number, or a label of {signal.name}"
+    raw = round((float(value) - signal.conversion.offset) / signal.conversion.scale)
     if not low <= raw <= high:
         return f"{signal.name} takes raw values from {low} to {high}"
     return int(raw)
+
+
+def _unusable(signal: Signal) -> str:
+    """What makes the numbers of a signal unusable, as the end of a message; empty if nothing."""
+    scale, offset = float(signal.conversion.scale), float(signal.conversion.offset)
+    if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
+        return f"the factor {scale:g} and the offset {offset:g}"
+    ends = [end for end in (signal.minimum, signal.maximum) if end is not None]
+    if not all(math.isfinite(end) for end in ends):
+        return f"the range {' to '.join(f'{end:g}' for end in ends)}"
+    return ""
 
 
 def raw_limits(signal: Signal) -> tuple[int, int]:
