@@ -281,6 +281,29 @@ def test_one_module_parses_all_command_lines_and_draws_all_progress_bars():
     assert {name: found for name, found in users.items() if found} == {}
 
 
+@pytest.mark.parametrize(
+    ("line", "answers"),
+    [
+        ("python -m pam_gap dia", ["diagnose"]),
+        ("python -m pam_model braid --an", ["--angle"]),
+        ("python -m pam_check faults --ch", ["--check"]),
+    ],
+)
+def test_the_shell_learns_how_a_command_line_goes_on(line, answers, tmp_path):
+    pytest.importorskip("argcomplete", reason="completion is optional")
+    answer = tmp_path / "answer"
+    asked = {
+        "_ARGCOMPLETE": "3",  # the words before the arguments: python -m package
+        "_ARGCOMPLETE_IFS": "\n",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+    }
+    words = [sys.executable, *line.split()[1:3]]
+    subprocess.run(words, env=os.environ | asked, check=True, timeout=60.0)
+    assert [word.strip() for word in answer.read_text().splitlines()] == answers
+
+
 # --- nodes -----------------------------------------------------------------------------------
 
 

@@ -1,5 +1,7 @@
 """`python -m pam_bringup`: show a running robot or a recording in a browser."""
 
+# PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
+
 from __future__ import annotations
 
 import sys

@@ -1,5 +1,7 @@
 """`python -m pam_check`: checks of the whole suite, from fault campaigns to blind diagnosis."""
 
+# PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
+
 from __future__ import annotations
 
 import sys

@@ -1,5 +1,7 @@
 """`python -m pam_demo`: the demo, and `close-loop`, from a hidden effect to better tracking."""
 
+# PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
+
 from __future__ import annotations
 
 import sys

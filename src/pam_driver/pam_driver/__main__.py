@@ -1,5 +1,7 @@
 """`python -m pam_driver`: tools for the buses and boards of a robot."""
 
+# PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
+
 from __future__ import annotations
 
 import sys

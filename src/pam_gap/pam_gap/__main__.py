@@ -1,5 +1,7 @@
 """`python -m pam_gap`: diagnose a recording, watch a running rig, write the page of effects."""
 
+# PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
+
 from __future__ import annotations
 
 import os

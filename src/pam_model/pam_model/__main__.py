@@ -1,5 +1,7 @@
 """`python -m pam_model`: models, muscles and rig files from the command line."""
 
+# PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
+
 from __future__ import annotations
 
 import sys

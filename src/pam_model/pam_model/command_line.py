@@ -140,6 +140,8 @@ def run_program(
     moved : mapping of str to str, optional
         Former commands, each with the command line that replaces it.
     """
+    if "_ARGCOMPLETE" in os.environ:
+        _complete(program, commands)
     given = list(sys.argv[1:] if arguments is None else arguments)
     names = [command.name for command in commands]
     if default and (not given or (given[0].startswith("-") and given[0] not in ("-h", "--help"))):
@@ -166,6 +168,36 @@ def run_program(
     raise AssertionError("a command that is listed has run")
 
 
+def _complete(program: str, commands: Sequence[Command | NodeCommand]) -> None:
+    """Answer the shell that asks how a command line goes on, and end the process.
+
+    The shell asks by an environment variable, for which it needs argcomplete itself.
+    """
+    import argcomplete  # noqa: PLC0415
+
+    parser = _OneLineParser(prog=program)
+    listed = parser.add_subparsers()
+    for command in commands:
+        one = listed.add_parser(command.name, help=command.summary)
+        if isinstance(command, Command):
+            _declare(command, one)
+    argcomplete.autocomplete(parser)
+
+
+def _declare(command: Command, parser: Parser) -> None:
+    """Give a parser the options of a command, and those that all commands have."""
+    command.declare(parser)
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print the result as one JSON document, and nothing else, on standard output",
+    )
+    if command.bad_news:
+        parser.add_argument(
+            "--check", action="store_true", help=f"exit code {BAD_NEWS} {command.bad_news}"
+        )
+
+
 def run_command(command: Command, program: str, arguments: Sequence[str] | None = None) -> int:
     """Parse the arguments of one command, run it, and return the exit code.
 
@@ -187,16 +219,7 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
             else []
         ),
     )
-    command.declare(parser)
-    parser.add_argument(
-        "--json",
-        action="store_true",
-        help="print the result as one JSON document, and nothing else, on standard output",
-    )
-    if command.bad_news:
-        parser.add_argument(
-            "--check", action="store_true", help=f"exit code {BAD_NEWS} {command.bad_news}"
-        )
+    _declare(command, parser)
     try:
         chosen = parser.parse_args(arguments)
     except SystemExit as end:

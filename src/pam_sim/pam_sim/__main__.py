@@ -1,5 +1,7 @@
 """`python -m pam_sim`: a simulated rig on a CAN bus without ROS, and the tables of faults."""
 
+# PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
+
 from __future__ import annotations
 
 import sys
