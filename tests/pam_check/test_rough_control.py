@@ -103,6 +103,13 @@ def test_the_command_prints_one_result_per_effect_and_motion(capsys):
     ]
 
 
+def test_an_encoder_with_a_wrong_zero_does_not_begin_a_motion_with_a_jump(rough):
+    """The joint goes to the start first: else the jump is taken for an error of the controller."""
+    for result in rough.run("position_offset", None, 0):
+        assert result.controller.softened == ""
+        assert result.controller.rms < 2e-3
+
+
 def test_an_unknown_effect_is_one_line_and_exit_code_2(capsys):
     assert main(["rough-control", "--effects", "gremlins"]) == 2
     assert "--effects gremlins" in capsys.readouterr().err

@@ -9,9 +9,12 @@ import pytest
 
 from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
 from pam_control.adaptation.motion_functions import MotionMemory
-from pam_control.adaptation.recursive_fit import RecursiveFit
+from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.feedback.pid import Pid
+from pam_control.feedback.stuck_integral import StuckIntegral
 from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
@@ -19,6 +22,7 @@ SETTLE = 1.0
 DESIGNS = KeptDesigns()
 PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
 STEP = 0.002
+VISCOUS = 3  # index of the weight of the speed
 
 
 def law(rig, **settings):
@@ -107,6 +111,54 @@ def test_the_learnt_torque_is_limited(closed_loop, rig, reaching):
     assert max(map(abs, used)) == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize(
+    ("effect", "delay", "found"),
+    [
+        ({"position_delay.delay": 0.018}, 0.018, "late_position"),
+        ({"pressure_lag.time_constant": 0.02}, 0.02, "late_pressures"),
+    ],
+    ids=str,
+)
+def test_a_delay_of_a_sensor_is_told_from_friction(
+    closed_loop, rig, reaching, effect, delay, found
+):
+    controller = law(rig)
+    played(closed_loop, controller, reaching, effects=effect)
+    channel = controller.channels[0]
+    assert getattr(channel, found) == pytest.approx(delay, abs=3e-3)
+    assert max(channel.late_commands) == 0.0
+    assert abs(channel.adaptation.weights[VISCOUS]) < 0.1  # N m s/rad
+
+
+def test_viscous_friction_is_not_taken_for_a_delay(closed_loop, rig, reaching):
+    controller = law(rig)
+    played(closed_loop, controller, reaching, effects={"viscous_friction.extra": 0.35})
+    channel = controller.channels[0]
+    assert channel.adaptation.delay == 0.0
+    assert channel.adaptation.weights[VISCOUS] == pytest.approx(0.35, abs=0.07)
+
+
+def test_the_true_angle_of_a_late_encoder_follows_once_the_delay_is_learnt(
+    closed_loop, rig, reaching
+):
+    late = {"position_delay.delay": 0.018}
+    without = played(closed_loop, law(rig, adaptation=False), reaching, effects=late)
+    learning = law(rig)
+    played(closed_loop, learning, reaching, effects=late)
+    assert played(closed_loop, learning, reaching, effects=late) < 0.3 * without
+
+
+def test_the_feedforward_looks_ahead_by_a_delay_of_the_commands_that_was_learnt(
+    closed_loop, rig, chirp
+):
+    late = {"command_delay.delay": 0.015}
+    without = played(closed_loop, law(rig, adaptation=False), chirp, effects=late)
+    learning = law(rig)
+    played(closed_loop, learning, chirp, effects=late)
+    assert learning.channels[0].late_commands == pytest.approx((0.015, 0.015), abs=3e-3)
+    assert played(closed_loop, learning, chirp, effects=late) < 0.5 * without
+
+
 # --- the parts ---------------------------------------------------------------------------------
 
 
@@ -127,6 +179,52 @@ def test_a_fit_that_has_seen_one_direction_only_does_not_guess_the_other():
     for _ in range(500):
         fit.update(np.array([1.0, 1.0]), 0.6, 0.01)
     assert fit.weights == pytest.approx([0.3, 0.3], abs=0.01)
+
+
+def test_a_suspect_is_used_only_where_nothing_else_can_be_the_cause():
+    """It resembles the other function: one signal hardly tells them apart, the other does."""
+    random, last = np.random.default_rng(6), {}
+    for apart in (0.03, 1.0):
+        fit = RecursiveFit((1.0, 1.0), 0.05, 0.01, Suspect(least=0.1, better=2.0))
+        for _ in range(2000):
+            first, other = random.standard_normal(2)
+            functions = np.array([first, first + apart * other])
+            fit.update(functions, float(0.5 * functions[1]) + 0.05 * random.standard_normal(), 0.01)
+        last[apart] = fit.weights
+    assert last[0.03] == pytest.approx([0.5, 0.0], abs=0.02)
+    assert last[1.0] == pytest.approx([0.0, 0.5], abs=0.02)
+
+
+def test_the_integral_gives_up_what_was_learnt_and_no_more():
+    pid = Pid()
+    for learnt, left in ((0.3, 0.2), (-0.4, 0.2), (0.7, 0.0)):
+        pid.reset(0.5 if left == 0.2 and learnt > 0.0 else 0.2)
+        pid.hand_over(learnt)
+        assert pid.integral == pytest.approx(left)
+
+
+@pytest.mark.parametrize(("friction", "back"), [(0.5, 0.2), (0.05, 0.05), (0.0, 0.0)])
+def test_what_the_integral_gathers_while_a_joint_sticks_is_given_back(friction, back):
+    stuck, integral = StuckIntegral(), 0.1
+    for _ in range(100):  # at rest, 3 mrad beside the target
+        integral += 0.002
+        assert stuck.update(JointReference(0.3), 0.297, integral, friction) == 0.0
+    taken = 0.0
+    for cycle in range(100):
+        reference = JointReference(0.3 + 3e-4 * cycle, 0.15)
+        taken += stuck.update(reference, 0.297, integral - taken, friction)
+    assert taken == pytest.approx(back, rel=0.03)
+
+
+def test_a_joint_that_moves_while_its_reference_rests_does_not_stick():
+    stuck, integral = StuckIntegral(), 0.0
+    for cycle in range(100):  # pushed back by a load that was put on
+        integral += 0.002
+        stuck.update(JointReference(0.3), 0.25 + 5e-4 * cycle, integral, 0.5)
+    taken = sum(
+        stuck.update(JointReference(0.3 + 3e-4 * k, 0.15), 0.3, integral, 0.5) for k in range(100)
+    )
+    assert taken < 0.01
 
 
 def test_a_fit_follows_what_has_changed():

@@ -59,9 +59,12 @@ class PlanRequest:
     output : float
         Output of the PID.
     now, then : JointReference
-        Reference at the time of measurement, and at the time when the valve will act.
+        Reference at `now_at`, and at the time when the valve will act.
     measured_at, acts_at : float
         These times [s]; for valves with different delays, `acts_at` is that of the later valve.
+    now_at : float
+        Time at which the measured pressures were true [s]; `measured_at`, unless they were found to
+        be late.
     side_acts_at : (float, float)
         Times when the agonist's and the antagonist's valve will act [s].
     side_velocities : (float, float)
@@ -85,6 +88,7 @@ class PlanRequest:
     then: JointReference
     measured_at: float
     acts_at: float
+    now_at: float
     side_acts_at: Pair
     side_velocities: Pair
     step: float

@@ -16,6 +16,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 
+from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
@@ -115,12 +116,14 @@ class Controller(LoopDesign):
         self.references.stream_bandwidth = settings.stream_bandwidth
         self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
         # the reference is needed until the slowest valve acts, and back to the oldest measurement
-        self.references.horizon = max(
+        self._told_horizon = max(
             (max(acting_delays(channel, settings)) for channel in self.channels), default=0.0
         )
+        self.references.horizon = max(self.references.horizon, self._told_horizon)
         self.references.keep(
             settings.stale_after
             + settings.measurement_delay
+            + 2.0 * LONGEST_DELAY  # of the sensors, and of the commands in the horizon
             + max((channel.position_delay for channel in self.channels), default=0.0)
         )
         if self.active:
@@ -238,6 +241,7 @@ class Controller(LoopDesign):
             self._take_over(time, measurement)
         step = min(max(time - self._time, 0.0), LONGEST_STEP) or self.settings.period
         self._time = time
+        self._look_ahead(step)
         self.references.advance(time)
         commands = [math.nan] * len(self.rig.muscles)
         for index in range(len(self.channels)):
@@ -256,6 +260,13 @@ class Controller(LoopDesign):
                 self.deactivate()
                 return ControlOutput(None, self.guard.stopped)
         return ControlOutput(tuple(commands))
+
+    def _look_ahead(self, step: float) -> None:
+        """Let the references reach as far ahead as the commands are late, told and learnt."""
+        late = max((max(channel.late_commands) for channel in self.channels), default=0.0)
+        # it shrinks more slowly than time goes on, so that no reference is changed again
+        shrunk = self.references.horizon - 0.5 * step
+        self.references.horizon = max(self._told_horizon + late, shrunk)
 
     def _refusal(self, time: float, measurement: Measurement) -> str:
         limit = self.settings.stale_after
@@ -331,11 +342,16 @@ class Controller(LoopDesign):
         pressures = [float(measurement.pressures[i]) for i in channel.indices]
         gains = settings.gains[name]
         measured_at = measurement.pressure_time - settings.measurement_delay
+        now_at = measured_at - channel.late_pressures
         seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
-        acts = [time + delay for delay in acting_delays(channel, settings)]
+        seen_at -= channel.late_position
+        told = acting_delays(channel, settings)
+        acts = [
+            time + delay + late for delay, late in zip(told, channel.late_commands, strict=True)
+        ]
         acts_at = max(acts)
-        now = self.references.sample(name, measured_at)
-        seen = now if seen_at == measured_at else self.references.sample(name, seen_at)
+        now = self.references.sample(name, now_at)
+        seen = now if seen_at == now_at else self.references.sample(name, seen_at)
         then = self.references.sample(name, acts_at)
         thens = [then if at == acts_at else self.references.sample(name, at) for at in acts]
         if channel.learner is not None:
@@ -352,6 +368,7 @@ class Controller(LoopDesign):
                 then,
                 measured_at,
                 acts_at,
+                now_at,
                 (acts[0], acts[1]),
                 (thens[0].velocity, thens[1].velocity),
                 step,
@@ -375,7 +392,7 @@ class Controller(LoopDesign):
             lead_ratio=settings.lead_ratio,
             spool_limit=settings.spool_limit,
             adaptation=settings.adaptation and self.has_adaptation,
-            acting_delay=acts_at - measured_at,
+            acting_delay=time + max(told) - measured_at,
         )
         channel.valve_clipped = False
         for side, (loop, muscle) in enumerate(zip(channel.loops, channel.muscles, strict=True)):

@@ -151,6 +151,10 @@ class ControllerHealth:
             "integral gain [N m/(rad s)]": gains.integral,
             "derivative gain [N m s/rad]": gains.derivative,
         }
+        if controller.settings.adaptation:
+            values["learnt delay of the position [s]"] = channel.late_position
+            values["learnt delay of the pressures [s]"] = channel.late_pressures
+            values["learnt delay of the commands [s]"] = max(channel.late_commands)
         session = controller.prepared.learning
         if session is not None:
             values["learning"] = session.report(channel.joint.name)

@@ -13,6 +13,7 @@ from pam_control.feedback.disturbance_observer import AlignedPressures, Disturba
 from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
+from pam_control.feedback.stuck_integral import StuckIntegral
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
@@ -118,6 +119,7 @@ class JointChannel:
                 - self.model.torque(0.0, highest[1], middle)
             ),
         )
+        self.stuck = StuckIntegral()
         self.loops = tuple(
             create_pressure_loop(rig, muscle, gas_space)
             for muscle, gas_space in zip(
@@ -143,6 +145,7 @@ class JointChannel:
         self.observer.reset()
         self.aligned.reset()
         self.adaptation.restart()
+        self.stuck.reset()
         self.adapted = 0.0
         if self.learner is not None:
             self.learner.interrupt()
@@ -159,6 +162,25 @@ class JointChannel:
         self.adaptation.forget()
         for loop in self.loops:
             loop.forget_adaptation()
+
+    @property
+    def late_position(self) -> float:
+        """By how much more than told the positions are late, as was learnt [s]."""
+        return max(self.adaptation.delay, 0.0)
+
+    @property
+    def late_pressures(self) -> float:
+        """By how much more than told the pressures are late, as was learnt [s]."""
+        return max(-self.adaptation.delay, 0.0)
+
+    @property
+    def late_commands(self) -> Pair:
+        """By how much more than told the command of each valve is late, as was learnt [s].
+
+        A late sensor of the pressure makes the valve seem late.
+        """
+        first, second = (max(loop.late - self.late_pressures, 0.0) for loop in self.loops)
+        return first, second
 
     def inside(self, position: float) -> float:
         """The position [rad] limited to the range of the muscles' models."""
@@ -224,7 +246,7 @@ class JointChannel:
 
 
 def acting_delays(channel: JointChannel, settings: ControlSettings) -> Pair:
-    """Time from a control cycle until each of a joint's valves acts [s]."""
+    """Time from a control cycle until each of a joint's valves acts, as the rig file tells [s]."""
     soon = settings.command_delay + 0.5 * settings.period
     first, second = (
         soon + settings.lead_ratio * lag + delay

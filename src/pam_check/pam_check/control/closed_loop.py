@@ -24,6 +24,8 @@ from pam_model.rig import Rig
 
 PERIOD: Final = 0.002  # s
 SETTLED: Final = 1.5  # s, from the take-over to the motion
+APPROACH: Final = (0.2, 0.8)  # s after the take-over, and duration, of the way to the start
+MOTIONS_BEGIN_AT: Final = 0.0  # rad
 RESTS: Final = 2.0  # s, after the motion
 JUDGED: Final = 1.0  # s, the end of the rest, where nothing may move
 LIMIT_CYCLE: Final = 4e-3  # rad from peak to peak at rest, ten steps of the encoder
@@ -130,7 +132,11 @@ def play(
     points: Sequence[TrajectoryPoint],
     seed: int,
 ) -> tuple[Played, Trace]:
-    """Hold, follow a motion, hold; return the figures and what happened in the motion."""
+    """Hold, go to where motions begin, follow one, hold; return the figures and what happened.
+
+    The joint goes to the beginning because an encoder with a wrong zero shows another angle at
+    first: without it, the motion would begin with a jump that no effect of the rig explains.
+    """
     motion = points[-1].time_from_start
     count = round((SETTLED + motion + RESTS) / PERIOD)
     plant = RunningTruth(
@@ -147,10 +153,14 @@ def play(
     # no law can see the zero of the encoder: the error is that of the angle without noise
     offset = joint.position_offset
     trace, commands = Trace(count), (0.0, 0.0)
-    begin, stopped = round(SETTLED / PERIOD), ""
+    approach, begin = round(APPROACH[0] / PERIOD), round(SETTLED / PERIOD)
+    stopped = ""
     for k in range(count):
         now = k * PERIOD
         shown = plant.advance(commands)
+        if k == approach:
+            start = [TrajectoryPoint(APPROACH[1], [MOTIONS_BEGIN_AT], [0.0], [0.0])]
+            controller.references.follow([name], start, start=None, now=now)
         if k == begin:
             controller.references.follow([name], points, start=None, now=now)
         output = controller.step(now, Measurement([shown[2]], [shown[0], shown[1]], now, now))

@@ -9,7 +9,7 @@ a and b are what the supply and the exhaust path give more, or the gas volume ta
 opening that nobody commanded; e tells that the gas is not isothermal, or that its volume is another
 than written; z is negative if the spool overlaps its ports; d is a delay or a lag that nobody told.
 A fit over the last seconds of work finds the six. The command of the valve is computed with the
-first five. d is fitted because a delay would be taken for a smaller flow otherwise.
+first five, and the feedforward looks ahead by d as well.
 
 Both sides pass the same slow filter, so that neither a pressure nor a flow is differentiated.
 
@@ -35,6 +35,9 @@ LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells
 DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 0.02)  # the last one in s
 LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, -math.inf)
 HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf)
+LEAST_DELAY: Final = 4e-3  # s; less is left to the feedback
+LONGEST_DELAY: Final = 0.04  # s
+DELAY_RATE: Final = 0.02  # s/s, at which the feedforward is moved to a delay that was found
 LEARNT_EDGE: Final = 0.03  # h, of the full flow
 USED_EDGE: Final = 0.01  # the same for the command: an overlap is not filled within it, for calm
 
@@ -74,16 +77,23 @@ class FlowAdaptation:
     ----------
     full_flow : float
         Of the open valve from the supply [kg/s].
+
+    Attributes
+    ----------
+    delay : float
+        Delay or lag of the commands beside what the rig file tells [s].
     """
 
     def __init__(self, full_flow: float) -> None:
         self._full = full_flow
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE)
+        self.delay = 0.0
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known."""
         self._fit.forget()
+        self.delay = 0.0
 
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
@@ -134,6 +144,10 @@ class FlowAdaptation:
             self._smooth = raw
         self._smooth = self._smooth + step / (FILTER + step) * (raw - self._smooth)
         self._since += step
+        wanted = min(self._fit.weights[-1], LONGEST_DELAY)
+        wanted = wanted if wanted > LEAST_DELAY else 0.0
+        reach = DELAY_RATE * step
+        self.delay += max(-reach, min(reach, wanted - self.delay))
         if self._since < EVERY:
             return
         slow, up, down = self._smooth[:3].tolist()

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-SLIP_LENGTHS: Final = (0.004, 0.015, 0.05, 0.15)  # rad
+SLIP_LENGTHS: Final = (0.0015, 0.006, 0.025, 0.1)  # rad
 CREEP_TIMES: Final = (0.15, 1.5)  # s
 DEVIATIONS: Final = (0.03, 0.1, 0.1, 0.01, 1e-3, *(0.022,) * 6)
 """What is usual for the weight of each function, per torque that the muscles can give at most."""

@@ -2,31 +2,55 @@
 
 The fit minimises the squared errors, weighted by exp(-age/memory), plus a constant penalty that
 pulls every weight to 0. The penalty stands for what is believed before anything was seen: weights
-with these standard deviations, and errors of this size. Since the penalty does not fade, the fit
-is regular at any time, however little has been seen.
+with these standard deviations, and errors of this size, or of the size that the fit leaves if that
+is larger. Since the penalty does not fade, the fit is regular at any time, however little has been
+seen.
 
 What the fit explains must be larger than a threshold. Near it, the weights are reduced by the
 factor 1 - (threshold/explained)^2, which is 0 below it. So a rig that is its rig file stays
 untouched by noise.
 
+One of the functions may be a suspect: it resembles others so much that most data do not tell them
+apart. It is left out of the fit until the fit with it leaves so much smaller errors that nothing
+else can be the cause.
+
 Sources: A. E. Hoerl and R. W. Kennard, "Ridge regression", Technometrics 12 (1970) 55-67; L. Ljung,
-System Identification, Prentice Hall 1999, section 11.2 (exponential forgetting); the factor is
-that of W. James and C. Stein, "Estimation with quadratic loss", 1961, in its positive-part form.
+System Identification, Prentice Hall 1999, section 11.2 (exponential forgetting) and 16.4 (model
+selection by the reduction of the squared errors); the factor is that of W. James and C. Stein,
+"Estimation with quadratic loss", 1961, in its positive-part form.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 CORRELATED: Final = 0.05  # s, for which the error of a fit stays about the same
+DOUBTED: Final = 1e9  # times the penalty; such a weight is as good as 0
 MEMORY: Final = 15.0  # s of motion or work, not of time
 
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """When the last function of a fit is used.
+
+    Attributes
+    ----------
+    least : float
+        Least absolute weight; smaller ones are not believed.
+    better : float
+        Squared errors without it over those with it, at least [-].
+    """
+
+    least: float
+    better: float
 
 
 class RecursiveFit:
@@ -37,9 +61,11 @@ class RecursiveFit:
     deviations : sequence of float
         Standard deviation of each weight before anything was seen.
     noise : float
-        Standard deviation of the value, for `CORRELATED` seconds.
+        Least standard deviation of the value, for `CORRELATED` seconds.
     threshold : float
         Root mean square that the weights must explain to be used at all, in the value's unit.
+    suspect : Suspect, optional
+        The last function is one.
 
     Attributes
     ----------
@@ -47,10 +73,21 @@ class RecursiveFit:
         Of the functions.
     """
 
-    def __init__(self, deviations: Sequence[float], noise: float, threshold: float) -> None:
+    def __init__(
+        self,
+        deviations: Sequence[float],
+        noise: float,
+        threshold: float,
+        suspect: Suspect | None = None,
+    ) -> None:
+        self._noise = noise
         self._penalty: Array = np.diag((noise / np.array(deviations, dtype=np.float64)) ** 2)
-        self._threshold = threshold
+        self._threshold, self._suspect = threshold, suspect
         self.forget()
+
+    def doubt(self, functions: slice, doubted: bool) -> None:
+        """Leave functions out of the fit, or take them in again, with all that was seen."""
+        self._doubt[functions] = DOUBTED if doubted else 1.0
 
     def forget(self) -> None:
         """Nothing is known."""
@@ -58,17 +95,37 @@ class RecursiveFit:
         self.weights: list[float] = [0.0] * count
         self._products: Array = np.zeros((count, count))
         self._wanted: Array = np.zeros(count)
-        self._seen = 0.0
+        self._seen = self._energy = 0.0
+        self._solution: Array = np.zeros(count)
+        self._size = 1.0
+        self._doubt: Array = np.ones(count)
 
     def update(self, functions: Array, value: float, duration: float) -> None:
         """Take the functions' values, shape (n,), and the measured value after a time [s]."""
         kept, share = math.exp(-duration / MEMORY), duration / CORRELATED
         self._products = kept * self._products + share * np.outer(functions, functions)
         self._wanted = kept * self._wanted + (share * value) * functions
+        self._energy = kept * self._energy + share * value * value
         self._seen = kept * self._seen + share
-        weights = np.linalg.solve(self._products + self._penalty, self._wanted)
+        self._size = max(self._left(self._solution) / (self._seen * self._noise**2), 1.0)
+        weights = self._solution = self._solved()
         explained = float(weights @ self._products @ weights) / self._seen
         if explained <= self._threshold**2:
             self.weights = [0.0] * len(weights)
         else:
             self.weights = ((1.0 - self._threshold**2 / explained) * weights).tolist()
+
+    def _solved(self) -> Array:
+        regular = self._products + self._size * self._doubt * self._penalty
+        with_all: Array = np.linalg.solve(regular, self._wanted)
+        if self._suspect is None:
+            return with_all
+        without: Array = np.zeros_like(with_all)
+        without[:-1] = np.linalg.solve(regular[:-1, :-1], self._wanted[:-1])
+        better = self._left(without) > self._suspect.better * self._left(with_all)
+        return with_all if better and abs(with_all[-1]) > self._suspect.least else without
+
+    def _left(self, weights: Array) -> float:
+        """Sum of the squared errors that these weights leave."""
+        left = self._energy - 2.0 * float(weights @ self._wanted)
+        return left + float(weights @ self._products @ weights)

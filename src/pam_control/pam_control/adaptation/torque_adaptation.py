@@ -6,32 +6,74 @@ functions of the REFERENCE are added to the feedforward. So what was learnt acts
 of a feedback, and does not change the stability margins of the loop: the weights follow an average
 over seconds.
 
-Both sides of the fit pass the same filters, so that no acceleration is measured: with the filter
-1/(T s + 1), the filtered acceleration is (v - filtered v)/T. T is long, since noise of the
-acceleration would make the fit too small (errors in the variables).
+Both sides of the fit pass the same two filters, so that no acceleration is measured: with the
+filter 1/(T s + 1), the filtered acceleration is (v - filtered v)/T. Two filters, because noise of
+the acceleration would make the fit too small (errors in the variables), and because what it leaves
+is so small then that a delay can be told from friction.
 
-Nothing is learnt from a joint that stands still, because its friction may then be anything.
+If the position is late by d compared with the pressures, the torque of the muscles at the measured
+position seems to be early: d times its rate at a fixed position is left over. That is a suspect of
+the fit, since it resembles viscous friction (`recursive_fit`). The controller compares a late
+position with the reference of that earlier time, and late pressures with the plan of theirs.
+
+Nothing is learnt from a joint that stands still, because its friction may then be anything, and
+friction is learnt only when the joint has moved in both directions: before, it looks like a
+constant torque.
 
 Source: J.-J. E. Slotine and W. Li, Applied Nonlinear Control, Prentice Hall 1991, section 8.7
-(filtered regression without acceleration) and 9.2 (adaptive feedforward of a robot).
+(filtered regression without acceleration) and 9.2 (adaptive feedforward of a robot). The function
+of the delay is derived here.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from pam_control.adaptation.motion_functions import DEVIATIONS, MotionMemory
-from pam_control.adaptation.recursive_fit import Array, RecursiveFit
+from pam_control.adaptation.motion_functions import DEVIATIONS, SLIP_LENGTHS, MotionMemory
+from pam_control.adaptation.recursive_fit import Array, RecursiveFit, Suspect
 from pam_control.references.spline import JointReference
 
-FILTER: Final = 0.06  # s, T
+FILTER: Final = 0.03  # s, T
 EVERY: Final = 0.01  # s between two updates of the fit
-NOISE: Final = 3e-3  # of the largest torque: what the functions cannot fit, and the encoder's steps
+NOISE: Final = 3e-4  # of the largest torque: what the functions cannot fit, and the encoder's steps
 TRIFLE: Final = 1e-3  # of the largest torque; less is left to the feedback
 SLOWEST: Final = 0.04  # rad/s
+DELAY_DEVIATION: Final = 0.01  # s
+DELAY: Final = Suspect(least=2e-3, better=2.0)
+LONGEST_DELAY: Final = 0.04  # s
+DELAY_RATE: Final = 0.02  # s/s, at which the reference is moved to a delay that was found
+SLIPS: Final = slice(5, 5 + len(SLIP_LENGTHS))  # indices of the slip elements' functions
+BOTH_WAYS: Final = 0.15  # rad in each direction, before friction is believed
+DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
+SLOW_FUNCTIONS: Final = 3  # 1, q and q^3: what the integral of the feedback carries meanwhile
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueSample:
+    """One control cycle of a joint.
+
+    Attributes
+    ----------
+    unexplained : float
+        Torque of the muscles without that of the model; inertia and damping are not yet
+        subtracted [N m].
+    rate : float
+        Of the torque of the muscles at a fixed position [N m/s].
+    position, speed : float
+        Measured [rad], [rad/s]; the speed has passed a filter.
+    speed_filter : float
+        Time constant of that filter [s].
+    """
+
+    unexplained: float
+    rate: float
+    position: float
+    speed: float
+    speed_filter: float
 
 
 class TorqueAdaptation:
@@ -43,74 +85,121 @@ class TorqueAdaptation:
         Of the model [kg m^2], [N m s/rad].
     largest : float
         Torque that the muscles can give at most [N m].
+
+    Attributes
+    ----------
+    delay : float
+        By which the position is later than the pressures, beside what the rig file tells; negative
+        if the pressures are later [s].
     """
 
     def __init__(self, inertia: float, damping: float, largest: float) -> None:
         self._inertia, self._damping = inertia, damping
         self._fit = RecursiveFit(
-            [largest * each for each in DEVIATIONS], NOISE * largest, TRIFLE * largest
+            [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION],
+            NOISE * largest,
+            TRIFLE * largest,
+            DELAY,
         )
         self._measured, self._planned = MotionMemory(), MotionMemory()
+        self.forget()
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known."""
         self._fit.forget()
+        self._fit.doubt(SLIPS, True)
+        self._forth = self._back = 0.0
+        self.delay = 0.0
 
     @property
     def knows(self) -> bool:
         """Whether anything was learnt that is worth using."""
         return any(self._fit.weights)
 
+    @property
+    def weights(self) -> list[float]:
+        """Of the functions in the order of `motion_functions`, and of the delay."""
+        return self._fit.weights
+
+    @property
+    def friction(self) -> float:
+        """Dry friction that was learnt, and that changes its side within some 10 mrad [N m]."""
+        slips = zip(self._fit.weights[SLIPS], SLIP_LENGTHS, strict=True)
+        short = (weight for weight, length in slips if length < DRY)
+        return abs(sum(short))
+
     def restart(self) -> None:
         """Begin with a joint at rest; what was learnt is kept."""
         self._measured.reset()
         self._planned.reset()
-        self._once: Array | None = None
+        self._raw: Array | None = None
         self._since = 0.0
         self._planned_at = math.nan
+        self._reference = math.nan
 
-    def learn(
-        self, step: float, unexplained: float, position: float, speed: float, speed_filter: float
-    ) -> None:
-        """Take a new sample.
+    def learn(self, step: float, sample: TorqueSample) -> float:
+        """Take a new sample, `step` [s] after the last one; 0 if there is no new one.
 
-        Parameters
-        ----------
-        step : float
-            Time since the last sample [s]; 0 if there is no new one.
-        unexplained : float
-            Torque of the muscles without that of the model; inertia and damping are not yet
-            subtracted [N m].
-        position, speed : float
-            Measured [rad], [rad/s]; the speed has passed a filter.
-        speed_filter : float
-            Time constant of that filter [s].
+        Returns
+        -------
+        float
+            What was learnt now of the slow part of the planned torque [N m]. The integral of the
+            feedback has carried it until now.
         """
         if step <= 0.0:
-            return
-        memory = self._measured.advance(position, step)
-        raw = np.array((unexplained, 1.0, position, position**3, *memory))
-        if self._once is None:
-            self._once, self._twice, self._slow = raw, raw, speed
-        self._once = self._once + step / (speed_filter + step) * (raw - self._once)
-        weight = step / (FILTER + step)
-        self._twice = self._twice + weight * (self._once - self._twice)
-        self._slow += weight * (speed - self._slow)
+            return 0.0
+        q = sample.position
+        memory = self._measured.advance(q, step)
+        raw = np.array((sample.unexplained, 1.0, q, q**3, *memory, sample.rate))
+        if self._raw is None:
+            self._raw = self._smooth = self._once = self._twice = raw
+            self._speed_once = self._speed_twice = sample.speed
+        # a measured speed is the mean over a period: the others are taken in its middle as well
+        middle, self._raw = 0.5 * (raw + self._raw), raw
+        own, weight = step / (sample.speed_filter + step), step / (FILTER + step)
+        self._smooth = self._smooth + own * (middle - self._smooth)
+        self._once = self._once + weight * (self._smooth - self._once)
+        self._speed_once += weight * (sample.speed - self._speed_once)
+        before, speed_before = self._twice, self._speed_twice
+        self._twice = before + weight * (self._once - before)
+        self._speed_twice += weight * (self._speed_once - speed_before)
         self._since += step
+        self._move_delay(step)
         if self._since < EVERY:
-            return
-        if abs(self._slow) > SLOWEST:
-            motion = (self._slow, (speed - self._slow) / FILTER)
+            return 0.0
+        learnt = 0.0
+        if abs(self._speed_twice) > SLOWEST:
+            # the difference below is the acceleration half a period ago
+            smooth, speed = 0.5 * (before + self._twice), 0.5 * (speed_before + self._speed_twice)
+            motion = (speed, (self._speed_once - self._speed_twice) / FILTER)
             model = self._damping * motion[0] + self._inertia * motion[1]
-            functions = np.concatenate((self._twice[1:4], motion, self._twice[4:]))
-            self._fit.update(functions, float(self._twice[0]) - model, self._since)
+            functions = np.concatenate((smooth[1:4], motion, smooth[4:]))
+            learnt = -self._slow_part()
+            self._forth += max(speed, 0.0) * self._since
+            self._back -= min(speed, 0.0) * self._since
+            self._fit.doubt(SLIPS, min(self._forth, self._back) < BOTH_WAYS)
+            self._fit.update(functions, float(smooth[0]) - model, self._since)
+            learnt += self._slow_part()
         self._since = 0.0
+        return learnt
+
+    def _move_delay(self, step: float) -> None:
+        wanted = max(-LONGEST_DELAY, min(LONGEST_DELAY, self._fit.weights[-1]))
+        reach = DELAY_RATE * step
+        self.delay += max(-reach, min(reach, wanted - self.delay))
+
+    def _slow_part(self) -> float:
+        q = self._reference
+        if math.isnan(q):
+            return 0.0
+        constant, linear, cubic = self._fit.weights[:SLOW_FUNCTIONS]
+        return constant + linear * q + cubic * q**3
 
     def torque(self, time: float, reference: JointReference, limit: float) -> float:
         """Torque [N m] to be added for the reference at a time [s], within a limit [N m]."""
         step = 0.0 if math.isnan(self._planned_at) else max(time - self._planned_at, 0.0)
-        self._planned_at = time
+        self._planned_at, self._reference = time, reference.position
         memory = self._planned.advance(reference.position, step)
         return self._weighted(reference, memory, limit)
 

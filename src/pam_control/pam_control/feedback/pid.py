@@ -68,6 +68,15 @@ class Pid:
             self._error = error
         return gains.proportional * error + self.integral + gains.derivative * self._slope
 
+    def hand_over(self, torque: float) -> None:
+        """Take from the integral what another part of the law gives from now on.
+
+        The integral only shrinks towards 0: what the proportional part carried was never in it.
+        """
+        if torque * self.integral > 0.0:
+            shrunk = max(abs(self.integral) - abs(torque), 0.0)
+            self.integral = math.copysign(shrunk, self.integral)
+
     def integrate(
         self,
         error: float,

@@ -72,7 +72,7 @@ class PressureLoopSettings:
     adaptation : bool
         Whether to learn how the valve's flow differs from its data.
     acting_delay : float
-        Time from a measurement until the command computed from it acts [s].
+        Time from a measurement until the command computed from it acts, as the rig file tells [s].
     """
 
     gain: float
@@ -93,6 +93,11 @@ class PressureLoop(Protocol):
     @property
     def gain_factor(self) -> float:
         """Share of the gain that is in use [-]."""
+        ...
+
+    @property
+    def late(self) -> float:
+        """By how much more than told the commands are late, as was learnt [s]."""
         ...
 
     def reset(self) -> None:
@@ -185,6 +190,11 @@ class FlowValveLoop:
     def gain_factor(self) -> float:
         """Share of the gain that is in use [-]; below 1 after chatter."""
         return self._watch.factor
+
+    @property
+    def late(self) -> float:
+        """By how much more than told the commands are late, as was learnt [s]."""
+        return self.adaptation.delay
 
     def command(
         self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
@@ -283,6 +293,11 @@ class RegulatorLoop:
     def gain_factor(self) -> float:
         """A regulator closes its own loop."""
         return 1.0
+
+    @property
+    def late(self) -> float:
+        """A regulator closes its own loop; nothing is learnt of it."""
+        return 0.0
 
     def reset(self) -> None:
         """There is no state to reset."""

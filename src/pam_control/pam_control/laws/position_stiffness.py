@@ -14,7 +14,9 @@ that loop in the same way.
 from __future__ import annotations
 
 import math
+from typing import Final
 
+from pam_control.adaptation.torque_adaptation import TorqueSample
 from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.controller import Controller
 from pam_control.feedback.disturbance_observer import ObserverSettings
@@ -23,6 +25,8 @@ from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
 from pam_control.joint_channel import JointChannel, Pair, Plan
 from pam_control.settings import ControlSettings
+
+RATE_SPAN: Final = 0.01  # s, over which the rate of the muscles' torque is taken
 
 
 class PositionStiffnessController(Controller):
@@ -107,13 +111,25 @@ class PositionStiffnessController(Controller):
         channel = request.channel
         channel.aligned.add(request.measured_at, request.pressures)
         position, speed = channel.position, channel.velocity
-        muscles = channel.model.torque(
-            *channel.aligned.at(request.seen_at), channel.inside(position)
+        inside = channel.inside(position)
+        # as the rig file tells, without the delay that was learnt
+        seen_at = request.seen_at + channel.late_position
+        muscles, before = (
+            channel.model.torque(*channel.aligned.at(at), inside)
+            for at in (seen_at, seen_at - RATE_SPAN)
         )
         model = channel.dynamics.static_torque(position, speed, request.seen.velocity)
-        unexplained = muscles + known - model
-        how = self.settings.derivative_filter
-        channel.adaptation.learn(request.fresh, unexplained, position, speed, how)
+        sample = TorqueSample(
+            unexplained=muscles + known - model,
+            rate=(muscles - before) / RATE_SPAN,
+            position=position,
+            speed=speed,
+            speed_filter=self.settings.derivative_filter,
+        )
+        channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
+        channel.pid.integral -= channel.stuck.update(
+            request.seen, position, channel.pid.integral, channel.adaptation.friction
+        )
 
     def _repeated(self, request: PlanRequest, usual: float) -> tuple[float, float]:
         """What is added to the torque in a motion that is repeated, and beside it [N m].
@@ -168,7 +184,7 @@ class PositionStiffnessController(Controller):
             goal = (planned.agonist, planned.antagonist)
             channel.remember(Plan(request.acts_at, goal, stiffness, added), request.measured_at)
             rate = channel.planned_rates(request.side_acts_at)
-            past = channel.plan_at(request.measured_at)
+            past = channel.plan_at(request.now_at)
             ahead = (
                 channel.plan_at(request.side_acts_at[0]).pressures[0] - past.pressures[0],
                 channel.plan_at(request.side_acts_at[1]).pressures[1] - past.pressures[1],
