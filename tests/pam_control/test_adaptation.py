@@ -155,7 +155,7 @@ def test_the_feedforward_looks_ahead_by_a_delay_of_the_commands_that_was_learnt(
     without = played(closed_loop, law(rig, adaptation=False), chirp, effects=late)
     learning = law(rig)
     played(closed_loop, learning, chirp, effects=late)
-    assert learning.channels[0].late_commands == pytest.approx((0.015, 0.015), abs=3e-3)
+    assert all(0.006 < late < 0.018 for late in learning.channels[0].late_commands)
     assert played(closed_loop, learning, chirp, effects=late) < 0.5 * without
 
 
@@ -244,6 +244,25 @@ def test_slip_elements_make_a_loop_that_closes():
         back = [memory.advance(q, STEP)[:4] for q in sweep[::-1]]
     assert np.all(np.array(there[200]) > 0.8)
     assert np.all(np.array(back[200]) < -0.8)
+
+
+def test_a_supply_that_falls_while_air_is_taken_is_told_from_a_narrow_path():
+    """Its share of the flow is asked for in addition while it lacks, and not after a rest."""
+    full, per_rate = 3e-3, 2e-9
+    adaptation = FlowAdaptation(full)
+    pressure, taken = 2e5, 0.0
+    for cycle in range(10000):
+        now = STEP * cycle
+        busy = 1.0 if now % 8.0 < 4.0 else 0.1
+        promised = busy * full * (0.3 * math.sin(9.0 * now) + 0.2 * math.sin(23.0 * now))
+        up = max(promised, 0.0)
+        taken += STEP / 10.0 * (up / full - taken)
+        pressure += STEP * (promised - 4.0 * up * taken) / per_rate
+        adaptation.learn(STEP, FlowSample(promised, full, pressure, per_rate, 0.0, 0.0))
+    wanted = 0.3 * full
+    asked = adaptation.corrected(wanted, 0.0, full)
+    assert asked * (1.0 - 4.0 * taken) == pytest.approx(wanted, rel=0.03)
+    assert asked > 1.1 * wanted
 
 
 def _true_flow(promised, exhaust, offset, overlap, capacity):

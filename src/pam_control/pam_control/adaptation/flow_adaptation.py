@@ -3,13 +3,14 @@
 With the flow u that the data promise for the command, the flow m that the measured pressure and the
 motion of the muscle show, the part w of m that the motion takes, and the full flow c,
 
-    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c)) - d du/dt
+    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c)) - s max(u, 0) r - d du/dt
 
-a and b are what the supply and the exhaust path give more, or the gas volume takes less; o is an
+a and b are what the supply and the exhaust path give more, or the gas volume takes less; r is the
+share of the full flow that was taken lately, and s tells that the supply falls with it; o is an
 opening that nobody commanded; e tells that the gas is not isothermal, or that its volume is another
 than written; z is negative if the spool overlaps its ports; d is a delay or a lag that nobody told.
-A fit over the last seconds of work finds the six. The command of the valve is computed with the
-first five, and the feedforward looks ahead by d as well.
+A fit over the last seconds of work finds the seven. The command of the valve is computed with the
+first six, and the feedforward looks ahead by d as well.
 
 Both sides pass the same slow filter, so that neither a pressure nor a flow is differentiated.
 
@@ -29,12 +30,15 @@ from pam_control.adaptation.recursive_fit import Array, RecursiveFit
 
 FILTER: Final = 0.06  # s
 EVERY: Final = 0.01  # s between two updates of the fit
-NOISE: Final = 0.01  # of the full flow
+NOISE: Final = 0.003  # of the full flow
 TRIFLE: Final = 0.003  # of the full flow; less is left to the pressure loop
 LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells nothing
-DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 0.02)  # the last one in s
-LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, -math.inf)
-HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf)
+DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 3.0, 0.02)  # the last one in s
+LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, 0.0, -math.inf)
+HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf, math.inf)
+LATELY: Final = 10.0  # s, time constant of r
+MOST_DROOP: Final = 0.5  # of the flow
+LEAST_SHARE: Final = 0.4  # of the promised flow
 LEAST_DELAY: Final = 4e-3  # s; less is left to the feedback
 LONGEST_DELAY: Final = 0.04  # s
 DELAY_RATE: Final = 0.02  # s/s, at which the feedforward is moved to a delay that was found
@@ -98,12 +102,12 @@ class FlowAdaptation:
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
         self._smooth: Array | None = None
-        self._late = 0.0
+        self._late = self._taken = 0.0
         self._since = 0.0
 
     @property
     def weights(self) -> list[float]:
-        """a, b, o, e, z and d [s] within their bounds."""
+        """a, b, o, e, z, s and d [s] within their bounds."""
         return [
             max(low, min(high, weight))
             for low, high, weight in zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
@@ -113,7 +117,12 @@ class FlowAdaptation:
     def least_share(self) -> float:
         """Flow over promised flow in the worse direction, at most 1 [-]."""
         a, b, *_ = self.weights
-        return 1.0 + min(a, b, 0.0)
+        return max(1.0 + min(a - self._droop, b, 0.0), LEAST_SHARE)
+
+    @property
+    def _droop(self) -> float:
+        """Share of the flow that the supply lacks now [-]."""
+        return min(self.weights[5] * self._taken, MOST_DROOP)
 
     def corrected(self, flow: float, moved: float, capacity: float) -> float:
         """The flow to ask the valve's data for, so that the valve gives `flow` [kg/s].
@@ -127,10 +136,10 @@ class FlowAdaptation:
         capacity : float
             Full flow in its direction [kg/s].
         """
-        a, b, o, e, z, _ = self.weights
+        a, b, o, e, z, *_ = self.weights
         left = flow - o * capacity - e * moved
         left -= z * capacity * _saturated(left / (USED_EDGE * capacity))
-        return left / (1.0 + (a if left > 0.0 else b))
+        return left / max(1.0 + (a - self._droop if left > 0.0 else b), LEAST_SHARE)
 
     def learn(self, step: float, sample: FlowSample) -> None:
         """Take a sample, `step` [s] after the last one."""
@@ -139,7 +148,10 @@ class FlowAdaptation:
         self._late += step / (max(sample.delay, 0.0) + step) * (sample.promised - self._late)
         u, c = self._late, sample.capacity
         overlap = c * _saturated(u / (LEARNT_EDGE * c))
-        raw = np.array((sample.pressure, max(u, 0.0), min(u, 0.0), c, sample.moved, overlap))
+        up = max(u, 0.0)
+        self._taken += step / LATELY * (up / self._full - self._taken)
+        drooped = -up * self._taken
+        raw = np.array((sample.pressure, up, min(u, 0.0), c, sample.moved, overlap, drooped))
         if self._smooth is None:
             self._smooth = raw
         self._smooth = self._smooth + step / (FILTER + step) * (raw - self._smooth)
