@@ -18,7 +18,7 @@ faults: setup
 	@$(PYTHON) -m pam_check faults --check
 
 bench: setup
-	@for file in benchmarks/*_bench.py; do $(PYTHON) $$file || exit 1; done
+	@$(PYTHON) benchmarks/table.py
 
 report: setup
 	@$(PYTHON) -m pam_gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report
