@@ -132,11 +132,11 @@ def chain() -> Iterator[Row]:
 def latency() -> Iterator[Row]:
     """From a measurement frame to the command frame."""
     found = result_of("latency_bench.py")
-    for which in ("p50", "p99"):
-        times = (found[name][f"{which}_ms"] for name in ("suite", "bare echo"))
-        work = f"measurement frame to command frame, {which}"
-        value, peer = times
-        yield Row(work, "ms", value, "echo and two hops", peer)
+    for name in ("suite", "suite, aligned"):
+        for which in ("p50", "p99"):
+            value, peer = (found[one][f"{which}_ms"] for one in (name, "bare echo"))
+            work = f"measurement to command frame, {name}, {which}"
+            yield Row(work, "ms", value, "echo and two hops", peer)
 
 
 def bag() -> Iterator[Row]:

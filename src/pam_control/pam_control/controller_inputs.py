@@ -65,9 +65,12 @@ class ControllerInputs:
         self._rejecting = rejecting
         self._position_reader, self._pressure_reader = JointStateReader(), JointStateReader()
         on_joints, on_pressures = self._on_joint_states, self._on_pressure_states
+        self._pressure_topic = PolledTopic(
+            node, JointState, "pressure_states", on_pressures, best_effort=True
+        )
         self.topics = [
             PolledTopic(node, JointState, "joint_states", on_joints, best_effort=True),
-            PolledTopic(node, JointState, "pressure_states", on_pressures, best_effort=True),
+            self._pressure_topic,
             PolledTopic(
                 node, DiagnosticStatus, "pam_driver/state", take_driver_state, latched=True
             ),
@@ -77,6 +80,11 @@ class ControllerInputs:
         """Take what has arrived; called in every cycle."""
         for topic in self.topics:
             topic.poll()
+
+    @property
+    def arrival(self) -> float:
+        """When the last pressures arrived, wall clock [s]."""
+        return self._pressure_topic.arrived
 
     def destroy(self) -> None:
         """End the subscriptions."""

@@ -47,6 +47,7 @@ from pam_ros.driver_state import reason_against_commands
 from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
+from pam_ros.phase_follower import PhaseFollower
 from pam_ros.spin import spin_node
 
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
@@ -127,6 +128,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.polled_topics = self._inputs.topics
         priority = int(self._declared.number("loop.realtime_priority"))
         self.loop = PeriodicLoop(self._cycle, 1.0 / rate, "control", priority)
+        self._follower = PhaseFollower(self.loop) if self._declared["loop.align"] else None
         gc.collect()
         gc.freeze()
         self.loop.start()
@@ -249,6 +251,8 @@ class ControllerNode(Node):  # type: ignore[misc]
     def _control(self) -> None:
         inputs = self._inputs
         inputs.poll()
+        if self._follower is not None:
+            self._follower.follow(time.time() - inputs.arrival)
         now = self._now()
         measurement = Measurement(
             inputs.positions, inputs.pressures, inputs.position_time, inputs.pressure_time

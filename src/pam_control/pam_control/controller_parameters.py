@@ -51,6 +51,10 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "priority of the control thread (SCHED_FIFO) if the system permits it; 0: normal",
             fixed=True,
         ),
+        Parameter(
+            "loop.align", False, "-", 0, 0,
+            "shift the cycles so that they begin shortly after pressure_states arrives",
+        ),
         _number(
             "loop.measurement_delay", d.measurement_delay, "s", 0.0, 0.1,
             "delay from a sensor's sample to its stamp",

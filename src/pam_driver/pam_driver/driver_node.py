@@ -49,6 +49,7 @@ from pam_ros.lifecycle import refuse_impossible_transitions
 from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
+from pam_ros.phase_follower import PhaseFollower
 from pam_ros.polled_topic import PolledTopic
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
@@ -78,6 +79,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._ports: dict[str, CanPort] = {}
         self._driver: Driver | None = None
         self._loop: PeriodicLoop | None = None
+        self._follower: PhaseFollower | None = None
         self._diagnostics: DriverDiagnostics | None = None
         self._snapshot: Snapshot | None = None
         self._active = False
@@ -141,6 +143,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             "bus I/O",
             priority=int(self._values.number("realtime_priority")),
         )
+        self._follower = PhaseFollower(self._loop) if self._values["align"] else None
         self._loop.start()
         names = ", ".join(port.name for port in made.ports.values())
         self.get_logger().info(f"measuring on {names}, valves vented")
@@ -248,6 +251,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         wall_now = time.time()
         snapshot = driver.cycle(now, wall_now)
         sent_at = time.time()
+        if self._follower is not None:
+            self._follower.follow(wall_now - snapshot.pressure_stamp)
         self._snapshot = snapshot
         self._topics.publish(snapshot, driver.intake, wall_now, sent_at)
 

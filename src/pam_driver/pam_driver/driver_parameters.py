@@ -30,6 +30,10 @@ TABLE: Final = (
         "realtime_priority", 0, "-", 0, 99, "real-time priority (SCHED_FIFO) of the I/O thread, "
         "where the system permits it; 0: none"
     ),
+    Parameter(
+        "align", False, "-", 0, 0, "shift the cycles so that they begin shortly after the boards' "
+        "measurements arrive, for boards that measure at the rate of the driver"
+    ),
     Parameter("bus.interface", "socketcan", "-", 0, 0, "python-can's name of the interface"),
     Parameter("bus.channel", "can0", "-", 0, 0, "network interface, multicast group or device"),
     Parameter(

@@ -114,6 +114,7 @@ class PeriodicLoop:
         self._raised = False
         self._cycles = self._late = self._skipped = 0
         self._worst = 0.0
+        self._shift = 0.0
 
     @property
     def running(self) -> bool:
@@ -158,6 +159,10 @@ class PeriodicLoop:
                 if os.sched_getscheduler(int(task.name)) == os.SCHED_OTHER:
                     take_priority(LOWEST_PRIORITY, int(task.name))
 
+    def shift(self, seconds: float) -> None:
+        """Move all later deadlines by this time [s]; for use in `step`."""
+        self._shift += seconds
+
     def check(self) -> None:
         """Raise the exception that ended the loop, if there was one."""
         if self._error is not None:
@@ -201,7 +206,8 @@ class PeriodicLoop:
                 if lateness > 0.5 * period:
                     self._late += 1
                 self._step(now)
-                deadline += period
+                deadline += period + self._shift
+                self._shift = 0.0
                 now = time.monotonic()
                 if now > deadline:
                     missed = int((now - deadline) / period) + 1

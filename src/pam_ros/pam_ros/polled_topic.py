@@ -41,6 +41,8 @@ class PolledTopic:
     ----------
     subscription : rclpy.subscription.Subscription
         The subscription.
+    arrived : float
+        When the last message that was handed over arrived, wall clock [s]; 0 before the first.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class PolledTopic:
         # another quality of service stay with the node
         node._subscriptions.remove(self.subscription)
         self._node = node
+        self.arrived = 0.0
         self._take = take
         self._message_type = message_type
         self._handle = self.subscription.handle
@@ -76,7 +79,9 @@ class PolledTopic:
                 taken = handle.take_message(self._message_type, True)
                 if taken is None:
                     return count
-                self._take(taken[0])
+                data, about = taken
+                self.arrived = 1e-9 * about["received_timestamp"]
+                self._take(data)
         return MOST_TAKEN
 
     def destroy(self) -> None:

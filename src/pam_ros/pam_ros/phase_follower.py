@@ -1,0 +1,39 @@
+"""Shifts a loop so that its cycles begin shortly after what they wait for has arrived.
+
+Boards, driver and controller have clocks of their own. Without this, a measurement waits for half a
+cycle on average, and for a whole one at worst, in the driver and again in the controller. The shift
+in one cycle is small, so that the time between two cycles stays almost constant.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from pam_ros.periodic import PeriodicLoop
+
+WAIT: Final = 0.0004
+"""How long after the arrival a cycle should begin, as an allowance for jitter [s]."""
+_GAIN: Final = 0.05
+_MOST: Final = 0.02  # of a period, in one cycle
+
+
+class PhaseFollower:
+    """Keeps the phase of one loop.
+
+    Parameters
+    ----------
+    loop : PeriodicLoop
+        The loop, which calls `follow` in its own thread.
+    """
+
+    def __init__(self, loop: PeriodicLoop) -> None:
+        self._loop = loop
+
+    def follow(self, age: float) -> None:
+        """Take the age of the newest input at the begin of a cycle [s]; an old one is ignored."""
+        period = self._loop.period
+        if not 0.0 <= age < 2.0 * period:
+            return
+        late = (age - WAIT + 0.5 * period) % period - 0.5 * period
+        most = _MOST * period
+        self._loop.shift(-min(max(_GAIN * late, -most), most))
