@@ -37,6 +37,21 @@ def test_a_new_rig_is_commented_and_check_rig_accepts_it(tmp_path, capsys):
     assert "can use this rig" in capsys.readouterr().out
 
 
+def test_an_arm_with_more_boards_than_a_bus_carries_has_several_buses(tmp_path, capsys):
+    path = tmp_path / "arm.yaml"
+    joints = ",".join(f"j{k}" for k in range(1, 8))
+    assert main(["new-rig", str(path), "--joints", joints, "--defaults"]) == DONE
+    assert driver_main(["check-rig", str(path), "--check"]) != DONE, "7 boards on one bus"
+    options = ["--joints", joints, "--buses", "can0,can1", "--defaults"]
+    assert main(["new-rig", str(path), *options]) == DONE
+    capsys.readouterr()
+    assert driver_main(["check-rig", str(path), "--check"]) == DONE
+    said = capsys.readouterr().out
+    assert "can0" in said and "can1" in said
+    options = ["--joints", "one", "--buses", "can0,can1", "--defaults"]
+    assert main(["new-rig", str(path), *options]) == MISTAKE
+
+
 def test_a_range_that_the_muscles_cannot_move_is_refused_with_the_pulley_that_fits(
     tmp_path, capsys
 ):

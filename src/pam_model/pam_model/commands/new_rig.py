@@ -32,6 +32,12 @@ class Question(NamedTuple):
 QUESTIONS = (
     Question("joints", "names of the joints, separated by commas", "joint", names),
     Question(
+        "buses",
+        "CAN interfaces, separated by commas; one carries 6 boards of a joint at 500 Hz",
+        "can0",
+        names,
+    ),
+    Question(
         "diameter",
         "braid diameter of a muscle at rest [m]",
         "0.014",

@@ -137,6 +137,7 @@ def sized_rig(size: JointSize, largest_angle: float, pressure: float, inertia: f
     """
     return NewRig(
         joints=("joint",),
+        buses=("can0",),
         braid=size.braid,
         pulley_radius=size.pulley_radius,
         largest_angle=largest_angle,

@@ -23,6 +23,9 @@ class NewRig:
     ----------
     joints : tuple of str
         Names of the joints.
+    buses : tuple of str
+        CAN interfaces; the boards are spread over them evenly. The only one of a robot is not
+        written: the parameters of the nodes name it.
     braid : BraidFromDatasheet
         Every muscle.
     pulley_radius : float
@@ -44,6 +47,7 @@ class NewRig:
     """
 
     joints: tuple[str, ...]
+    buses: tuple[str, ...]
     braid: BraidFromDatasheet
     pulley_radius: float
     largest_angle: float
@@ -66,8 +70,8 @@ class NewRig:
         Raises
         ------
         PamError
-            If the stroke is longer than the muscles contract, or the supply is below the muscles'
-            largest pressure.
+            If the stroke is longer than the muscles contract, the supply is below the muscles'
+            largest pressure, or a bus would be without a board.
         """
         stroke = 2.0 * self.pulley_radius * self.largest_angle
         most = STROKE_SHARE * self.braid.largest_contraction * self.braid.rest_length
@@ -77,6 +81,11 @@ class NewRig:
                 f"rad takes {1e3 * stroke:.3g} mm of stroke, expected {1e3 * most:.3g} mm at most "
                 f"({STROKE_SHARE:.0%} of the muscle's contraction); use a pulley of "
                 f"{0.5 * most / self.largest_angle:.3g} m or less, or longer muscles"
+            )
+        if len(self.buses) > len(self.joints):
+            raise PamError(
+                f"buses = {', '.join(self.buses)}: a bus for each board at most, and there are "
+                f"{len(self.joints)}"
             )
         if self.supply_pressure < self.max_pressure:
             raise PamError(
@@ -105,9 +114,11 @@ class NewRig:
             "      polytropic_exponent: 1.0      # -, 1.0 isothermal .. 1.4 adiabatic",
             f"    supply_pressure: {101325.0 + self.supply_pressure:.1f}       # Pa absolute",
             "    parameter_tolerance: 0.05       # -, how far the numbers below may be wrong",
+            *self._buses(),
             f"    joints: [{', '.join(self.joints)}]",
         ]
-        for board, joint in enumerate(self.joints):
+        for number, joint in enumerate(self.joints):
+            board = f"{joint}_board" if len(self.buses) > 1 else str(number)
             lines += self._joint(joint, board)
             for channel, muscle in enumerate(self.muscles(joint)):
                 lines += self._muscle(muscle, board, channel)
@@ -118,7 +129,26 @@ class NewRig:
         """Names of a joint's muscles; the first turns it in the positive direction."""
         return f"{joint}_flexor", f"{joint}_extensor"
 
-    def _joint(self, joint: str, board: int) -> list[str]:
+    def _buses(self) -> list[str]:
+        """The sections of buses and boards; none for a robot with one bus."""
+        if len(self.buses) < 2:
+            return []
+        place = [k * len(self.buses) // len(self.joints) for k in range(len(self.joints))]
+        return [
+            "    buses:",
+            *(
+                f"      {bus}: {{interface: socketcan, channel: {bus}, bitrate: 1000000}}"
+                for bus in self.buses
+            ),
+            "    boards:",
+            *(
+                f"      {joint}_board: {{kind: pam_board, number: {place[:k].count(place[k])}, "
+                f"bus: {self.buses[place[k]]}}}"
+                for k, joint in enumerate(self.joints)
+            ),
+        ]
+
+    def _joint(self, joint: str, board: str) -> list[str]:
         first, second = self.muscles(joint)
         angle = self.largest_angle
         return [
@@ -133,7 +163,7 @@ class NewRig:
             f"      encoder: {{board: {board}, channel: 0}}",
         ]
 
-    def _muscle(self, muscle: str, board: int, channel: int) -> list[str]:
+    def _muscle(self, muscle: str, board: str, channel: int) -> list[str]:
         return [
             *self.braid.section(muscle).splitlines(),
             f"      neutral_length: {self.neutral_length:<13.6g} # m, at joint position 0",
