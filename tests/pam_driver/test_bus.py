@@ -22,8 +22,8 @@ from pam_driver.can_bus import bus as bus_module
 from pam_driver.can_bus import bus_opening
 from pam_driver.can_bus.bus import BusState, CanPort, ReceivedFrame, SendOutcome, open_bus
 from pam_driver.can_bus.bus_opening import BusError
-from pam_driver.can_bus.identifiers import EXTENDED
-from pam_driver.can_bus.multicast_reader import multicast_reader
+from pam_driver.can_bus.identifiers import EXTENDED, number_of
+from pam_driver.can_bus.multicast_socket import multicast_socket
 from support.reruns import EMULATED
 
 VCAN = os.environ.get("PAM_TEST_CAN_CHANNEL", "vcan0")
@@ -337,7 +337,7 @@ def test_every_packet_means_what_it_means_to_python_can(change: dict[str, object
     """The reader of multicast frames is faster, and neither kinder nor stricter."""
     number = random.randint(20_000, 60_000)
     bus = can.Bus(interface="udp_multicast", channel="239.74.163.9", port=number, hop_limit=0)
-    reader = multicast_reader(bus)
+    reader = multicast_socket(bus)
     if reader is None:
         pytest.skip("this system has no stamps in nanoseconds")
     packet = msgpack.packb({**PLAIN, **change}, use_bin_type=True)
@@ -356,6 +356,23 @@ def test_every_packet_means_what_it_means_to_python_can(change: dict[str, object
     assert found[0] == found[1] is not None
     reader.close()
     bus.shutdown()
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("frame_id", [0x101, 0x12345 | EXTENDED])
+def test_what_is_sent_is_a_frame_of_python_can(frame_id: int) -> None:
+    number = random.randint(20_000, 60_000)
+    bus = can.Bus(interface="udp_multicast", channel="239.74.163.9", port=number, hop_limit=0)
+    port = open_bus("udp_multicast", "239.74.163.9", port=number)
+    assert port.send(frame_id, b"\1\2\3", 0.0) is SendOutcome.SENT
+    heard = bus.recv(5.0)
+    assert heard is not None
+    sent = can.Message(
+        arbitration_id=number_of(frame_id), is_extended_id=frame_id >= EXTENDED, data=b"\1\2\3"
+    )
+    assert heard.equals(sent, timestamp_delta=None)
+    bus.shutdown()
+    port.close()
 
 
 @pytest.mark.system

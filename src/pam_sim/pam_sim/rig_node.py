@@ -13,9 +13,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.time import Time
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -25,6 +24,7 @@ from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
 from pam_model.rig import Rig, load_rig, rig_of_node
 from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
+from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
@@ -84,7 +84,6 @@ PARAMETERS = (
     Parameter("position_quantum", _Q.position_quantum, "rad", 0.0, 0.1, "encoder's resolution"),
     Parameter("seed", 0, "-", 0, 2**31 - 1, "seed of the noise"),
 )
-_LATEST = QoSProfile(depth=1)
 
 
 def _simulated_rig(rig: Rig, values: NodeParameters[Rig]) -> SimulatedRig:
@@ -139,11 +138,12 @@ class RigNode(Node):  # type: ignore[misc]
         self._loop.schedule(str(values["faults"]))
         self._skipped = 0.0
         topics = [
-            self.create_publisher(JointState, f"ground_truth/{name}", _LATEST)
+            JointStatePublisher(self, f"ground_truth/{name}", 1)
             for name in ("joint_states", "muscle_states", "pressure_states")
         ]
         self._joints, self._muscles, self._pressures = topics
-        self._supply = self.create_publisher(FluidPressure, "ground_truth/supply_pressure", _LATEST)
+        self._supply = self.create_publisher(FluidPressure, "ground_truth/supply_pressure", 1)
+        self._supply_heard = Audience(self._supply).present
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(String, "~/inject_fault", self._on_fault, 10)
         self.create_service(Trigger, "~/mend_faults", self._on_mend)
@@ -183,18 +183,15 @@ class RigNode(Node):  # type: ignore[misc]
 
     def _publish(self) -> None:
         truth, at = self._loop.truth, self._loop.truth_time
-        stamp = Time(nanoseconds=round(at * 1e9)).to_msg()
+        stamp = nanoseconds_of(at)
         joints, muscles = self._rig.joint_names, self._rig.muscle_names
-        messages = (
-            (self._joints, joints, truth.positions, truth.velocities, truth.torques),
-            (self._muscles, muscles, truth.lengths, truth.speeds, truth.forces),
-            (self._pressures, muscles, (), (), truth.pressures),
-        )
-        for publisher, names, position, velocity, effort in messages:
-            publisher.publish(_joint_state(stamp, names, position, velocity, effort))
-        supply = FluidPressure(fluid_pressure=truth.supply_pressure)
-        supply.header.stamp = stamp
-        self._supply.publish(supply)
+        self._joints.publish(stamp, joints, truth.positions, truth.velocities, truth.torques)
+        self._muscles.publish(stamp, muscles, truth.lengths, truth.speeds, truth.forces)
+        self._pressures.publish(stamp, muscles, effort=truth.pressures)
+        if self._supply_heard():
+            supply = FluidPressure(fluid_pressure=truth.supply_pressure)
+            supply.header.stamp = Time(nanoseconds=stamp).to_msg()
+            self._supply.publish(supply)
 
     def _report(self) -> None:
         report = self._loop.report()
@@ -206,20 +203,6 @@ class RigNode(Node):  # type: ignore[misc]
         status = diagnostic_status(f"{self.get_name()}: simulation", level, text, report)
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(diagnostic_array(stamp, status, namespace=self.get_namespace()))
-
-
-def _joint_state(
-    stamp: Any,
-    names: Sequence[str],
-    position: Sequence[float],
-    velocity: Sequence[float],
-    effort: Sequence[float],
-) -> JointState:
-    message = JointState(
-        name=list(names), position=list(position), velocity=list(velocity), effort=list(effort)
-    )
-    message.header.stamp = stamp
-    return message
 
 
 def _make_node() -> RigNode:

@@ -20,7 +20,7 @@ from can.interfaces.udp_multicast import UdpMulticastBus
 
 from pam_driver.can_bus.bus_opening import DEFAULT_BITRATE, BusError, bus_name, open_can_bus
 from pam_driver.can_bus.identifiers import EXTENDED, FD, number_of
-from pam_driver.can_bus.multicast_reader import ReceivedFrame, multicast_reader
+from pam_driver.can_bus.multicast_socket import ReceivedFrame, multicast_socket
 
 __all__ = [
     "MAX_FRAMES_PER_CALL",
@@ -92,7 +92,7 @@ class CanPort:
         self._fd = fd
         # a multicast socket also receives the frames that it sends
         self._hears_itself = isinstance(bus, UdpMulticastBus)
-        self._reader = multicast_reader(bus)
+        self._socket = multicast_socket(bus)
         self._sent_ids: set[int] = set()
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=1024)
         self._controller = BusState.ERROR_ACTIVE
@@ -126,7 +126,7 @@ class CanPort:
             return frames
         for _ in range(MAX_FRAMES_PER_CALL):
             try:
-                message = bus.recv(0.0) if self._reader is None else self._reader.read()
+                message = bus.recv(0.0) if self._socket is None else self._socket.read()
             except (can.CanError, OSError, ValueError) as error:
                 number = _errno(error)
                 if number is None:  # python-can could not decode a packet
@@ -162,16 +162,11 @@ class CanPort:
         if bus is None or self._gone:
             self.counts["send_bus_down"] += 1
             return SendOutcome.BUS_DOWN
-        is_fd = frame_id & FD != 0
-        message = can.Message(
-            arbitration_id=number_of(frame_id),
-            data=data,
-            is_extended_id=frame_id >= EXTENDED,
-            is_fd=is_fd,
-            bitrate_switch=is_fd,
-        )
         try:
-            bus.send(message, timeout=0.0)
+            if self._socket is not None and not frame_id & FD:
+                self._socket.send(frame_id, data)
+            else:
+                bus.send(_message(frame_id, data), timeout=0.0)
         except (can.CanError, OSError, ValueError) as error:
             number = _errno(error)
             if number is None or number in _FULL:
@@ -181,7 +176,7 @@ class CanPort:
             self._lost(error, number, now)
             return SendOutcome.BUS_DOWN
         self._down = False
-        if self._hears_itself:
+        if self._hears_itself and (self._socket is None or frame_id & FD):
             self._sent_ids.add(frame_id)
             self._sent.append((frame_id, data))
         self.bits += 47 + 8 * len(data)
@@ -190,9 +185,9 @@ class CanPort:
     def close(self) -> None:
         """Close the bus; may be called twice."""
         bus, self._bus = self._bus, None
-        reader, self._reader = self._reader, None
-        if reader is not None:
-            reader.close()
+        direct, self._socket = self._socket, None
+        if direct is not None:
+            direct.close()
         if bus is not None:
             with contextlib.suppress(can.CanError, OSError):
                 bus.shutdown()
@@ -228,7 +223,7 @@ class CanPort:
             return
         self.close()
         self._bus = bus
-        self._reader = multicast_reader(bus)
+        self._socket = multicast_socket(bus)
         self._gone = False
         self._controller = BusState.ERROR_ACTIVE
         self.counts["reopened"] += 1
@@ -267,6 +262,18 @@ class CanPort:
         if kind & _ERR_BUS_OFF:
             self._controller = BusState.BUS_OFF
             self.counts["bus_off"] += 1
+
+
+def _message(frame_id: int, data: bytes) -> can.Message:
+    """A data frame as a message of python-can."""
+    is_fd = frame_id & FD != 0
+    return can.Message(
+        arbitration_id=number_of(frame_id),
+        data=data,
+        is_extended_id=frame_id >= EXTENDED,
+        is_fd=is_fd,
+        bitrate_switch=is_fd,
+    )
 
 
 def _flagged(message: can.Message) -> int:
