@@ -118,15 +118,20 @@ def rig_file(tmp_path: Path) -> Path:
     return path
 
 
+def receivers(channel: str) -> int:
+    """How many sockets receive everything from an interface; the kernel has a line for each."""
+    return sum(line.split()[:1] == [channel] for line in RECEIVERS.read_text().splitlines())
+
+
 @pytest.fixture
 def candump(bus: Any, tmp_path: Path) -> Iterator[Any]:
     """Starts candump; calling it ends candump and returns its log."""
     path = tmp_path / "candump.log"
-    before = RECEIVERS.read_text().count(bus.channel)
+    before = receivers(bus.channel)
     with path.open("w") as out:
         process = subprocess.Popen(["candump", "-L", bus.channel], stdout=out)
     end = time.monotonic() + 60.0
-    while RECEIVERS.read_text().count(bus.channel) <= before:
+    while receivers(bus.channel) <= before:
         assert time.monotonic() < end, "candump has opened no socket"
         time.sleep(0.05)
 
