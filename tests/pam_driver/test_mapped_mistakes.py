@@ -414,3 +414,15 @@ def test_a_signal_without_usable_numbers_is_refused(
     path.write_text(text.replace(before, f"P_Dem_A : 7|16@0+ {numbers}"))
     problems = problems_after(load_rig(ELBOW_VENDOR), put("dbc", str(path)))
     assert any(f"PVM_Demand.P_Dem_A has {told}" in line for line in problems), problems
+
+
+def test_a_message_of_absurd_length_is_refused_at_once(tmp_path: Path) -> None:
+    """The package that reads the file would be busy with it for minutes, at the driver's start."""
+    text = vendor_dbc().read_text()
+    before = "PVM_Joint: 5 "
+    assert before in text
+    path = tmp_path / "other.dbc"
+    path.write_text(text.replace(before, "PVM_Joint: 99999999999 "))
+    problems = problems_after(load_rig(ELBOW_VENDOR), put("dbc", str(path)))
+    told = "other.dbc: message PVM_Joint has 99999999999 bytes, which no frame has"
+    assert [line for line in problems if told in line], problems

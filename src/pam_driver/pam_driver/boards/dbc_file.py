@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Final
 
 import cantools
 from cantools.database import Database
 from cantools.database.errors import Error
 
 from pam_driver.boards.frame_errors import DbcError
+
+# ISO 15765-2 carries up to 4095 bytes in several frames; cantools needs for ever for a typing
+# mistake of some more digits.
+_LONGEST: Final = 4096
+_LENGTH: Final = re.compile(r"^\s*BO_\s+\d+\s+(\w+)\s*:\s*(\d+)", re.MULTILINE)
 
 
 def load_dbc(path: Path, max_bytes: int, *, strict: bool = True) -> Database:
@@ -32,9 +39,11 @@ def load_dbc(path: Path, max_bytes: int, *, strict: bool = True) -> Database:
     try:
         if path.stat().st_size > max_bytes:
             raise DbcError(f"{path}: larger than {max_bytes} bytes, too large for a board's DBC")
-        database = cantools.database.load_string(
-            path.read_text(encoding="cp1252"), database_format="dbc", strict=strict
-        )
+        text = path.read_text(encoding="cp1252")
+        for name, length in _LENGTH.findall(text):
+            if len(length) > len(str(_LONGEST)) or int(length) > _LONGEST:
+                raise DbcError(f"{path}: message {name} has {length} bytes, which no frame has")
+        database = cantools.database.load_string(text, database_format="dbc", strict=strict)
     except OSError as error:
         raise DbcError(f"{path}: cannot be read: {error.strerror}") from error
     except (Error, ValueError, KeyError) as error:
