@@ -20,7 +20,12 @@ setup(
     ],
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["viewer = pam_bringup.__main__:main"]},
+    entry_points={
+        "console_scripts": [
+            "viewer = pam_bringup.__main__:main",
+            "markers = pam_bringup.viewer.markers_node:main",
+        ]
+    },
     zip_safe=False,
     author="PAM suite authors",
     author_email="pam-suite@example.org",

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from pam_bringup.viewer import markers_node
 from pam_check.__main__ import main as pam_check
 from pam_check.chain import private_domain, set_environment
 from pam_control import controller_node
@@ -56,6 +57,7 @@ NODES = {
     "rig": rig_node.main,
     "monitor": monitor_node.main,
     "play": play_node.main,
+    "markers": markers_node.main,
 }
 HEAVY = {
     "numpy",

@@ -1,0 +1,99 @@
+"""Publishes the muscles as markers, for RViz and Foxglove beside the model of the robot.
+
+`ros2 run pam_bringup markers --ros-args --params-file config/elbow.yaml`
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import Marker, MarkerArray
+
+from pam_bringup.viewer.arm_drawing import Stroke, arm_strokes
+from pam_model.errors import PamError
+from pam_model.rig import rig_of_node
+from pam_ros.node_help import Endpoint, NodeHelp
+from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.spin import spin_node
+
+PARAMETERS = (
+    Parameter("rate", 20.0, "Hz", 1.0, 100.0, "of the markers"),
+    Parameter("frame", "base_link", "-", 0, 0, "in which the muscles stand; that of the URDF"),
+)
+LINK = "link"  # the rod of a joint, which the robot's own model shows
+_LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def cylinder(stroke: Stroke, number: int, frame: str) -> Marker:
+    """A vertical stroke as a marker; its stamp of zero means the newest transform."""
+    (x, y, top), (_, _, bottom) = stroke.points
+    marker = Marker(ns=stroke.name, id=number, type=Marker.CYLINDER, action=Marker.ADD)
+    marker.header.frame_id = frame
+    position, size, colour = marker.pose.position, marker.scale, marker.color
+    position.x, position.y, position.z = x, y, 0.5 * (top + bottom)
+    size.x = size.y = 2.0 * stroke.radius
+    size.z = abs(top - bottom)
+    colour.r, colour.g, colour.b = (part / 255.0 for part in stroke.colour)
+    colour.a = 1.0
+    return marker
+
+
+class MarkersNode(Node):  # type: ignore[misc]
+    """Draws the muscles of every joint whose angle is measured."""
+
+    def __init__(self) -> None:
+        super().__init__("pam_markers", automatically_declare_parameters_from_overrides=True)
+        self._parameters = NodeParameters(self, PARAMETERS, rig_of_node)
+        self._rig = self._parameters.described
+        self._frame = str(self._parameters["frame"])
+        self._positions: dict[str, float] = {}
+        self._pressures: dict[str, float] = {}
+        self._markers = self.create_publisher(MarkerArray, "~/muscles", 1)
+        self.create_subscription(JointState, "joint_states", self._take_positions, _LATEST)
+        self.create_subscription(JointState, "pressure_states", self._take_pressures, _LATEST)
+        self.create_timer(1.0 / self._parameters.number("rate"), self._publish)
+
+    def _take_positions(self, message: JointState) -> None:
+        self._positions = dict(zip(message.name, message.position, strict=False))
+
+    def _take_pressures(self, message: JointState) -> None:
+        self._pressures = dict(zip(message.name, message.effort, strict=False))
+
+    def _publish(self) -> None:
+        markers = []
+        for place, name in enumerate(self._rig.joint_names):
+            position = self._positions.get(name, math.nan)
+            if math.isfinite(position):
+                strokes = arm_strokes(self._rig, place, position, self._pressures)
+                shown = [stroke for stroke in strokes if not stroke.name.endswith(f"/{LINK}")]
+                markers += [cylinder(stroke, 0, self._frame) for stroke in shown]
+        if markers:
+            self._markers.publish(MarkerArray(markers=markers))
+
+
+HELP = NodeHelp(
+    program="ros2 run pam_bringup markers",
+    purpose="Publishes the muscles as markers, with their length and, as colour, their pressure.",
+    parameters=PARAMETERS,
+    other_keys="the keys of the rig file, which docs/rig_file.md describes",
+    example="--ros-args --params-file config/elbow.yaml",
+    subscribes=(
+        Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
+        Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
+    ),
+    publishes=(Endpoint("~/muscles", "visualization_msgs/MarkerArray", "muscles and tendons [m]"),),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until it is stopped."""
+    return spin_node(MarkersNode, HELP, arguments, mistake=PamError)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
