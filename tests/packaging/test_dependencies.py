@@ -14,6 +14,7 @@ from support.source_tree import PACKAGES, ROOT, SOURCE, foreign_imports
 # ROS and of this suite are their own keys. Keys that end in -pip are not in Ubuntu.
 ROSDEP_KEYS = {
     "PIL": "python3-pil",
+    "argcomplete": "python3-argcomplete",
     "bokeh": "python3-bokeh-pip",
     "can": "python3-can",
     "canopen": "canopen-pip",
@@ -22,6 +23,7 @@ ROSDEP_KEYS = {
     "h5py": "python3-h5py",
     "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib",
+    "msgpack": "python3-msgpack",
     "numpy": "python3-numpy",
     "pandas": "python3-pandas",
     "rich": "python3-rich",
@@ -33,14 +35,13 @@ ROSDEP_KEYS = {
 ROS = {
     "ament_index_python", "builtin_interfaces", "control_msgs", "diagnostic_msgs", "launch",
     "launch_ros", "lifecycle_msgs", "rcl_interfaces", "rclpy", "sensor_msgs", "std_msgs",
-    "std_srvs", "trajectory_msgs",
+    "std_srvs", "trajectory_msgs", "visualization_msgs",
 }  # fmt: skip
 # rosdep has no keys for these: without numba every package works, slower; without Dask only the
 # command `fleet` does not, without rerun-sdk only the viewer, and both say so
 OPTIONAL = {"numba", "dask", "distributed", "rerun"}
 # declared although no file imports them
 USED_OTHERWISE = {
-    ("pam_driver", "python3-msgpack"): "python-can's interface udp_multicast needs it",
     ("pam_bringup", "pam_control"): "a launch file starts its node",
     ("pam_bringup", "pam_driver"): "a launch file starts its node",
     ("pam_bringup", "pam_model"): "a launch file starts its node",
