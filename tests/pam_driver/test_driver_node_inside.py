@@ -268,6 +268,30 @@ def test_commands_before_the_activation_are_counted_and_the_reason_is_shown(
     assert "the driver is venting; activate it first" in diagnostics._commands().message
 
 
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_command_has_the_age_with_which_it_arrived_and_is_older_by_its_wait(
+    inside: Inside, stamped: bool
+) -> None:
+    """Also a command without a stamp, which waited for the I/O thread, is not new any more."""
+    node = inside.node
+    assert node.autostart()
+    inside.answer(inside.healthy)
+    assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    driver = node._driver
+    assert driver is not None
+    driver._ready_since = 0.0  # so that the command is not from before the activation
+    message = JointState(name=NAMES, position=[0.0, 0.0])
+    begin = time.time()
+    if stamped:
+        message.header.stamp = node.get_clock().now().to_msg()
+        time.sleep(0.05)
+    node._commands.waited = 0.05
+    node._on_valve_commands(serialize_message(message))
+    longest = time.time() - begin - 0.049 if stamped else 0.0
+    assert driver._command_age <= longest
+    assert time.monotonic() - driver._command_time >= 0.049
+
+
 def fail_and_clean_up(inside: Inside) -> None:
     """An active node whose board stops answering: a latched fault, then a clean-up."""
     node = inside.node

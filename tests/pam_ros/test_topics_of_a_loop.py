@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from pam_check.chain import private_domain
+from pam_ros import polled_topic
 from pam_ros.joint_state_bytes import JointStateReader
 from pam_ros.joint_state_publisher import JointStatePublisher, nanoseconds_of
 from pam_ros.polled_topic import PolledTopic
@@ -57,6 +59,30 @@ def test_every_waiting_message_of_two_publishers_is_taken_in_one_poll(node: Node
     wait(lambda: topic.poll() + len(heard) and len(heard) == 6)
     assert [one.frame_id for one in heard].count("a") == 3
     assert topic.poll() == 0
+
+
+def test_a_message_knows_how_long_it_waited_for_the_loop(
+    node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its age when it arrived must not depend on when the loop has time for it."""
+    topic, heard = polled(node)
+    publisher = JointStatePublisher(node, "states", 1)
+    wait(publisher._publisher.get_subscription_count)
+    topic.poll()
+    before = time.time()
+    publisher.publish(0, ("joint",), (0.5,))
+    time.sleep(0.3)
+    wait(topic.poll)
+    assert 0.2 < topic.waited <= time.time() - before
+    assert before <= topic.arrived <= time.time() - 0.2
+    publisher.publish(0, ("joint",), (0.6,))
+    time.sleep(0.1)
+    clock = SimpleNamespace(monotonic=time.monotonic, time=lambda: time.time() + 1000.0)
+    began = topic._polled_at
+    monkeypatch.setattr(polled_topic, "time", clock)
+    wait(topic.poll)
+    assert len(heard) == 2
+    assert topic.waited <= time.monotonic() - began, "although the wall clock was set"
 
 
 def test_a_polled_topic_does_not_wake_an_executor(node: Node) -> None:

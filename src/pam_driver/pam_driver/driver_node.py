@@ -265,8 +265,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             return
         try:
             message = self._reader.read(data)
-            # a stamp of zero means "now", as in other ROS interfaces
-            age = time.time() - message.stamp if message.stamp else 0.0
+            waited = self._commands.waited
+            # its age when it arrived; a stamp of zero means "now", as in other ROS interfaces
+            age = time.time() - waited - message.stamp if message.stamp else 0.0
             command = NamedCommand(
                 message.name,
                 message.position,
@@ -275,7 +276,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
                 age,
                 message.frame_id,
             )
-            driver.set_commands(command, time.monotonic())
+            driver.set_commands(command, time.monotonic() - waited)
         except (CommandError, MalformedMessageError) as error:
             self.get_logger().warning(f"valve_commands refused: {error}", throttle_duration_sec=1.0)
 

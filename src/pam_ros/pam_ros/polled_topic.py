@@ -7,6 +7,7 @@ both. The messages are taken as bytes, see `pam_ros.joint_state_bytes`.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -43,6 +44,9 @@ class PolledTopic:
         The subscription.
     arrived : float
         When the last message that was handed over arrived, wall clock [s]; 0 before the first.
+    waited : float
+        How long it had then waited for `poll` [s]; at most the time since the `poll` before, so
+        that a wall clock that is set cannot make a message older than it is.
     """
 
     def __init__(
@@ -66,7 +70,8 @@ class PolledTopic:
         # another quality of service stay with the node
         node._subscriptions.remove(self.subscription)
         self._node = node
-        self.arrived = 0.0
+        self.arrived = self.waited = 0.0
+        self._polled_at = time.monotonic()
         self._take = take
         self._message_type = message_type
         self._handle = self.subscription.handle
@@ -74,6 +79,8 @@ class PolledTopic:
     def poll(self) -> int:
         """Hand over the messages that have arrived; returns their number, never waits."""
         handle = self._handle
+        now = time.monotonic()
+        longest, self._polled_at = now - self._polled_at, now
         with handle:
             for count in range(MOST_TAKEN):
                 taken = handle.take_message(self._message_type, True)
@@ -81,6 +88,7 @@ class PolledTopic:
                     return count
                 data, about = taken
                 self.arrived = 1e-9 * about["received_timestamp"]
+                self.waited = min(max(time.time() - self.arrived, 0.0), longest)
                 self._take(data)
         return MOST_TAKEN
 
