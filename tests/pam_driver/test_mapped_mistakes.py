@@ -416,13 +416,24 @@ def test_a_signal_without_usable_numbers_is_refused(
     assert any(f"PVM_Demand.P_Dem_A has {told}" in line for line in problems), problems
 
 
-def test_a_message_of_absurd_length_is_refused_at_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ("PVM_Joint: 5 ", "PVM_Joint: 99999999999 ",
+         "message PVM_Joint has 99999999999 bytes, which no frame has"),
+        ("P_Dem_A : 7|16@", "P_Dem_A : 7|4294967296@",
+         "signal P_Dem_A has 4294967296 bits or begins there"),
+        ("P_Dem_A : 7|16@", "P_Dem_A : 4294967296|16@",
+         "signal P_Dem_A has 4294967296 bits or begins there"),
+    ],
+)  # fmt: skip
+def test_an_absurd_length_in_a_dbc_file_is_refused_at_once(
+    before: str, after: str, told: str, tmp_path: Path
+) -> None:
     """The package that reads the file would be busy with it for minutes, at the driver's start."""
     text = vendor_dbc().read_text()
-    before = "PVM_Joint: 5 "
     assert before in text
     path = tmp_path / "other.dbc"
-    path.write_text(text.replace(before, "PVM_Joint: 99999999999 "))
+    path.write_text(text.replace(before, after))
     problems = problems_after(load_rig(ELBOW_VENDOR), put("dbc", str(path)))
-    told = "other.dbc: message PVM_Joint has 99999999999 bytes, which no frame has"
-    assert [line for line in problems if told in line], problems
+    assert [line for line in problems if f"other.dbc: {told}" in line], problems

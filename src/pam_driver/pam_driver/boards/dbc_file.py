@@ -15,7 +15,8 @@ from pam_driver.boards.frame_errors import DbcError
 # ISO 15765-2 carries up to 4095 bytes in several frames; cantools needs for ever for a typing
 # mistake of some more digits.
 _LONGEST: Final = 4096
-_LENGTH: Final = re.compile(r"^\s*BO_\s+\d+\s+(\w+)\s*:\s*(\d+)", re.MULTILINE)
+_LENGTH: Final = re.compile(r"\bBO_\s+\d+\s+(\w+)\s*:\s*(\d+)")
+_BITS: Final = re.compile(r"\bSG_\s+(\w+)[^:]*:\s*(\d+)\s*\|\s*(\d+)")
 
 
 def load_dbc(path: Path, max_bytes: int, *, strict: bool = True) -> Database:
@@ -41,8 +42,12 @@ def load_dbc(path: Path, max_bytes: int, *, strict: bool = True) -> Database:
             raise DbcError(f"{path}: larger than {max_bytes} bytes, too large for a board's DBC")
         text = path.read_text(encoding="cp1252")
         for name, length in _LENGTH.findall(text):
-            if len(length) > len(str(_LONGEST)) or int(length) > _LONGEST:
+            if _exceeds(length, _LONGEST):
                 raise DbcError(f"{path}: message {name} has {length} bytes, which no frame has")
+        for name, *numbers in _BITS.findall(text):
+            for bits in numbers:
+                if _exceeds(bits, 8 * _LONGEST):
+                    raise DbcError(f"{path}: signal {name} has {bits} bits or begins there")
         database = cantools.database.load_string(text, database_format="dbc", strict=strict)
     except OSError as error:
         raise DbcError(f"{path}: cannot be read: {error.strerror}") from error
@@ -52,3 +57,8 @@ def load_dbc(path: Path, max_bytes: int, *, strict: bool = True) -> Database:
     if not isinstance(database, Database):
         raise DbcError(f"{path}: not a CAN database")
     return database
+
+
+def _exceeds(digits: str, limit: int) -> bool:
+    """Whether a number is above a limit; it may have more digits than Python converts."""
+    return len(digits.lstrip("0")) > len(str(limit)) or int(digits) > limit
