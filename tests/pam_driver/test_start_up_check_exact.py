@@ -356,6 +356,21 @@ def test_a_muscle_that_keeps_its_air_ends_the_check_after_its_time(elbow: Rig) -
     assert not any(fractions[1] > 0.0 for fractions in told)
 
 
+@pytest.mark.parametrize(("left", "empty"), [(0.4, True), (0.6, False)])
+def test_a_muscle_is_empty_below_half_of_its_pulse(elbow: Rig, left: float, empty: bool) -> None:
+    desk = desk_of(elbow)
+    filled = [False]
+
+    def leaves(air: list[float]) -> list[float]:
+        filled[0] |= air[0] > 0.0
+        rest = left * desk.check.pulses[0].pressure * filled[0]
+        return [max(air[0], rest), air[1]]
+
+    desk.shows = leaves
+    desk.run()
+    assert (desk.findings == []) is empty
+
+
 def test_a_second_start_forgets_the_first(elbow: Rig) -> None:
     desk = desk_of(elbow, shows=lambda air: [0.0, 0.0])
     desk.run()
