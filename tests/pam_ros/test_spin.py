@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,15 @@ HELP = NodeHelp(
     example="--ros-args --params-file drawing.yaml",
     publishes=[Endpoint("~/parts", "std_msgs/String", "what was read")],
 )
+
+
+@pytest.fixture(autouse=True)
+def _handlers() -> Iterator[None]:
+    """Whoever has ended by a signal keeps noting signals, for its process ends."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def never() -> None:
@@ -107,7 +117,6 @@ def test_a_wrong_command_line_of_a_node_is_one_line(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_a_node_is_made_ends_it_after_it_is_made(number: int) -> None:
     """A context that a signal closes in the middle of making a node may abort the process."""
-    handler = signal.getsignal(number)
     ends: list[str] = []
 
     class Drawer(Node):  # type: ignore[misc]
@@ -125,7 +134,7 @@ def test_a_signal_while_a_node_is_made_ends_it_after_it_is_made(number: int) -> 
     assert spin_node(Drawer, HELP, [], mistake=MisreadDrawingError) == 0
     assert ends == ["made, context open: True", "destroyed, context open: True"]
     assert not rclpy.ok()
-    assert signal.getsignal(number) is handler
+    os.kill(os.getpid(), number)  # the same request, handed on by launch: the process is ending
 
 
 SIGNALLED_IN_A_CALLBACK = """
@@ -158,6 +167,13 @@ def test_ctrl_c_that_arrives_twice_does_not_abort_a_node_in_a_callback(tmp_path:
         [sys.executable, str(file)], capture_output=True, text=True, timeout=60.0, check=False
     )
     assert (ended.returncode, ended.stdout) == (0, "turned\n"), ended.stderr
+
+
+def test_a_node_that_no_signal_has_ended_leaves_the_handlers_as_they_were() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with EndSignals():
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_signals_close_together_are_one_request_to_end() -> None:

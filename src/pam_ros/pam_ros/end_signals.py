@@ -25,6 +25,10 @@ programs that it runs, and from launch, which hands it on.
 class EndSignals:
     """The SIGINT and SIGTERM of this process, from `with` to its end.
 
+    Where none has come, the handlers from before are back afterwards. Otherwise the process is
+    ending, and the second signal of the same request may still come while its objects are freed:
+    then signals are noted until the process has gone.
+
     Parameters
     ----------
     clock : callable, optional
@@ -77,5 +81,6 @@ class EndSignals:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
+        if not self.asked:
+            for number, handler in self._before.items():
+                signal.signal(number, handler)
