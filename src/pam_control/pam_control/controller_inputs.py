@@ -68,8 +68,11 @@ class ControllerInputs:
         self._pressure_topic = PolledTopic(
             node, JointState, "pressure_states", on_pressures, best_effort=True
         )
+        self._position_topic = PolledTopic(
+            node, JointState, "joint_states", on_joints, best_effort=True
+        )
         self.topics = [
-            PolledTopic(node, JointState, "joint_states", on_joints, best_effort=True),
+            self._position_topic,
             self._pressure_topic,
             PolledTopic(
                 node, DiagnosticStatus, "pam_driver/state", take_driver_state, latched=True
@@ -96,22 +99,29 @@ class ControllerInputs:
             message = _read(self._position_reader, data)
             values = in_order(message.name, message.position, self._joints, "position")
             if values is not None:
-                self.positions, self.position_time = values, self._stamp(message)
+                self.positions, self.position_time = (
+                    values,
+                    self._stamp(message, self._position_topic),
+                )
 
     def _on_pressure_states(self, data: bytes) -> None:
         with self._rejecting("pressure_states"):
             message = _read(self._pressure_reader, data)
             values = in_order(message.name, message.effort, self._muscles, "effort")
             if values is not None:
-                self.pressures, self.pressure_time = values, self._stamp(message)
+                self.pressures, self.pressure_time = (
+                    values,
+                    self._stamp(message, self._pressure_topic),
+                )
 
-    def _stamp(self, message: JointStateFields) -> float:
+    def _stamp(self, message: JointStateFields, topic: PolledTopic) -> float:
         """Time of a measurement: its stamp, but not later than its arrival.
 
         The wall clock is only used for the age of the stamp when the message is taken.
         """
         now = self._clock()
-        return min(now, now - (time.time() - message.stamp)) if message.stamp else now
+        arrived = now - topic.waited
+        return min(arrived, now - (time.time() - message.stamp)) if message.stamp else arrived
 
 
 def _read(reader: JointStateReader, data: bytes) -> JointStateFields:
