@@ -23,6 +23,7 @@ from pathlib import Path
 from pam_check.chain import Chain, multicast_bus, private_domain
 from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
+from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig, rig_from_parameters, save_rig
 
 ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"
@@ -86,6 +87,11 @@ def measured_chain(joints: int, seconds: float) -> tuple[dict[str, float], dict[
             pids = {name: process.pid for name, process in chain.processes.items()}
             found = shares(pids, seconds)
             chain.check()
+            # a driver that has stopped, or a controller without measurements, costs less
+            stopped = [line for line in chain.processes["driver"].output.splitlines()
+                       if "latched until" in line]  # fmt: skip
+            if stopped:
+                raise PamError(f"{stopped[0]}; is the machine busy?")
     return found, starts
 
 
