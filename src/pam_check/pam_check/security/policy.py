@@ -45,10 +45,6 @@ class Rights:
         Names in addition to those of every node.
     actions : tuple of str
         Actions that the node may serve; it has them where their packages are installed.
-    parameters : bool
-        Whether the node has parameter services and rosout.
-    enclave : str
-        Enclave of its process, if the process has the name of another node.
     """
 
     publishes: tuple[str, ...] = ()
@@ -56,8 +52,6 @@ class Rights:
     serves: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
     actions: tuple[str, ...] = ()
-    parameters: bool = True
-    enclave: str = ""
 
 
 POLICY: Mapping[str, Rights] = {
@@ -73,15 +67,11 @@ POLICY: Mapping[str, Rights] = {
         publishes=("valve_commands", "~/reference", "~/error", "~/disturbance", "diagnostics"),
         subscribes=(
             "~/joint_trajectory", "~/commands", "~/stiffness_commands",
+            "joint_states", "pressure_states", "pam_driver/state",
         ),
         serves=("~/stop", "~/lower"),
         actions=("~/follow_joint_trajectory",),
         calls=("pam_driver/vent",),
-    ),
-    "pam_controller_inputs": Rights(
-        subscribes=("joint_states", "pressure_states", "pam_driver/state"),
-        parameters=False,
-        enclave="pam_controller",
     ),
     "pam_model": Rights(
         publishes=("muscle_states", "joint_estimates", "joint_stiffness", "diagnostics"),
@@ -108,11 +98,8 @@ def rights_of(node: str, rig: Rig) -> dict[str, set[str]]:
             ENABLING_SWITCH: rig.people.enabling_switch_topic,
         }
         subscribes |= {topic for name, topic in PEOPLE_TOPICS.items() if wanted[name]}
-    publishes = set(rights.publishes) | {"parameter_events"}
-    serves = set(rights.serves) | {"~/get_type_description"}
-    if rights.parameters:
-        publishes |= set(_COMMON_PUBLISHES)
-        serves |= set(_COMMON_SERVES)
+    publishes = {*rights.publishes, *_COMMON_PUBLISHES, "parameter_events"}
+    serves = {*rights.serves, *_COMMON_SERVES, "~/get_type_description"}
 
     def full(names: set[str]) -> set[str]:
         found = set()
@@ -134,13 +121,10 @@ def policy_xml(rig: Rig) -> str:
     """The policy file: an enclave for each process, a profile for each node."""
     root = ElementTree.Element("policy", version="0.2.0")
     enclaves = ElementTree.SubElement(root, "enclaves")
-    profiles: dict[str, ElementTree.Element] = {}
-    for node, entry in POLICY.items():
-        path = entry.enclave or node
-        if path not in profiles:
-            enclave = ElementTree.SubElement(enclaves, "enclave", path=f"/{path}")
-            profiles[path] = ElementTree.SubElement(enclave, "profiles")
-        profile = ElementTree.SubElement(profiles[path], "profile", ns="/", node=node)
+    for node in POLICY:
+        enclave = ElementTree.SubElement(enclaves, "enclave", path=f"/{node}")
+        profiles = ElementTree.SubElement(enclave, "profiles")
+        profile = ElementTree.SubElement(profiles, "profile", ns="/", node=node)
         rights = rights_of(node, rig)
         for kind, tag in (
             ("reply", "service"), ("request", "service"), ("subscribe", "topic"),

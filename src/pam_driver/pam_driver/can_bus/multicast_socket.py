@@ -138,7 +138,8 @@ class MulticastSocket:
 
 def multicast_socket(bus: can.BusABC) -> MulticastSocket | None:
     """The socket, if the bus is of this kind and the system has what is needed."""
-    if not isinstance(bus, UdpMulticastBus) or not sys.platform.startswith("linux"):
+    # a subclass may have its own ways to send and read
+    if type(bus) is not UdpMulticastBus or not sys.platform.startswith("linux"):
         return None
     if not getattr(bus._multicast, "timestamp_nanosecond", False):
         return None
