@@ -19,6 +19,7 @@ from pam_driver.can_bus.bus import open_bus
 from pam_driver.driver import ActivationError, Driver
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand
+from pam_driver.safety.refusals import COMMANDABLE
 from pam_driver.safety.states import SafetyState
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
@@ -47,7 +48,7 @@ def drive_for_ever(rig: Rig, bus: BusChoice) -> None:
                 driver.activate(now)
         elif driver.state is SafetyState.FAULT:
             driver.clear_faults(now)
-        else:
+        elif driver.state in COMMANDABLE:  # not while it still measures whether all is empty
             driver.set_commands(command, now)
         time.sleep(max(0.0, now + HOST_PERIOD - time.monotonic()))
 
