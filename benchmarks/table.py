@@ -3,8 +3,7 @@
     python benchmarks/table.py [--only chain bag] [--before out/bench.json] [--out out/bench.json]
 
 `make bench` runs it. docs/performance.md explains each row and what limits it. The figures hold for
-an idle machine with at least two cores; the ratios are comparable between machines. It takes less
-than six minutes.
+an idle machine with at least two cores; the ratios are comparable between machines.
 """
 
 from __future__ import annotations
