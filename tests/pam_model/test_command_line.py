@@ -162,7 +162,7 @@ def test_progress_is_quiet_but_on_a_terminal(monkeypatch):
         (types.count(), ["1", "7"], ["0", "-1", "1.5", "x", ""]),
         (types.count(0), ["0"], ["-1"]),
         (types.number("s", above=0.0, most=5.0), ["0.1", "5"], ["0", "-1", "6", "nan", "inf"]),
-        (types.number("s", least=0.0), ["0"], ["-1e-9", "1 s"]),
+        (types.number("s", least=0.0), ["0", "1 s"], ["-1e-9", "1 m"]),
         (types.named_number, ["a.b=1e-3"], ["a", "a=", "a=b"]),
     ],
 )
