@@ -142,22 +142,23 @@ def test_a_delay_of_the_position_that_is_known_is_no_disturbance():
 
 
 def test_the_node_publishes_the_disturbance_of_the_joints_that_have_an_observer(rig):
+    serialization = pytest.importorskip("rclpy.serialization")
+    messages = pytest.importorskip("sensor_msgs.msg")
     sent = {}
 
     def create_publisher(_, topic, __):
-        return SimpleNamespace(publish=lambda message: sent.__setitem__(topic, message))
+        return SimpleNamespace(
+            publish=lambda message: sent.__setitem__(topic, message),
+            get_subscription_count=lambda: 1,
+        )
 
     node = SimpleNamespace(create_publisher=create_publisher, get_fully_qualified_name=lambda: "/c")
     topics = ControllerTopics(node, rig, 1)
     channel = plain(rig).channels[0]
-    topics.publish(_stamp(), [0.0, 0.0], [channel])
+    topics.publish(1_000, [0.0, 0.0], [channel])
     assert "~/disturbance" not in sent
     channel.telemetry.disturbance = -1.5
-    topics.publish(_stamp(), [0.0, 0.0], [channel])
-    assert list(sent["~/disturbance"].name) == ["elbow"]
-    assert list(sent["~/disturbance"].effort) == [-1.5]
-
-
-def _stamp():
-    time = pytest.importorskip("builtin_interfaces.msg")
-    return time.Time()
+    topics.publish(2_000, [0.0, 0.0], [channel])
+    said = serialization.deserialize_message(sent["~/disturbance"], messages.JointState)
+    assert list(said.name) == ["elbow"]
+    assert list(said.effort) == [-1.5]
