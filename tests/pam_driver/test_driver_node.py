@@ -319,6 +319,7 @@ def test_garbage_on_the_bus_is_counted_not_fatal(make_bench: Callable[[str], Ben
 
 
 @pytest.mark.system
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_a_missing_board_is_named_and_nothing_waits(make_bench: Callable[[str], Bench]) -> None:
     bench = make_bench("udp_multicast")
     bench.board.stop()
