@@ -150,6 +150,7 @@ class CommandIntake:
 
     def stiffness(self, values: Sequence[float]) -> None:
         """Take a stiffness for each joint [N m/rad]."""
+        self._controller.foresee_stiffness(values)
         with self.rejecting("stiffness_commands"), self._lock:
             self._require_active("stiffness command")
             self._controller.set_stiffness(values)

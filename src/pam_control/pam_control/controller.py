@@ -18,17 +18,16 @@ from collections.abc import Sequence
 
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
+from pam_control.drivable_limits import DrivableLimits
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
 from pam_control.joint_channel import JointChannel, Pair, acting_delays
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
 from pam_control.loop_guard import LoopGuard, Verdict
 from pam_control.lowering import Lowering, LoweringPhase
-from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
-from pam_control.valve_limits import drivable_motion
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
 
@@ -58,10 +57,11 @@ class Controller(LoopDesign):
         self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
     ) -> None:
         super().__init__(rig, settings, designs)
+        self._limits = DrivableLimits(rig)
         self.references = ReferenceGenerator(
             {joint.name: joint.position_limits for joint in rig.joints},
             {
-                channel.joint.name: self._motion_limits(channel, settings.default_stiffness)
+                channel.joint.name: self._limits.at(channel, settings.default_stiffness)
                 for channel in self.channels
             },
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
@@ -73,12 +73,6 @@ class Controller(LoopDesign):
         self.guard = LoopGuard(self.channels)
         self.lowering = Lowering(self.channels)
         self.use(self.prepared)
-
-    def _motion_limits(self, channel: JointChannel, stiffness: float) -> MotionLimits:
-        """The limits of the rig file, and what the valves can drive at this stiffness."""
-        joint, velocity = channel.joint, REFERENCE_SHARE * channel.joint.max_velocity
-        drivable = drivable_motion(self.rig, channel, stiffness)
-        return MotionLimits(velocity, joint.max_acceleration, *drivable)
 
     # --- settings ---------------------------------------------------------------------------------
 
@@ -150,6 +144,18 @@ class Controller(LoopDesign):
                     f"stiffness command rejected: {channel.joint.name} at {value} N m/rad"
                 )
         self.stiffness_commands = [float(value) for value in values]
+        self._drive()
+
+    def foresee_stiffness(self, values: Sequence[float]) -> None:
+        """Compute limits for stiffnesses [N m/rad] that will be commanded; needs no lock."""
+        for channel, value in zip(self.channels, values, strict=False):
+            if math.isfinite(value):
+                self._limits.at(channel, value)
+
+    def _drive(self) -> None:
+        """Limit the references to what the valves can drive at the commanded stiffnesses."""
+        for channel, stiffness in zip(self.channels, self.stiffness_commands, strict=True):
+            self.references.limit(channel.joint.name, self._limits.at(channel, stiffness))
 
     def stiffness_range(self, index: int) -> Pair:
         """Least and greatest stiffness [N m/rad] of joint `index` at its present reference."""
@@ -171,6 +177,7 @@ class Controller(LoopDesign):
             self._apply(self.prepared.normal)
         self.guard.clear()
         self.stiffness_commands = [self.settings.default_stiffness for _ in self.channels]
+        self._drive()
 
     def forget_adaptation(self) -> None:
         """Forget what was learnt of the joints and the valves."""

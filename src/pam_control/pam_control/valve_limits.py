@@ -1,34 +1,55 @@
-"""The motion that the valves of a joint can drive, as a line of acceleration over speed.
+"""The motion that the valves of a joint can drive.
 
-Moving air costs time. A fully open valve changes the pressure of its muscle with a limited rate r
-(ISO 6358 flow, polytropic chamber). At constant stiffness, a torque needs the pressure p_t per
-torque, and an angle p_q per angle; a motion also compresses the gas by c per angle, which the valve
-has to make up for. With the stiffness K of joint and shut valves, and the inertia J, for the valve
-for which they are smallest:
+Moving air costs time: a fully open valve changes the pressure of its muscle with a limited rate
+(ISO 6358 flow, polytropic chamber). A motion of the joint with speed v, acceleration a and jerk j
+needs, at constant stiffness, the pressure rate
 
-    v_valve = r/|p_q + c|,    a_valve = r/(|p_t| J w),    w = sqrt(K/J)
+    dp/dt = (p_q + p_t g_q + c) v + p_t (J j + B a)
 
-v_valve is the speed that the valves can keep up. An acceleration up to a_valve that begins suddenly
-lags by less than 1/w, the time in which the joint itself answers a torque. A joint that moves needs
-air for its motion. As in a motor whose torque falls with its speed, a_valve (1 - |v|/v_valve) is
-left to make it faster, and a_valve (1 + |v|/v_valve) to make it slower.
+of each muscle: p_q is the pressure per angle and p_t the pressure per torque of the joint's
+inverse, g_q the slope of gravity, c what the moved gas is compressed per angle, J the inertia and B
+the viscous friction. Divided by the rate that the open valve gives at the pressure which the motion
+has there, this is the share of the valve that the motion needs. Above 1, the pressures lag behind,
+and the joint is thrown past its reference.
 
-Both are computed with the given stiffness at the ends and in the middle of the joint's range.
+All is tabulated over the joint's range at one stiffness.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from pam_control.feedback.operating_points import POSITION_SHARES, operating_point
+import numpy as np
+
+from pam_control.feedback.operating_points import operating_point
 from pam_control.joint_channel import JointChannel
+from pam_control.references.spline import Array
 from pam_model.errors import PamError
-from pam_model.gas import pressure_rate, valve_flow
+from pam_model.gas import mass_flow, pressure_rate
 from pam_model.rig import Muscle, Rig
 
+PLACES = 9  # over the joint's range
+RANGE_SHARES = (0.05, 0.95)  # the ends themselves are reached at rest
+HIGHEST_SHARE = 0.85  # of the supply's gauge pressure; above it, a valve hardly fills
+LOWEST_SHARE = 0.1  # the same for emptying
+JERK_SHARE = 0.6  # of the valves' flow for the jerk of a motion; the rest is for its speed
+SPEED_SHARE = 0.9  # of the valves' flow for a constant speed
 
-def drivable_motion(rig: Rig, channel: JointChannel, stiffness: float) -> tuple[float, float]:
-    """Acceleration [rad/s^2] and speed [rad/s] that the valves of a joint can drive.
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    """One muscle over the joint's range; arrays of shape (PLACES,)."""
+
+    pressure: Array  # at rest [Pa absolute]
+    per_torque: Array  # [Pa/(N m)]
+    per_velocity: Array  # [Pa/rad]
+    volume: Array  # [m^3]
+    muscle: Muscle
+
+
+class ValveDemand:
+    """What the motions of a joint need of its valves at one stiffness.
 
     Parameters
     ----------
@@ -39,68 +60,127 @@ def drivable_motion(rig: Rig, channel: JointChannel, stiffness: float) -> tuple[
     stiffness : float
         [N m/rad].
 
-    Returns
-    -------
-    acceleration, velocity : float
-        Infinite where the muscles cannot hold the joint, so that nothing is known.
+    Raises
+    ------
+    PamError
+        When the muscles cannot hold the joint anywhere.
     """
-    low, high = channel.joint.position_limits
-    found = []
-    for share in POSITION_SHARES:
-        try:
-            found.append(_drivable_at(rig, channel, stiffness, low + share * (high - low)))
-        except PamError:  # the muscles cannot hold the joint there
-            continue
-    return (
-        min((acceleration for acceleration, _ in found), default=math.inf),
-        min((velocity for _, velocity in found), default=math.inf),
-    )
+
+    def __init__(self, rig: Rig, channel: JointChannel, stiffness: float) -> None:
+        self._rig = rig
+        self._inertia = channel.dynamics.inertia
+        self._damping = channel.dynamics.viscous_friction
+        low, high = channel.joint.position_limits
+        rows: list[list[tuple[float, float, float, float]]] = []
+        places: list[float] = []
+        for share in np.linspace(*RANGE_SHARES, PLACES).tolist():
+            position = low + share * (high - low)
+            try:
+                rows.append(_at(channel, stiffness, position))
+            except PamError:  # the muscles cannot hold the joint there
+                continue
+            places.append(position)
+        if not places:
+            raise PamError(f"{channel.joint.name}: its muscles cannot hold it anywhere")
+        self._places = np.array(places)
+        table = np.array(rows)  # place, side, number
+        self._sides = [
+            _Side(*table[:, side].T, muscle)  # type: ignore[call-arg]
+            for side, muscle in enumerate(channel.muscles)
+        ]
+
+    def share(self, position: Array, velocity: Array, acceleration: Array, jerk: Array) -> Array:
+        """Share of the valves' flow that a motion needs [-], of the valve that needs more.
+
+        Parameters
+        ----------
+        position, velocity, acceleration, jerk : ndarray, shape (n,)
+            [rad], [rad/s], [rad/s^2], [rad/s^3].
+        """
+        torque = self._inertia * acceleration + self._damping * velocity
+        torque_rate = self._inertia * jerk + self._damping * acceleration
+        found = np.zeros_like(position)
+        for side in self._sides:
+            pressure, per_torque, per_velocity, volume = (
+                np.interp(position, self._places, row)
+                for row in (side.pressure, side.per_torque, side.per_velocity, side.volume)
+            )
+            needed = per_velocity * velocity + per_torque * torque_rate
+            filling, emptying = self._rates(side.muscle, pressure + per_torque * torque, volume)
+            found = np.maximum(found, np.where(needed > 0.0, needed / filling, -needed / emptying))
+        return found
+
+    def _rates(self, muscle: Muscle, pressure: Array, volume: Array) -> tuple[Array, Array]:
+        """Rates [Pa/s] of a fully open valve at a pressure [Pa absolute]; both above 0."""
+        gas, supply, valve = self._rig.gas, self._rig.supply_pressure, muscle.valve
+        span = supply - gas.ambient_pressure
+        flows = (
+            (supply, np.minimum(pressure, gas.ambient_pressure + HIGHEST_SHARE * span)),
+            (
+                np.maximum(pressure, gas.ambient_pressure + LOWEST_SHARE * span),
+                gas.ambient_pressure,
+            ),
+        )
+        filling, emptying = (
+            pressure_rate(
+                mass_flow(
+                    valve.sonic_conductance, valve.critical_ratio, above, below, gas.temperature
+                ),
+                pressure,
+                volume,
+                temperature=gas.temperature,
+                exponent=gas.polytropic_exponent,
+            )
+            for above, below in flows
+        )
+        return filling, emptying
+
+    def everywhere(self) -> tuple[float, float, float]:
+        """Speed, acceleration and jerk of a motion that the valves can drive anywhere.
+
+        The speed at the end of an acceleration that grows and fades with this jerk leaves enough of
+        the valves for the jerk.
+
+        Returns
+        -------
+        velocity, acceleration, jerk : float
+            [rad/s], [rad/s^2], [rad/s^3].
+        """
+        still, one = np.zeros_like(self._places), np.ones_like(self._places)
+        per_speed, per_jerk = (
+            max(
+                float(self.share(self._places, sign * v, still, sign * j).max())
+                for sign in (1.0, -1.0)
+            )
+            for v, j in ((one, still), (still, one))
+        )
+        velocity, jerk = 1.0 / per_speed, JERK_SHARE / per_jerk
+        acceleration = math.sqrt(2.0 * jerk * (1.0 - JERK_SHARE) * velocity)
+        return SPEED_SHARE * velocity, acceleration, jerk
 
 
-def _drivable_at(
-    rig: Rig, channel: JointChannel, stiffness: float, position: float
-) -> tuple[float, float]:
-    reached = channel.model.pressures_for(channel.dynamics.gravity(position), stiffness, position)
+def _at(
+    channel: JointChannel, stiffness: float, position: float
+) -> list[tuple[float, float, float, float]]:
+    """The rows of `_Side` for both muscles at one position [rad]."""
+    gravity = channel.dynamics.gravity(position)
+    reached = channel.model.pressures_for(gravity, stiffness, position)
     pressures = (reached.agonist, reached.antagonist)
     point = operating_point(channel.joint, channel.model, position, pressures)
-    gravity = channel.dynamics.gravity_stiffness(position)
-    springs = zip(point.torque_slopes, point.motion_pressure, strict=True)
-    stiff = point.spring + sum(abs(slope * motion) for slope, motion in springs)
-    acceleration = velocity = math.inf
-    for muscle, pressure, volume, per_position, per_torque, motion in zip(
-        channel.muscles,
-        pressures,
-        channel.model.volumes(position),
-        point.per_position,
-        point.per_torque,
-        point.motion_pressure,
-        strict=True,
-    ):
-        filling, emptying = (_rate(rig, muscle, u, pressure, volume) for u in (1.0, -1.0))
-        rate = min(filling, emptying)  # in one direction of motion or in the other
-        velocity = min(velocity, rate / abs(per_position + gravity * per_torque + motion))
-        if stiff > 0.0:
-            lag = math.sqrt(stiff * point.inertia)
-            acceleration = min(acceleration, rate / (abs(per_torque) * lag))
-    return acceleration, velocity
-
-
-def _rate(rig: Rig, muscle: Muscle, opening: float, pressure: float, volume: float) -> float:
-    """How fast a fully open valve changes the pressure in a closed chamber [Pa/s]."""
-    gas, inside = rig.gas, pressure + rig.gas.ambient_pressure
-    flow = valve_flow(
-        opening,
-        inside,
-        supply_pressure=rig.supply_pressure,
-        ambient_pressure=gas.ambient_pressure,
-        conductance=muscle.valve.sonic_conductance,
-        critical_ratio=muscle.valve.critical_ratio,
-        temperature=gas.temperature,
-    )
-    return abs(
-        float(
-            pressure_rate(
-                flow, inside, volume, temperature=gas.temperature, exponent=gas.polytropic_exponent
-            )
+    slope = channel.dynamics.gravity_stiffness(position)
+    return [
+        (
+            pressure + channel.model.ambient_pressure,
+            per_torque,
+            per_position + slope * per_torque + motion,
+            volume,
         )
-    )
+        for pressure, per_torque, per_position, motion, volume in zip(
+            pressures,
+            point.per_torque,
+            point.per_position,
+            point.motion_pressure,
+            channel.model.volumes(position),
+            strict=True,
+        )
+    ]

@@ -1,9 +1,10 @@
-"""Limits of speed and acceleration of a joint's reference.
+"""Limits of a joint's reference: speed, acceleration, and what the valves can drive.
 
-A reference that keeps the limits passes unchanged. Otherwise the limiter follows it as fast as the
-limits allow: it accelerates at most with the limit and brakes in time, both before the target and
-before the ends of the joint's range (the switching curve v^2 = 2 a e of a time-optimal double
-integrator). On its way to the target it also keeps what the valves can drive. Therefore a jump, a
+A reference that the valves can follow passes unchanged. Otherwise the limiter makes a motion of its
+own towards it, with limited speed, acceleration and jerk: in every step it takes the acceleration
+with which it would come to rest exactly at the target (`jerk_limited_stop`), seen from a target
+that may move. Near the target it approaches it as three equal poles do, so that the discrete steps
+do not chatter. It stops before the ends of the joint's range in the same way. Therefore a jump, a
 corner or a stop of the source becomes a motion that the joint can follow.
 
 The limiter runs ahead of the present time, up to the time at which the valves will act, and keeps
@@ -17,16 +18,27 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pam_control.references.spline import JointReference
+import numpy as np
+
+from pam_control.references.jerk_limited_stop import rest_position
+from pam_control.references.spline import Array, JointReference
 
 REFERENCE_SHARE = 0.6
 """Part of the joint's largest speed that a reference may have; overshoot needs the rest."""
-BRAKING_SHARE = 0.9  # of the acceleration limit; the rest covers the discrete steps
+BRAKING_SHARE = 0.9  # of acceleration and jerk, to come to rest; the rest covers discrete steps
 LONGEST_STEP = 0.02  # s
 ROUNDING = 1.01  # a reference that was scaled to its limit exceeds it by less
 MATCH_SHARE = 0.02  # of the largest change of position in one step; taken as no difference
 KEPT_AT_LEAST = 0.2  # s
-LEAST_SHARE = 0.05  # of the acceleration that the valves can drive, which every speed leaves
+SUDDEN = 0.02  # s, over which the jumps of a planned trajectory's acceleration are evened out
+AT_ONCE = 0.005  # s; what the valves can drive in it may jump at once
+POLE = 80.0  # 1/s, of the approach near the target
+LONGEST_POLE_STEP = 0.4  # product of pole and step
+LARGEST_JERK = 1e8  # rad/s^3, where nothing limits it
+HALVINGS = 10  # of the interval in which the acceleration of a step is sought
+
+ValveShare = Callable[[Array, Array, Array, Array], Array]
+"""Share of the valves' full flow that positions, speeds, accelerations and jerks need [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,28 +51,37 @@ class MotionLimits:
         [rad/s].
     acceleration : float
         [rad/s^2].
-    drive_acceleration, drive_velocity : float
-        What the valves can drive, see `pam_control.valve_limits` [rad/s^2], [rad/s].
+    own_velocity, own_acceleration, own_jerk : float
+        Limits of the motions that the limiter makes itself, which the valves can drive anywhere in
+        the joint's range, see `pam_control.valve_limits` [rad/s], [rad/s^2], [rad/s^3].
+    jerk : float
+        What the valves can drive of a planned trajectory's jerk, at rest [rad/s^3].
+    valve_share : ValveShare or None
+        What a motion needs of the valves; None if nothing is known.
     """
 
     velocity: float
     acceleration: float
-    drive_acceleration: float = math.inf
-    drive_velocity: float = math.inf
+    own_velocity: float = math.inf
+    own_acceleration: float = math.inf
+    own_jerk: float = LARGEST_JERK
+    jerk: float = math.inf
+    valve_share: ValveShare | None = None
 
-    def driven(self, velocity: float) -> tuple[float, float]:
-        """Largest accelerations [rad/s^2] that the valves can drive at a velocity [rad/s].
+    @property
+    def own_speed(self) -> float:
+        """Largest speed of the limiter's own motions [rad/s]."""
+        return min(self.velocity, self.own_velocity)
 
-        The first makes the joint faster, the second slower.
-        """
-        start = min(self.acceleration, self.drive_acceleration)
-        share = abs(velocity) / self.drive_velocity
-        faster = start * max(1.0 - share, LEAST_SHARE)
-        return faster, min(start * (1.0 + share), self.acceleration)
+    @property
+    def own_push(self) -> float:
+        """Largest acceleration of the limiter's own motions [rad/s^2]."""
+        return min(self.acceleration, self.own_acceleration)
 
-    def stopping_distance(self, velocity: float) -> float:
-        """Way [rad] on which a reference with this velocity [rad/s] stops, with its sign."""
-        return velocity * abs(velocity) / (2.0 * BRAKING_SHARE * self.acceleration)
+    def rest(self, state: JointReference) -> float:
+        """Where the limiter brings a reference to rest [rad]."""
+        brake, jerk = BRAKING_SHARE * self.own_push, BRAKING_SHARE * self.own_jerk
+        return rest_position(state.position, state.velocity, state.acceleration, brake, jerk)
 
 
 class MotionLimiter:
@@ -69,7 +90,7 @@ class MotionLimiter:
     Parameters
     ----------
     limits : MotionLimits
-        Of speed and acceleration.
+        Of speed, acceleration and jerk.
     bounds : (float, float)
         Lowest and highest position [rad].
 
@@ -99,8 +120,20 @@ class MotionLimiter:
         """The last reference."""
         return self._history[-1][1] if self._history else self._rest
 
-    def advance(self, time: float, source: Callable[[float], JointReference]) -> None:
-        """Follow the source up to `time` [s]; an earlier time than before changes nothing."""
+    def advance(
+        self, time: float, source: Callable[[float], JointReference], planned: bool = False
+    ) -> None:
+        """Follow the source up to `time` [s]; an earlier time than before changes nothing.
+
+        Parameters
+        ----------
+        time : float
+            [s].
+        source : callable
+            The reference before its limits at a time [s].
+        planned : bool, optional
+            The source was planned for these limits and stays in the joint's range.
+        """
         if not self._history:
             self._history.append((time, self._rest))
             return
@@ -109,59 +142,85 @@ class MotionLimiter:
             # a remainder of rounding would be a step of no length
             step = time - last if time - last < 1.5 * LONGEST_STEP else LONGEST_STEP
             last = time if step == time - last else last + step
-            self._history.append((last, self._step(source(last), step)))
+            self._history.append((last, self._step(source(last), step, planned)))
         while len(self._history) > 2 and self._history[1][0] < time - self.keep:
             self._history.popleft()
 
-    def _step(self, target: JointReference, step: float) -> JointReference:
-        now, limits = self.state, self.limits
-        if self._reaches(target, step):
+    def _step(self, target: JointReference, step: float, planned: bool) -> JointReference:
+        if self._reaches(target, step, planned):
             self.limited = False
             return target
         self.limited = True
+        now = self.state
+        low, high = self._accelerations(step)
+        acceleration = self._towards(target, step, low, high)
+        for bound, sign in zip(self.bounds, (-1.0, 1.0), strict=True):
+            if sign * (self.limits.rest(_moved(now, acceleration, step)) - bound) > 0.0:
+                wall = JointReference(bound)
+                acceleration = _landing(now, wall, step, low, high, self.limits)
+        # the limits of the rig file come last, because they hold whatever was asked for
+        fastest = (self.limits.velocity - now.velocity) / step
+        slowest = (-self.limits.velocity - now.velocity) / step
+        acceleration = max(slowest, min(fastest, acceleration))
+        most = self.limits.acceleration
+        moved = _moved(now, max(-most, min(most, acceleration)), step)
         lower, upper = self.bounds
-        brake = BRAKING_SHARE * limits.acceleration
-        faster, slower = limits.driven(now.velocity)
-        gap = target.position - now.position - now.velocity * step
-        # near the target the curve is a line, so that the discrete steps do not overshoot
-        softly = BRAKING_SHARE * min(limits.acceleration, limits.drive_acceleration)
-        closing = min(math.sqrt(2.0 * softly * abs(gap)), 0.25 * abs(gap) / step)
-        wanted = target.velocity + math.copysign(closing, gap)
-        highest = min(
-            limits.velocity, _braking_speed(brake, upper - now.position, now.velocity, step)
-        )
-        lowest = max(
-            -limits.velocity, -_braking_speed(brake, now.position - lower, -now.velocity, step)
-        )
-        if not lowest <= now.velocity <= highest:
-            slower = limits.acceleration  # the range ends, or the speed is too high
-        wanted = max(lowest, min(highest, wanted))
-        acceleration = (wanted - now.velocity) / step
-        acceleration = max(
-            -slower if now.velocity > 0.0 else -faster,
-            min(slower if now.velocity < 0.0 else faster, acceleration),
-        )
-        velocity = now.velocity + acceleration * step
-        position = now.position + 0.5 * (now.velocity + velocity) * step
-        if not lower <= position <= upper:
-            return JointReference(max(lower, min(upper, position)))
-        return JointReference(position, velocity, acceleration)
+        if not lower <= moved.position <= upper:
+            return JointReference(max(lower, min(upper, moved.position)))
+        return moved
 
-    def _reaches(self, target: JointReference, step: float) -> bool:
+    def _accelerations(self, step: float) -> tuple[float, float]:
+        """The range of accelerations that the limits leave for the next step [rad/s^2]."""
+        now, limits = self.state, self.limits
+        reach, most = limits.own_jerk * step, limits.own_push
+        low = min(max(now.acceleration - reach, -most), now.acceleration + reach)
+        high = max(min(now.acceleration + reach, most), now.acceleration - reach)
+        # so that the speed keeps its limit when the acceleration fades with the limited jerk
+        faster = _fading(limits.own_speed - now.velocity, limits.own_jerk, step)
+        slower = -_fading(limits.own_speed + now.velocity, limits.own_jerk, step)
+        high = max(low, min(high, faster))
+        return min(high, max(low, slower)), high
+
+    def _towards(self, target: JointReference, step: float, low: float, high: float) -> float:
+        """The acceleration [rad/s^2] of the next step towards a target at its end."""
+        now, limits = self.state, self.limits
+        pole = min(POLE, LONGEST_POLE_STEP / step)
+        at = max(-limits.own_push, min(limits.own_push, target.acceleration))
+        gap = now.position + step * (now.velocity + 0.5 * step * now.acceleration)
+        gap -= target.position
+        speed = now.velocity + step * now.acceleration - target.velocity
+        push = now.acceleration - at
+        pulls = (pole**3 * gap, 3.0 * pole**2 * speed, 3.0 * pole * push)
+        if sum(abs(pull) for pull in pulls) <= min(limits.own_jerk, pole * limits.own_push):
+            return max(low, min(high, now.acceleration - step * sum(pulls)))
+        aim = JointReference(target.position, target.velocity, at)
+        return _landing(now, aim, step, low, high, limits)
+
+    def _reaches(self, target: JointReference, step: float, planned: bool) -> bool:
         """Whether the target can be taken as it is, without leaving the limits."""
         now, limits = self.state, self.limits
-        lower, upper = self.bounds
-        brake = BRAKING_SHARE * limits.acceleration
-        room = upper - target.position if target.velocity > 0.0 else target.position - lower
-        change = limits.acceleration * step
         way = 0.5 * (now.velocity + target.velocity) * step
+        change = limits.acceleration * step
+        if (
+            abs(target.velocity) > ROUNDING * limits.velocity
+            or abs(target.acceleration) > ROUNDING * limits.acceleration
+            or abs(target.velocity - now.velocity) > ROUNDING * change
+            or abs(target.position - now.position - way) > MATCH_SHARE * change * step
+        ):
+            return False
+        jump = abs(target.acceleration - now.acceleration)
+        if planned:
+            return jump <= ROUNDING * limits.jerk * max(step, AT_ONCE)
+        push = 0.5 * (now.acceleration + target.acceleration) * step
+        lower, upper = self.bounds
         return (
-            abs(target.velocity) <= ROUNDING * limits.velocity
-            and abs(target.acceleration) <= ROUNDING * limits.acceleration
-            and abs(target.velocity)
-            <= _braking_speed(brake, room, abs(target.velocity), step) + change
-            and abs(target.velocity - now.velocity) <= ROUNDING * change
-            and abs(target.position - now.position - way) <= MATCH_SHARE * change * step
+            jump <= ROUNDING * limits.own_jerk * step
+            and abs(target.velocity - now.velocity - push) <= MATCH_SHARE * limits.own_push * step
+            and lower <= limits.rest(target) <= upper
+            and (
+                abs(target.velocity) <= limits.own_speed
+                or _share(limits, target, (target.acceleration - now.acceleration) / step) <= 1.0
+            )
         )
 
     def sample(self, time: float) -> JointReference:
@@ -183,17 +242,66 @@ class MotionLimiter:
         return later
 
 
-def _braking_speed(brake: float, room: float, speed: float, step: float) -> float:
-    """Largest speed [rad/s] at the end of a step that still permits to stop within the room.
+def _moved(now: JointReference, acceleration: float, step: float) -> JointReference:
+    """The reference after a step with a constant acceleration [rad/s^2]."""
+    velocity = now.velocity + acceleration * step
+    position = now.position + 0.5 * (now.velocity + velocity) * step
+    return JointReference(position, velocity, acceleration)
 
-    During the step the speed changes evenly from `speed` [rad/s] to the result; then the joint
-    brakes with `brake` [rad/s^2]. The result is the root of v^2/(2 brake) + v step/2 = room left.
+
+def _landing(
+    now: JointReference,
+    target: JointReference,
+    step: float,
+    low: float,
+    high: float,
+    limits: MotionLimits,
+) -> float:
+    """The acceleration between two [rad/s^2] after which the motion would end at the target.
+
+    It ends there with the limits' jerk and acceleration; a target that moves on is where it would
+    be then. The place where the motion ends grows with the acceleration, so that halving finds it.
+    Accelerations that are constant during each step change as a steady jerk does if each of them is
+    that of the middle of its step.
     """
-    left = room - 0.5 * speed * step
-    if left <= 0.0:
-        return 0.0
     half = 0.5 * step
-    return brake * (math.sqrt(half * half + 2.0 * left / brake) - half)
+    there = target.position - half * (target.velocity - half * target.acceleration / 2.0)
+
+    def beyond(acceleration: float) -> float:
+        moved = _moved(now, acceleration, half)
+        return limits.rest(
+            JointReference(
+                moved.position - there,
+                moved.velocity - target.velocity + half * target.acceleration,
+                moved.acceleration - target.acceleration,
+            )
+        )
+
+    if beyond(high) <= 0.0:
+        return high
+    if beyond(low) >= 0.0:
+        return low
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if beyond(middle) < 0.0 else (low, middle)
+    return low
+
+
+def _fading(room: float, jerk: float, step: float) -> float:
+    """Acceleration after which a speed grows by `room` [rad/s] if it fades with a jerk [rad/s^3].
+
+    It lasts for a step [s] and then fades: a step + a^2/(2 jerk) = room.
+    """
+    if room <= 0.0:
+        return room / step
+    return 2.0 * room / (step + math.sqrt(step * step + 2.0 * room / jerk))
+
+
+def _share(limits: MotionLimits, target: JointReference, jerk: float) -> float:
+    if limits.valve_share is None:
+        return 0.0
+    state = (np.array([x]) for x in (target.position, target.velocity, target.acceleration, jerk))
+    return float(limits.valve_share(*state)[0])
 
 
 def _between(

@@ -11,13 +11,16 @@ take long, `joined` needs the present reference and takes the same time for any 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pam_control.references.motion_limiter import MotionLimits
+from pam_control.references.drivable_pace import VALVE_SHARE, drivable_factor, valve_share
+from pam_control.references.evened_spline import EvenedSpline, largest_jump
+from pam_control.references.motion_limiter import AT_ONCE, SUDDEN, MotionLimits
 from pam_control.references.spline import (
     Array,
     JointReference,
@@ -36,6 +39,7 @@ from pam_control.references.trajectory import (
 RESERVE = 1.001  # a scaled trajectory stays below its limits by this factor
 SLOWER = 1.1  # step of the search for the duration of the first segment
 MOST_STEPS = 200
+MOST_FOR_STOP = 5.0  # how much slower a trajectory is played to be stopped in time
 SHORTEST = 1e-3  # s, of the first segment
 NEAR = 0.01  # rad
 TOLD_FROM = 1e-3  # relative change of the duration that the caller is told
@@ -67,6 +71,7 @@ def plan(
     start: float,
     now: float,
     limits: Mapping[str, MotionLimits],
+    bounds: Mapping[str, tuple[float, float]],
 ) -> PlannedTrajectory:
     """Scale a trajectory that `check_trajectory` has accepted.
 
@@ -80,12 +85,15 @@ def plan(
         The present time [s].
     limits : mapping of str to MotionLimits
         Limits of the joints; a joint without limits is not scaled.
+    bounds : mapping of str to (float, float)
+        Lowest and highest position of the joints [rad].
 
     Raises
     ------
     CommandError
-        When the whole trajectory lies in the past, or when its start is so far away that the times
-        of two points become equal by rounding.
+        When the whole trajectory lies in the past, when its start is so far away that the times
+        of two points become equal by rounding, or when it ends in a motion that cannot be stopped
+        before the end of a joint's range.
     """
     times = start + np.array([point.time_from_start for point in points])
     if times[-1] < now:
@@ -105,12 +113,21 @@ def plan(
     for name, waypoints in found.items():
         if name not in limits:
             continue
-        speed, acceleration = peaks(spline_coefficients(waypoints), np.diff(times))
+        coefficients = spline_coefficients(waypoints)
+        speed, acceleration = peaks(coefficients, np.diff(times))
         speed = max(speed, _largest(waypoints.velocities))
         acceleration = max(acceleration, _largest(waypoints.accelerations))
         wanted = _factor(speed, acceleration, limits[name])
         if wanted > factor:
             factor, excess = wanted, _excess(name, speed, acceleration, limits[name])
+        wanted, share = drivable_factor(waypoints, coefficients, factor, limits[name])
+        if wanted > factor:
+            factor, excess = wanted, _too_much_air(name, share)
+    for name, waypoints in found.items():
+        if name in limits and name in bounds:
+            wanted = _stopping_factor(name, waypoints, factor, limits[name], bounds[name])
+            if wanted > factor:
+                factor, excess = wanted, f"{name} has to stop inside its range"
     if factor > 1.0:
         origin = max(start, now)
         found = {
@@ -137,6 +154,36 @@ def _excess(name: str, speed: float, acceleration: float, limits: MotionLimits) 
     return (
         f"{name} would need {speed:.3g} rad/s and {acceleration:.3g} rad/s^2 "
         f"(limits {limits.velocity:.3g} rad/s, {limits.acceleration:.3g} rad/s^2)"
+    )
+
+
+def _too_much_air(name: str, share: float) -> str:
+    return f"{name} would need {share:.3g} times the flow of its valves"
+
+
+def _stopping_factor(
+    name: str,
+    waypoints: Waypoints,
+    factor: float,
+    limits: MotionLimits,
+    bounds: tuple[float, float],
+) -> float:
+    """How much more slowly a trajectory that ends in motion must be played to stop in time."""
+    velocity = float(waypoints.velocities[-1])
+    if not abs(velocity) > 0.0:  # NaN if none is given
+        return factor
+    position = float(waypoints.positions[-1])
+    acceleration = float(np.nan_to_num(waypoints.accelerations[-1]))
+    lower, upper = bounds
+    slowest = MOST_FOR_STOP * factor
+    while factor < slowest:
+        state = JointReference(position, velocity / factor, acceleration / factor**2)
+        if lower <= limits.rest(state) <= upper:
+            return factor
+        factor *= SLOWER
+    raise CommandError(
+        f"trajectory rejected: {name} ends at {position:g} rad with {velocity:g} rad/s, "
+        f"which cannot be stopped inside its position_limits [{lower:g}, {upper:g}] rad"
     )
 
 
@@ -176,18 +223,17 @@ def joined(
             late, why = _first_delay(name, waypoints, at, references[name], limits[name])
             if late > delay:
                 delay, excess = late, excess or why
-    splines = {}
-    for name, waypoints in planned.waypoints.items():
-        moved = Waypoints(
-            waypoints.times + delay,
-            waypoints.positions,
-            waypoints.velocities,
-            waypoints.accelerations,
-        )
-        if moved.times[0] > at:
-            r = references[name]
-            moved = moved.joined_to(Waypoint(at, r.position, r.velocity, r.acceleration))
-        splines[name] = JointSpline(moved)
+    moved = {
+        name: dataclasses.replace(waypoints, times=waypoints.times + delay)
+        for name, waypoints in planned.waypoints.items()
+    }
+    if any(_is_sudden(moved[name], at, references[name], limits.get(name)) for name in moved):
+        splines = _evened(moved, at, references)
+    else:
+        splines = {
+            name: JointSpline(_from(waypoints, at, references[name]))
+            for name, waypoints in moved.items()
+        }
     end = max(spline.end_time for spline in splines.values())
     if end - planned.end <= TOLD_FROM * max(planned.end - at, 0.0) + 1e-6:
         return splines, ""
@@ -196,6 +242,43 @@ def joined(
         f"trajectory slowed down: it takes {end - at:.3g} s instead of {asked:.3g} s, because "
         f"{excess}"
     )
+
+
+def _is_sudden(
+    waypoints: Waypoints, at: float, reference: JointReference, limits: MotionLimits | None
+) -> bool:
+    """Whether the acceleration of a joint changes faster than its valves can drive."""
+    if limits is None:
+        return False
+    points = _from(waypoints, at, reference)
+    jump = largest_jump(points, spline_coefficients(points), reference.acceleration)
+    return jump > limits.jerk * AT_ONCE
+
+
+def _from(waypoints: Waypoints, at: float, reference: JointReference) -> Waypoints:
+    if not waypoints.times[0] > at:
+        return waypoints
+    start = Waypoint(at, reference.position, reference.velocity, reference.acceleration)
+    return waypoints.joined_to(start)
+
+
+def _evened(
+    moved: Mapping[str, Waypoints], at: float, references: Mapping[str, JointReference]
+) -> dict[str, JointSpline]:
+    """The same splines with gradual changes of the acceleration, half of `SUDDEN` later."""
+    late = 0.5 * SUDDEN
+    found: dict[str, JointSpline] = {}
+    for name, waypoints in moved.items():
+        now = references[name]
+        if waypoints.times[0] > at:
+            now = JointReference(
+                now.position + late * (now.velocity + 0.5 * late * now.acceleration),
+                now.velocity + late * now.acceleration,
+                now.acceleration,
+            )
+        shifted = dataclasses.replace(waypoints, times=waypoints.times + late)
+        found[name] = EvenedSpline(_from(shifted, at + late, now), SUDDEN, now)
+    return found
 
 
 def _needs_way(waypoints: Waypoints, now: float, at: float, position: float) -> bool:
@@ -229,16 +312,36 @@ def _first_delay(
                 Waypoint(duration, first.position, first.velocity, first.acceleration),
             ]
         )
-        speed, acceleration = peaks(spline_coefficients(ends), np.array([duration]))
+        coefficients = spline_coefficients(ends)
+        speed, acceleration = peaks(coefficients, np.array([duration]))
         wanted = _factor(speed, acceleration, limits)
+        share = 0.0
+        if wanted <= RESERVE:
+            # the whole way in one piece: its own ends are judged with what is before and behind it
+            share = valve_share(*_with(ends, waypoints, duration), 1.0, limits)
+            wanted = max((share / VALVE_SHARE) ** 0.5, wanted)
         if wanted <= RESERVE:
             break
-        why = why or _excess(name, speed, acceleration, limits)
+        why = _excess(name, speed, acceleration, limits)
+        if share:
+            why = _too_much_air(name, share)
         # exact from rest; from a motion the search creeps up to the shortest duration
         ends_at_rest = not first.velocity and not first.acceleration
         still = reference.velocity == reference.acceleration == 0.0 and ends_at_rest
         duration *= wanted if still else min(wanted, SLOWER)
     return duration - asked, why
+
+
+def _with(ends: Waypoints, waypoints: Waypoints, duration: float) -> tuple[Array, Array]:
+    """Times and coefficients of the way to the first waypoint and of the segment behind it."""
+    later = duration + waypoints.times[1:2] - waypoints.times[0]
+    both = Waypoints(
+        np.concatenate([ends.times, later]),
+        np.concatenate([ends.positions, waypoints.positions[1:2]]),
+        np.concatenate([ends.velocities, waypoints.velocities[1:2]]),
+        np.concatenate([ends.accelerations, waypoints.accelerations[1:2]]),
+    )
+    return both.times, spline_coefficients(both)
 
 
 def _or_none(value: float) -> float | None:

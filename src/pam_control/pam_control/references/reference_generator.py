@@ -29,6 +29,7 @@ from pam_control.references.trajectory import (
 
 LONGEST_FILTER_STEP = 0.02
 RESUMED_WITHIN = 0.05  # rad
+ROUNDING = 1e-6  # rad
 
 
 @dataclass(slots=True)
@@ -50,6 +51,7 @@ class _Source:
     held: float
     spline: JointSpline | None = None
     stream: _Stream | None = field(default=None)
+    planned: bool = False  # a trajectory that stays inside the range
 
 
 class ReferenceGenerator:
@@ -104,6 +106,11 @@ class ReferenceGenerator:
         for limiter in self._limiters.values():
             limiter.keep = self.horizon + duration
 
+    def limit(self, name: str, motion: MotionLimits) -> None:
+        """Use other limits of motion for a joint from the next reference on."""
+        self.motion[name] = motion
+        self._limiters[name].limits = motion
+
     def hold(self, positions: Mapping[str, float]) -> None:
         """Rest at these positions [rad], limited to the range, whatever the references were."""
         for name, position in positions.items():
@@ -130,8 +137,7 @@ class ReferenceGenerator:
             if limiter is None:
                 held = self.sample(name, now).position
             else:
-                state = limiter.state
-                held = state.position + limiter.limits.stopping_distance(state.velocity)
+                held = limiter.limits.rest(limiter.state)
             self._sources[name] = _Source(held=max(lower, min(upper, held)))
             self._interrupted.add(name)
 
@@ -197,7 +203,7 @@ class ReferenceGenerator:
             allow_nonzero_end_velocity=self.allow_nonzero_end_velocity,
         )
         begin = now if start is None else start
-        return plan(names, points, start=begin, now=now, limits=self.motion)
+        return plan(names, points, start=begin, now=now, limits=self.motion, bounds=self.limits)
 
     def references_at_join(
         self, planned: PlannedTrajectory, now: float
@@ -215,7 +221,9 @@ class ReferenceGenerator:
     def take(self, splines: Mapping[str, JointSpline]) -> None:
         """Follow these splines from now on."""
         for name, spline in splines.items():
-            self._sources[name] = _Source(held=spline.end_position, spline=spline)
+            lower, upper = self.limits[name]
+            planned = spline.lowest >= lower - ROUNDING and spline.highest <= upper + ROUNDING
+            self._sources[name] = _Source(spline.end_position, spline, planned=planned)
 
     def stream(
         self,
@@ -309,18 +317,23 @@ class ReferenceGenerator:
                     self._filter(name, stream, step)
                     stream.advanced += step
         for name, limiter in self._limiters.items():
-            limiter.advance(until, partial(self._source, name))
+            limiter.advance(until, partial(self._source, name), self._sources[name].planned)
         return expired
 
     def _filter(self, name: str, stream: _Stream, step: float) -> None:
         bandwidth = min(self.stream_bandwidth, 0.5 / step)
         target = stream.target + stream.velocity * (stream.advanced - stream.received)
         q, qd = stream.state.position, stream.state.velocity
-        qdd = bandwidth * (bandwidth * (target - q) + 2.0 * (stream.velocity - qd))
         motion = self.motion.get(name)
+        gap = target - q
+        closing = 0.5 * bandwidth * abs(gap)
+        if motion is not None:  # a large gap is closed no faster than the reference can brake
+            closing = min(closing, math.sqrt(motion.own_push * abs(gap)))
+        wanted = stream.velocity + math.copysign(closing, gap)
+        qdd = 2.0 * bandwidth * (wanted - qd)
         stream.limited = False
         if motion is not None:
-            most = motion.acceleration
+            most = motion.own_push
             highest = min(most, (motion.velocity - qd) / step)
             lowest = max(-most, (-motion.velocity - qd) / step)
             allowed = max(min(lowest, most), min(max(highest, -most), qdd))

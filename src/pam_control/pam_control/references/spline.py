@@ -156,6 +156,14 @@ def peaks(coefficients: Array, durations: Array) -> tuple[float, float]:
     return float(np.abs(speed).max()), float(np.abs(acceleration).max())
 
 
+def _extremes(points: Waypoints, coefficients: Array) -> tuple[float, float]:
+    t = np.diff(points.times)[:, None] * PEAK_SHARES
+    c0, c1, c2, c3, c4, c5 = (column[:, None] for column in coefficients.T)
+    found = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
+    found = np.append(found, points.positions)
+    return float(found.min()), float(found.max())
+
+
 class JointSpline:
     """The spline of one joint through its waypoints.
 
@@ -163,6 +171,11 @@ class JointSpline:
     ----------
     waypoints : Waypoints or sequence of Waypoint
         At least one, with increasing times; the first may be the reference at the start.
+
+    Attributes
+    ----------
+    lowest, highest : float
+        Range of the positions, searched at 25 places of each segment [rad].
     """
 
     def __init__(self, waypoints: Waypoints | Sequence[Waypoint]) -> None:
@@ -170,7 +183,9 @@ class JointSpline:
         self._times: list[float] = points.times.tolist()
         self._first = float(points.positions[0])
         self._last = float(points.positions[-1])
-        self._segments: list[list[float]] = spline_coefficients(points).tolist()
+        coefficients = spline_coefficients(points)
+        self._segments: list[list[float]] = coefficients.tolist()
+        self.lowest, self.highest = _extremes(points, coefficients)
 
     @property
     def start_time(self) -> float:

@@ -1,0 +1,54 @@
+"""Limits of motion of a rig's joints: those of the rig file, and what the valves can drive."""
+
+from __future__ import annotations
+
+import math
+
+from pam_control.joint_channel import JointChannel
+from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
+from pam_control.valve_limits import JERK_SHARE, ValveDemand
+from pam_model.errors import PamError
+from pam_model.rig import Rig
+
+STIFFNESS_STEP = 0.05  # relative; the limits are computed for stiffnesses that are so far apart
+LEAST_STIFFNESS = 1e-3  # N m/rad
+
+
+class DrivableLimits:
+    """The limits of all joints at the stiffnesses that were asked for.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is controlled.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._known: dict[tuple[str, int], MotionLimits] = {}
+
+    def at(self, channel: JointChannel, stiffness: float) -> MotionLimits:
+        """The limits of a joint at about this stiffness [N m/rad]."""
+        step = round(math.log(max(stiffness, LEAST_STIFFNESS)) / STIFFNESS_STEP)
+        key = (channel.joint.name, step)
+        if key not in self._known:
+            self._known[key] = self._limits(channel, math.exp(STIFFNESS_STEP * step))
+        return self._known[key]
+
+    def _limits(self, channel: JointChannel, stiffness: float) -> MotionLimits:
+        joint = channel.joint
+        velocity = REFERENCE_SHARE * joint.max_velocity
+        try:
+            demand = ValveDemand(self._rig, channel, stiffness)
+        except PamError:  # the muscles cannot hold the joint, so that nothing is known
+            return MotionLimits(velocity, joint.max_acceleration)
+        own_velocity, own_acceleration, own_jerk = demand.everywhere()
+        return MotionLimits(
+            velocity,
+            joint.max_acceleration,
+            own_velocity,
+            own_acceleration,
+            own_jerk,
+            jerk=own_jerk / JERK_SHARE,
+            valve_share=demand.share,
+        )
