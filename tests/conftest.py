@@ -12,12 +12,14 @@ import pytest
 
 from pam_check.chain import BusChoice, multicast_bus, private_domain
 from pam_model.rig import Rig, load_rig
+from pam_ros.transport import leave_out_shared_memory
 from support.frames import FrameListener
 from support.probe import Probe
 from support.rigs import ELBOW
 
 # before rclpy reads it; the processes inherit it
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+leave_out_shared_memory()
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -51,6 +51,7 @@ from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.polled_topic import PolledTopic
+from pam_ros.transport import leave_out_shared_memory
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
@@ -377,6 +378,7 @@ def main(arguments: list[str] | None = None) -> int:
     logging.getLogger("can").setLevel(logging.ERROR)
     sys.setswitchinterval(0.0005)  # else the I/O thread may wait 5 ms for the executor's thread
     with EndSignals() as signals:
+        leave_out_shared_memory()
         # rclpy's own handlers would close the context while the I/O thread still has to vent
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node: DriverNode | None = None

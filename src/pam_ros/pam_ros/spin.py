@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
+from pam_ros.transport import leave_out_shared_memory
 
 TURN = 0.1
 """How long the executor may wait before it looks for a signal again [s]."""
@@ -56,6 +57,7 @@ def spin_node(
         return ended
     with EndSignals() as signals:
         options = SignalHandlerOptions.NO
+        leave_out_shared_memory()
         rclpy.init(
             args=None if arguments is None else list(arguments), signal_handler_options=options
         )
