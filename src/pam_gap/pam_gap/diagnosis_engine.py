@@ -11,7 +11,6 @@ import numpy as np
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.write_answer import AnswerForm, advice
 from pam_gap.experiments.next_experiment import propose
-from pam_gap.inference.background import discrepancy
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
 from pam_gap.inference.decision import Judge
 from pam_gap.inference.evidence import KeptEvidence
@@ -112,7 +111,7 @@ class JointDiagnosis:
         """Search single effects, then further effects while they improve the fit enough."""
         search = Search(self.fitter, self.candidates(), self.progress)
         result = search.singles()
-        self.judge.background = discrepancy(self.fitter, result.nominal)
+        self.judge.background = self.fitter.discrepancy
         low, high = 0.4, 0.75
         while self._goes_on(search, result):
             search.grow(result, (low, high))
@@ -123,9 +122,7 @@ class JointDiagnosis:
         """Whether one more effect is sought; the decision is kept as evidence."""
         best = result.by_size[-1][0]
         size = len(result.by_size)
-        # A second effect is also sought to see whether ordinary effects explain what is left.
-        share = self.rules.search.background_share if size > 1 else 0.0
-        floor = self.floor + share * self.judge.background
+        floor = self.floor + self.judge.background
 
         def left(h: Hypothesis) -> float:
             return level(h.mean_square, floor, self.present)
@@ -199,18 +196,17 @@ class JointDiagnosis:
         hypotheses = [result.nominal, *self.finalists(result)]
         nominal, *tried = score_all(self.fitter, self.folds, hypotheses)
         self.progress("verdict", 0.93)
-        causes = self.judge.far_beyond(nominal, tried)
-        tried = [score.with_causes(causes) for score in tried]
         settled: dict[int, HeldOut] = {}
 
         def settle(score: HeldOut) -> HeldOut:
             place = next(k for k, one in enumerate(tried) if one is score)
-            settled[place] = self.settled(score).with_causes(causes)
+            settled[place] = self.settled(score)
             return settled[place]
 
         decision = self.judge.decide(nominal, tried, settle)
         nominal_vector = self.fitter.vector((), result.nominal.result.values)
-        location = locate(self.problem, nominal_vector, result.nominal.result.errors)
+        errors = self.fitter.simulated_errors(result.nominal)
+        location = locate(self.problem, nominal_vector, errors)
         singles = tuple(h.effects[0] for h in result.by_size[0])
         self.evidence = KeptEvidence(
             self.floor, self.judge.background, self.present, written, nominal, tuple(tried),

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pam_check.blind.background import LENGTHS_BETTER
 from pam_check.blind.draw import (
     KNOWN,
     OUTSIDE,
@@ -61,7 +62,9 @@ class Label:
     supply: dict[str, float] = field(default_factory=dict)
 
 
-def rig_parameters(joint: TruthJoint, muscle: TruthMuscle, tolerance: float) -> dict[str, object]:
+def rig_parameters(
+    joint: TruthJoint, muscle: TruthMuscle, tolerance: float, length_tolerance: float | None = None
+) -> dict[str, object]:
     """The nominal rig as keys of a rig file."""
     one = {
         "model": "chou_hannaford",
@@ -86,6 +89,7 @@ def rig_parameters(joint: TruthJoint, muscle: TruthMuscle, tolerance: float) -> 
         },
         "supply_pressure": joint.supply_pressure,
         "parameter_tolerance": tolerance,
+        **({} if length_tolerance is None else {"length_tolerance": length_tolerance}),
         "joints": ["elbow"],
         "elbow": {
             "muscles": ["elbow_flexor", "elbow_extensor"],
@@ -232,7 +236,8 @@ def make_rough_case(
         load_cells = bool(random.random() < 0.25)
         target = folder / name
         target.mkdir(parents=True)
-        save_rig(rig_from_parameters(rig_parameters(*believed, tolerance)), target / "rig.yaml")
+        stated = rig_parameters(*believed, tolerance, LENGTHS_BETTER * tolerance)
+        save_rig(rig_from_parameters(stated), target / "rig.yaml")
         (sealed / name).mkdir(parents=True, exist_ok=True)
         for made, place in ((drawn.recording, target), (drawn.check, sealed / name)):
             uneven(to_table(made, load_cells), random).to_csv(

@@ -187,8 +187,8 @@ class AnswerForm:
         scale = np.sqrt(np.mean([d.block_deviation**2 for d in self.problem.data], axis=0))
         return {
             self.problem.names[c]: ChannelGap(
-                float(np.sqrt(before.mean_square[c]) * scale[c]),
-                float(np.sqrt(after.mean_square[c]) * scale[c]),
+                float(np.sqrt(before.simulated.mean_square[c]) * scale[c]),
+                float(np.sqrt(after.simulated.mean_square[c]) * scale[c]),
                 float(np.sqrt(self.floor[c]) * scale[c]),
                 UNITS[c],
             )
@@ -197,10 +197,11 @@ class AnswerForm:
 
     def sizes(self, written: HeldOut, nominal: HeldOut, final: HeldOut) -> tuple[GapSize, ...]:
         """The gap of each channel in its unit and as a share of the motion."""
-        squares = [score.mean_square for score in (written, nominal, final)]
+        squares = [score.simulated.mean_square for score in (written, nominal, final)]
         share = self.rules.material_share
         most = share * self.rules.unexplained_factor
-        background = self.judge.floor - self.judge.noise
+        fitted = np.maximum(final.simulated.mean_square - final.mean_square, 0.0)
+        background = fitted + self.judge.floor - self.judge.noise
         return gap_sizes(self.problem, self.floor, share, most, squares, background)
 
     def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:

@@ -1,75 +1,223 @@
-"""What an ordinary background leaves: the discrepancy of a good rig.
+"""The ordinary background of a good rig: what it looks like, and what it leaves unexplained.
 
 No rig is exact. A good one has a little thread friction, creep, dry friction, leakage and play of
-the spools, friction that builds up in another way, and sensors that are not quite linear and drift.
-None of that is a cause. Its size in each channel is predicted: a plant with an ordinary amount of
-each is simulated along the recording, what re-tuning absorbs is removed, and the mean squares are
-added. It plays the part of the model discrepancy in history matching: V_noise + V_discrepancy
-(Gardner, Lord and Barthorpe, Mech. Syst. Signal Process. 143, 2020; Kennedy and O'Hagan, J. R.
-Statist. Soc. B 63, 2001).
+the spools, and sensors that are not quite linear and drift. None of that is a cause. The change
+that an ordinary amount of each makes is simulated once along the recording. Every hypothesis then
+contains these changes, in amounts within their ordinary bounds, beside the re-tuned numbers: small
+effects are nuisance parameters and not noise (Basseville and Nikiforov, Fault isolation for
+diagnosis: nuisance rejection, Annu. Rev. Control 26, 2002; Kennedy and O'Hagan, J. R. Statist. Soc.
+B 63, 2001, with an informative prior as Brynjarsdottir and O'Hagan, Inverse Problems 30, 2014,
+recommend). They are linear, so that they cost no simulation in a fit.
+
+The laws of a real background differ from those of the effects. A share of the whole background
+therefore remains; it plays the part of V_discrepancy in history matching (Gardner, Lord and
+Barthorpe, Mech. Syst. Signal Process. 143, 2020).
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import partial
+
 import numpy as np
 
 from pam_gap.inference.candidates import ordinary_sizes, rig_scales
-from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.prediction.channel_order import BOTH_FORCES, BOTH_PRESSURES, POSITION
-from pam_gap.prediction.fit import Array, Scaling, mean_squares, normal_equations
+from pam_gap.prediction.channels import Channels, block_means
+from pam_gap.prediction.fit import (
+    Array,
+    FreeParameter,
+    Scaling,
+    mean_squares,
+    normal_equations,
+)
+from pam_gap.prediction.linear_terms import LinearTerms
+from pam_gap.prediction.problem import PredictionProblem
+from pam_model.effects import EFFECTS
 from pam_model.plant.layout import MUSCLES
 from pam_model.plant.parameters import INDEX
 
+SENSOR_RANGES = tuple(f * 10.0**k for k in (4, 5, 6, 7) for f in (1.0, 1.6, 2.5, 4.0, 6.0))
+"""Usual ranges of pressure sensors [Pa] (EN 837-1, table of scale ranges)."""
 
-def discrepancy(fitter: HypothesisFitter, nominal: Hypothesis) -> Array:
-    """Mean squared whitened error that an ordinary background leaves, shape (channels,).
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """Changes of the errors that the parts of an ordinary background make.
+
+    Attributes
+    ----------
+    effects : tuple of str
+        For each part, the effect of which it is an ordinary amount; empty for errors of sensors
+        that are no effect of the table.
+    terms : LinearTerms
+        Changes that the largest ordinary amount of each part makes, and bounds of the amounts.
+    """
+
+    effects: tuple[str, ...]
+    terms: LinearTerms
+
+    def beside(self, effects: Collection[str]) -> LinearTerms:
+        """The terms for a hypothesis with these effects, which replace their ordinary amounts."""
+        own = set(effects)
+        for name in effects:
+            richer = EFFECTS[name].search.richer
+            if richer is not None:
+                own.add(richer.than)
+        absent = [effect in own for effect in self.effects]
+        if not any(absent):
+            return self.terms
+        return replace(self.terms, columns=np.where(absent, 0.0, self.terms.columns))
+
+
+def ordinary_background(problem: PredictionProblem, vector: Array) -> Background:
+    """Simulate an ordinary amount of every part of a background along the recordings.
 
     Parameters
     ----------
-    fitter : HypothesisFitter
-        Rig, recordings and nuisance parameters.
-    nominal : Hypothesis
-        The re-tuned plant without effects.
+    problem : PredictionProblem
+        Rig and recordings.
+    vector : ndarray, shape (n_parameters,)
+        The plant, re-tuned without effects.
     """
-    problem, rules = fitter.problem, fitter.rules.decision
-    vector = fitter.vector((), nominal.result.values)
-    changed = []
-    for path, size in ordinary_sizes(problem.rig, problem.rig.joints[problem.joint]):
-        changed.append(vector.copy())
-        changed[-1][INDEX[path]] += rules.ordinary_share * size
-    for side in MUSCLES:
-        changed.append(vector.copy())
-        changed[-1][INDEX[f"{side}.hysteresis.presliding_length"]] *= rules.ordinary_presliding
+    rules = problem.rules.decision
+    effects: list[str] = []
+    lanes: list[Array] = []
+    for effect, paths, size in ordinary_sizes(problem.rig, problem.rig.joints[problem.joint]):
+        strokes = (1.0, rules.ordinary_presliding) if effect == "hysteresis" else (1.0,)
+        for factor in strokes:
+            lane = vector.copy()
+            lane[[INDEX[path] for path in paths]] += size
+            for side in MUSCLES:
+                lane[INDEX[f"{side}.hysteresis.presliding_length"]] *= factor
+            lanes.append(lane)
+            effects.append(effect)
     base = problem.errors(vector[None])[0]
-    left = np.zeros(base.shape[1])
-    for errors in problem.errors(np.array(changed)):
-        left += mean_squares(_not_absorbed(fitter, nominal, errors - base), problem.counted)
-    return np.where(problem.present, left + _sensors(fitter), 0.0)
+    changes = list(problem.errors(np.array(lanes)) - base) if lanes else []
+    if problem.has_commands:
+        played = problem.with_data(lambda data: _spool_play(problem, data))
+        changes.append(played.errors(vector[None])[0] - base)
+    one_way = len(changes)  # amounts of these are never negative
+    effects += [""] * (one_way - len(effects))
+    for channel in (0, 1):
+        if problem.present[BOTH_PRESSURES][channel]:
+            for reading in (_nonlinearity, _drift):
+                shifted = problem.with_data(partial(reading, problem, channel=channel))
+                changes.append(shifted.errors(vector[None])[0] - base)
+    changes += _encoder(problem, base)
+    effects += [""] * (len(changes) - len(effects))
+    free = tuple(
+        FreeParameter(
+            f"ordinary {effect or 'part'}",
+            0.0 if part < one_way else -1.0,
+            1.0,
+            rules.ordinary_share,
+            prior=rules.ordinary_share,
+        )
+        for part, effect in enumerate(effects)
+    )
+    return Background(tuple(effects), LinearTerms(np.stack(changes, axis=-1), free))
 
 
-def _not_absorbed(fitter: HypothesisFitter, nominal: Hypothesis, change: Array) -> Array:
-    """The change of the errors that re-tuning the nuisance parameters does not remove."""
-    jacobian = nominal.result.jacobian
-    if jacobian.shape[-1] == 0:
-        return change
-    problem = fitter.problem
-    free, _, _ = fitter.problem_parts(())
-    weights = 1.0 / np.maximum(nominal.mean_square, fitter.floor)
-    hessian, slope = normal_equations(change, jacobian, problem.counted, weights)
-    hessian += np.diag(Scaling(free).weight ** 2 + 1e-9 * np.max(np.diag(hessian)) + 1e-12)
-    left: Array = change - jacobian @ np.linalg.solve(hessian, slope)
-    return left
+def _spool_play(problem: PredictionProblem, data: Channels) -> Channels:
+    """Commands as spools with an ordinary hysteresis follow them: play of half its width."""
+    half = 0.5 * problem.rules.decision.ordinary_spool
+    spool = data.commands.copy()
+    for k in range(1, len(spool)):
+        spool[k] = np.clip(spool[k - 1], data.commands[k] - half, data.commands[k] + half)
+    return replace(data, commands=spool)
 
 
-def _sensors(fitter: HypothesisFitter) -> Array:
-    """Mean squared whitened error of ordinary sensors beside their white noise."""
-    problem, rules = fitter.problem, fitter.rules.decision
-    rig = problem.rig
-    size = np.zeros(problem.present.size)
-    gauge = rig.supply_pressure - rig.gas.ambient_pressure
-    size[BOTH_PRESSURES] = rules.ordinary_pressure * gauge
-    size[POSITION] = rules.ordinary_position
-    size[BOTH_FORCES] = rules.ordinary_force * rig_scales(rig, rig.joints[problem.joint]).force
-    deviation = np.sqrt(np.mean([data.block_deviation**2 for data in problem.data], axis=0))
-    result: Array = np.nan_to_num((size / deviation) ** 2)
+def _nonlinearity(problem: PredictionProblem, data: Channels, channel: int) -> Channels:
+    """Readings of a pressure sensor that is right at both ends of its range, but not between."""
+    gauge = problem.rig.supply_pressure - problem.rig.gas.ambient_pressure
+    full = next((size for size in SENSOR_RANGES if size >= gauge), gauge)
+    measured = data.measured.copy()
+    share = np.clip(measured[:, channel] / full, 0.0, 1.0)
+    size = problem.rules.decision.ordinary_nonlinearity * full
+    measured[:, channel] += 4.0 * size * share * (1.0 - share)
+    return replace(data, measured=measured)
+
+
+def _drift(problem: PredictionProblem, data: Channels, channel: int) -> Channels:
+    """Readings whose zero drifts by an ordinary zero error during the recording."""
+    scales = rig_scales(problem.rig, problem.rig.joints[problem.joint])
+    size = EFFECTS["pressure_bias"].search.ranges(scales)["bias"].ordinary
+    measured = data.measured.copy()
+    measured[:, channel] += size * (np.linspace(0.0, 1.0, len(measured)) - 0.5)
+    return replace(data, measured=measured)
+
+
+def _encoder(problem: PredictionProblem, errors: Array) -> list[Array]:
+    """Changes by an eccentric encoder (two phases) and by its drift."""
+    if not problem.present[POSITION]:
+        return []
+    angle = np.concatenate(
+        [block_means(data.measured[:, POSITION], problem.block) for data in problem.data]
+    )
+    end = max(float(problem.row_time[-1]), 1e-9)
+    found = []
+    for shape in (np.sin(angle), np.cos(angle), problem.row_time / end - 0.5):
+        change = np.zeros_like(errors)
+        size = problem.rules.decision.ordinary_position / _deviation(problem)[POSITION]
+        change[:, POSITION] = size * shape
+        found.append(change)
+    return found
+
+
+def _deviation(problem: PredictionProblem) -> Array:
+    """Unit of the whitened errors of each channel; NaN for a channel that is not recorded."""
+    result: Array = np.sqrt(np.mean([data.block_deviation**2 for data in problem.data], axis=0))
     return result
+
+
+def discrepancy(
+    problem: PredictionProblem,
+    background: Background,
+    jacobian: Array,
+    scaling: Scaling,
+    weights: Array,
+) -> Array:
+    """Mean squared whitened error that remains of an ordinary background, shape (channels,).
+
+    It is a share of the whole background after re-tuning, since the laws of its parts are
+    approximate, and the coloured noise of the sensors. Amounts are taken as uniformly distributed
+    up to the largest ordinary one. Those that cannot be negative have a mean: all friction opposes
+    the motion at the same time, and two muscles are of one kind, so that their changes add before
+    they are squared.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        Rig and recordings.
+    background : Background
+        Its parts.
+    jacobian : ndarray, shape (n_rows, channels, n)
+        Slopes of the errors of the re-tuned plant over its `n` scaled numbers.
+    scaling : Scaling
+        Of these numbers, with their priors.
+    weights : ndarray, shape (channels,)
+        Of the squares of each channel.
+    """
+    columns, free = background.terms.columns, background.terms.free
+    mean = np.array([0.5 * (p.low + p.high) for p in free])
+    spread = np.array([(p.high - p.low) / np.sqrt(12.0) for p in free])
+
+    def left(change: Array) -> Array:
+        if jacobian.shape[-1]:
+            hessian, slope = normal_equations(change, jacobian, problem.counted, weights)
+            hessian += np.diag(scaling.weight**2 + 1e-9 * np.max(np.diag(hessian)) + 1e-12)
+            change = change - jacobian @ np.linalg.solve(hessian, slope)
+        return mean_squares(change, problem.counted)
+
+    total = left(columns @ mean)
+    for part in range(spread.size):
+        total = total + left(columns[..., part] * spread[part])
+    rules, rig = problem.rules.decision, problem.rig
+    noise = np.zeros_like(total)
+    gauge = rig.supply_pressure - rig.gas.ambient_pressure
+    noise[BOTH_PRESSURES] = rules.ordinary_pressure * gauge
+    noise[BOTH_FORCES] = rules.ordinary_force * rig_scales(rig, rig.joints[problem.joint]).force
+    unmodelled = np.nan_to_num((noise / _deviation(problem)) ** 2)
+    return np.where(problem.present, rules.unlike_share * total + unmodelled, 0.0)

@@ -259,22 +259,24 @@ def nuisances_for(
     )
 
 
-def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, float], ...]:
-    """What an ordinary good rig has of the effects: plant parameters with their largest size.
+def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, tuple[str, ...], float], ...]:
+    """What an ordinary good rig has of the effects: name, plant parameters and largest size.
 
-    An effect that the rig file states is known, and is no background. Zeros and gains of sensors
-    are left out, because their ordinary errors are part of those of the sensors themselves.
+    Both muscles of a joint are of one kind and have a part of it together. An effect that the rig
+    file states is known, and is no background. Zeros and gains of sensors are left out: they are
+    calibrated, and what is left of them would imitate almost any static error.
     """
     scales = rig_scales(rig, joint)
-    return tuple(
-        (f"{owner}.{effect.name}.{key}".lstrip("."), size.ordinary)
-        for effect in EFFECTS.values()
-        if effect.stage != "sensing"
-        for key, size in effect.search.ranges(scales).items()
-        if size.ordinary > 0.0
-        for owner, stated in _owners(rig, joint, effect)
-        if effect.name not in stated
-    )
+    found: list[tuple[str, tuple[str, ...], float]] = []
+    for effect in EFFECTS.values():
+        if effect.stage == "sensing":
+            continue
+        owners = [o for o, stated in _owners(rig, joint, effect) if effect.name not in stated]
+        for key, size in effect.search.ranges(scales).items():
+            if size.ordinary > 0.0 and owners:
+                paths = tuple(f"{owner}.{effect.name}.{key}".lstrip(".") for owner in owners)
+                found.append((effect.name, paths, size.ordinary))
+    return tuple(found)
 
 
 def _owners(

@@ -96,7 +96,11 @@ def gap_closed(
     rules: DecisionRules,
     seed: int = 0,
 ) -> Interval:
-    """(before - after)/(before - floor) of the pooled RMS error, with its 90 % interval."""
+    """(before - after)/(before - floor) of the pooled RMS error, with its 90 % interval.
+
+    It is that of the simulations alone, without what is taken for an ordinary background.
+    """
+    before, after = before.simulated, after.simulated
     floor_rms = float(np.sqrt(floor[present].mean()))
 
     def closed(at: np.ndarray) -> float:
@@ -115,6 +119,7 @@ def gap_closed(
 def floor_reach(before: Score, floor: Array, present: np.ndarray, rules: DecisionRules) -> float:
     """Uncertainty of a share of the gap that follows from that of the noise floor."""
     floor_rms = float(np.sqrt(floor[present].mean()))
+    before = before.simulated
     first = float(pooled_rms(before.sums.sum(0), before.counts.sum(0), present))
     return rules.floor_share * floor_rms / max(first - floor_rms, 1e-9)
 

@@ -116,8 +116,8 @@ class Judge:
         with some margin. Hypotheses with effects of ordinary size do not count, because these
         belong to the background themselves. A background acts on all channels together, so that
         one share of it, the geometric mean over the channels, holds for all. A rig that some
-        hypothesis explains down to the noise thus has no background, and is judged against the
-        noise alone.
+        hypothesis explains almost down to the noise has no background, and is judged against the
+        noise alone: there, the closest wrong cause would pass if a background were assumed.
         """
         usual = self.background[self.present]
         self.floor = self.noise
@@ -127,111 +127,28 @@ class Judge:
         best = min(plain, key=lambda score: score.level(self.noise, self.present))
         left = np.maximum((best.mean_square - self.noise)[self.present], 1e-9 * usual)
         share = self.rules.background_reach * float(np.exp(np.mean(np.log(left / usual))))
-        self.floor = self.noise + min(share, 1.0) * self.background
-
-    def far_beyond(self, nominal: Score, tried: Sequence[Score]) -> frozenset[str]:
-        """Effects that are causes although their size is ordinary.
-
-        Alone, they remove most of an error that is far beyond what an ordinary background leaves.
-        """
-        usual = (self.noise + self.background) * self.rules.ordinary_reach**2
-        if not (nominal.mean_square > usual)[self.present].any():
-            return frozenset()
-        return frozenset(
-            effect
-            for score in tried
-            if len(score.effects) == 1
-            and self._mean_share(nominal, score, usual) >= self.rules.most_of_the_gap
-            for effect in score.ordinary
-        )
+        if share >= self.rules.background_shows:
+            self.floor = self.noise + min(share, 1.0) * self.background
 
     def level(self, score: Score) -> float:
         """Level of a held-out score."""
         return score.level(self.floor, self.present)
 
-    @property
-    def ranking_floor(self) -> Array:
-        """Floor by which hypotheses with equally many causes are compared.
-
-        It contains only a part of the background, because hypotheses that all leave less than an
-        ordinary background can still differ clearly.
-        """
-        return self.noise + self.rules.ranking_share * (self.floor - self.noise)
-
-    def rank(self, score: Score) -> float:
-        """Level of a held-out score over the floor by which hypotheses are compared."""
-        return score.level(self.ranking_floor, self.present)
-
-    def priced_rank(self, score: Score) -> float:
-        """Rank plus a penalty per free parameter, which prefers the simpler of two equal laws."""
-        return self.rank(score) + self.rules.price * score.free_numbers
-
-    def ordinary_share(self, nominal: Score, tried: Sequence[Score]) -> float:
-        """Share of a gap that matters which effects of ordinary size remove; 1 without such a gap.
-
-        A background is a little of everything. Where its usual effects at their ordinary sizes
-        remove nothing of a gap, its small size alone is no reason to take it for a background.
-        """
-        level = nominal.level(self.noise, self.present)
-        if not has_gap(level, int(self.present.sum()), self.rules) or not self.is_material(
-            nominal, unexplained=True, floor=self.noise
-        ):
-            return 1.0
-        usual = [score for score in tried if not score.causes]
-        return max((self._mean_share(nominal, score, self.noise) for score in usual), default=0.0)
+    def priced_level(self, score: Score) -> float:
+        """Level plus a penalty per free parameter, which prefers the simpler of two equal laws."""
+        return self.level(score) + self.rules.price * score.free_numbers
 
     def usual[S: Score](self, nominal: Score, tried: Sequence[S]) -> Score:
         """Score of the best hypothesis without causes: re-tuned, with effects of ordinary size."""
         scores: list[Score] = [nominal, *(s for s in tried if not s.causes)]
-        return min(scores, key=self.rank)
-
-    def _mean_share(self, first: Score, second: Score, floor: Array) -> float:
-        """Share of the RMS error above the noise that the second of two scores removes.
-
-        It is the mean over the channels in which the first one exceeds `floor`, weighted by the
-        logarithm of how far; 1 if it exceeds it in none.
-        """
-        weight = np.log(np.maximum(first.over_floor(floor, self.present), 1.0))
-        if not weight.any():
-            return 1.0
-        before = first.over_floor(self.noise, self.present)
-        after = second.over_floor(self.noise, self.present)
-        share = np.maximum(before - np.maximum(after, 1.0), 0.0) / np.maximum(before - 1.0, 1e-9)
-        return float(np.average(share, weights=weight))
-
-    def explains_alone(self, nominal: Score, chosen: Score) -> bool:
-        """Whether a hypothesis also passes where sensor noise alone is assumed."""
-        before, after = (s.over_floor(self.noise, self.present) for s in (nominal, chosen))
-        evidence = Evidence(
-            chosen.causes,
-            nominal.level(self.noise, self.present),
-            chosen.level(self.noise, self.present),
-            int(self.present.sum()),
-            closed_by_channel(before, after, self.rules),
-        )
-        left = self.is_material(chosen, unexplained=True, floor=self.noise)
-        return decide(evidence, (), self.rules, left) != "unknown"
-
-    def share_beside(self, chosen: Score, tried: Sequence[Score]) -> float:
-        """Share of what causes leave above the noise that effects of ordinary size remove.
-
-        On a rig with a background they remove a part of it. What the wrong cause leaves on a rig
-        without one, they do not. It is 1 if the causes were not scored alone.
-        """
-        same = [s for s in tried if set(s.causes) == set(chosen.causes)]
-        alone = [s for s in same if not s.ordinary]
-        if not alone:
-            return 1.0
-        first = min(alone, key=self.rank)
-        shares = (self._mean_share(first, s, self.noise) for s in same if s.ordinary)
-        return max(shares, default=0.0)
+        return min(scores, key=self.level)
 
     def share_removed(self, usual: Score, chosen: Score) -> float:
         """Share of the RMS error above the noise that the causes of a hypothesis remove.
 
-        It is the mean over the channels in which an ordinary rig would leave less, weighted by how
-        far the error stands out. The background is no part of the floor here: a cause must remove
-        most of the error, and not merely as much of it as stands out.
+        It is the mean over the channels in which the rig without causes stands out of the floor,
+        weighted by the logarithm of how far; 1 if it does in none. The background is no part of
+        the error here: a cause must remove most of it, and not merely as much as stands out.
 
         Parameters
         ----------
@@ -240,21 +157,27 @@ class Judge:
         chosen : Score
             Score of the hypothesis.
         """
-        return self._mean_share(usual, chosen, self.floor)
+        weight = np.log(np.maximum(usual.over_floor(self.floor, self.present), 1.0))
+        if not weight.any():
+            return 1.0
+        before = usual.over_floor(self.noise, self.present)
+        after = np.maximum(chosen.over_floor(self.noise, self.present), 1.0)
+        share = np.maximum(before - after, 0.0) / np.maximum(before - 1.0, 1e-9)
+        return float(np.average(share, weights=weight))
 
     def choose[S: Score](self, nominal: Score, scores: Sequence[S]) -> S | None:
         """The accepted hypothesis: the one with the fewest causes that no other clearly beats."""
         before = self.level(nominal)
         usual = [s for s in scores if s.size == 0]
-        accepted: S | None = min(usual, key=self.rank, default=None)
+        accepted: S | None = min(usual, key=self.level, default=None)
         for size in count(1):
             rivals = [s for s in scores if s.size == size]
             if not rivals:
                 break
-            best = min(rivals, key=self.priced_rank)
-            for simple in sorted(rivals, key=self.rank):
+            best = min(rivals, key=self.priced_level)
+            for simple in sorted(rivals, key=self.level):
                 if contains(best.effects, simple.effects) and prefers_simple(
-                    self.rank(simple), self.rank(best), self.rank(nominal), self.rules
+                    self.level(simple), self.level(best), self.level(nominal), self.rules
                 ):
                     best = simple
                     break
@@ -271,7 +194,7 @@ class Judge:
         """The best hypothesis of ordinary effects alone, if the accepted one is hardly better."""
         limit = self.level(accepted) + self.rules.rival_gap
         alike = [s for s in usual if self.level(s) < limit]
-        return min(alike, key=self.rank, default=accepted)
+        return min(alike, key=self.level, default=accepted)
 
     def rivals[S: Score](self, chosen: S, scores: Sequence[S], nominal: Score) -> list[S]:
         """Hypotheses with as many causes that the data do not distinguish from the chosen one.
@@ -280,30 +203,30 @@ class Judge:
         richer law that contains the chosen one is a rival if its level is slightly lower.
         Hypotheses that differ only in effects of ordinary size are the same answer.
         """
-        level = self.rank(chosen)
+        level = self.level(chosen)
         smaller: list[Score] = [nominal, *(s for s in scores if s.size < chosen.size)]
         part = self.rules.rival_part
-        limit = part * level + (1.0 - part) * min(self.rank(s) for s in smaller)
+        limit = part * level + (1.0 - part) * min(self.level(s) for s in smaller)
         alike: dict[tuple[str, ...], S] = {}
-        for s in sorted(scores, key=self.rank):
+        for s in sorted(scores, key=self.level):
             if (
                 s.size == chosen.size > 0
-                and self.rank(s) < limit
+                and self.level(s) < limit
                 and set(s.causes) != set(chosen.causes)
                 and (
                     not contains(s.causes, chosen.causes)
-                    or level - self.rank(s) > self.rules.no_gain
+                    or level - self.level(s) > self.rules.no_gain
                 )
             ):
                 alike.setdefault(tuple(sorted(s.causes)), s)
         others = list(alike.values())
-        floor = self.ranking_floor
+        floor = self.floor
         inside = confidence_set([chosen, *others], floor, self.present, self.rules)[1:]
-        before = self.rank(nominal)
+        before = self.level(nominal)
         return [
             s
             for s, tied in zip(others, inside, strict=True)
-            if is_rival(level, self.rank(s), before, tied, self.rules)
+            if is_rival(level, self.level(s), before, tied, self.rules)
         ]
 
     def decide[S: Score](
@@ -333,9 +256,7 @@ class Judge:
         usual = self.usual(nominal, tried)
         matters = has_gap(self.level(usual), channels, self.rules) and self.is_material(nominal)
         if chosen is None or not matters:
-            strange = self.ordinary_share(nominal, tried) < self.rules.ordinary_explains
-            verdict = "unknown" if strange and chosen is not None else "none"
-            return Decision(verdict, chosen, (), tuple(tried))
+            return Decision("none", chosen, (), tuple(tried))
         over_floor = nominal.over_floor(self.floor, self.present)
         closed = closed_by_channel(
             over_floor, chosen.over_floor(self.floor, self.present), self.rules
@@ -346,13 +267,7 @@ class Judge:
         rivals = self.rivals(chosen, tried, nominal)
         left = self.is_material(chosen, unexplained=True)
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
-        if verdict != "unknown" and (
-            self.share_removed(usual, chosen) < self.rules.most_of_the_gap
-            or not (
-                self.explains_alone(nominal, chosen)
-                or self.share_beside(chosen, tried) >= self.rules.ordinary_beside
-            )
-        ):
+        if self.share_removed(usual, chosen) < self.rules.most_of_the_gap:
             verdict = "unknown"
         if verdict == "unknown" and not self.is_material(nominal, unexplained=True):
             verdict = "none"

@@ -27,7 +27,7 @@ from pam_gap.rules import Rules
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 
-FORMAT = 3
+FORMAT = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +94,7 @@ class KeptEvidence:
             present=self.present,
             motion=np.zeros_like(self.floor) if self.motion is None else self.motion,
             sums=np.array([s.sums for s in scores]),
+            simulated_sums=np.array([s.simulated.sums for s in scores]),
             counts=np.array([s.counts for s in scores]),
         )
 
@@ -113,6 +114,7 @@ class KeptEvidence:
                 motion = file.get("motion")
                 background = file["background"]
                 sums, counts = file["sums"], file["counts"]
+                simulated = file["simulated_sums"]
         except (OSError, KeyError, ValueError) as error:
             raise PamError(f"{path}: not the evidence of a diagnosis ({error})") from error
         if about.get("format") != FORMAT:
@@ -121,7 +123,15 @@ class KeptEvidence:
                 "diagnosis again with --keep-evidence"
             )
         scores = [
-            Score(tuple(effects), label, free, sums[k], counts[k], ordinary=tuple(ordinary))
+            Score(
+                tuple(effects),
+                label,
+                free,
+                sums[k],
+                counts[k],
+                ordinary=tuple(ordinary),
+                simulated_sums=simulated[k],
+            )
             for k, (effects, label, free, ordinary) in enumerate(about["scores"])
         ]
         end = 2 + about["tried"]

@@ -50,6 +50,7 @@ class HeldOut(Score):
         sums: Array,
         counts: Array,
         fold_values: tuple[Array, ...] = (),
+        simulated_sums: Array | None = None,
     ) -> HeldOut:
         """The score of a hypothesis from its block sums."""
         free = sum(len(member.free) for member in hypothesis.members)
@@ -62,6 +63,7 @@ class HeldOut(Score):
             hypothesis,
             fold_values,
             ordinary=hypothesis.ordinary,
+            simulated_sums=simulated_sums,
         )
 
 
@@ -110,23 +112,25 @@ def score_all(
     fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]
 ) -> list[HeldOut]:
     """Held-out scores of several hypotheses; all their fits run side by side."""
+    is_fitted = [bool(h.result.values.size or h.result.amounts.size) for h in hypotheses]
     tasks = [
         FitTask(h.members, h.result.values, fitter.rules.search.fold_steps, own, h.result.jacobian)
-        for h in hypotheses
-        if h.result.values.size
+        for h, fitted in zip(hypotheses, is_fitted, strict=True)
+        if fitted
         for own in folds.rows
     ]
     parts = iter(fitter.fit_all(tasks))
     scores: list[HeldOut] = []
-    for h in hypotheses:
+    for h, fitted in zip(hypotheses, is_fitted, strict=True):
         sums = np.zeros((folds.n_blocks, h.result.errors.shape[1]))
-        counts = np.zeros_like(sums)
+        counts, simulated = np.zeros_like(sums), np.zeros_like(sums)
         values: list[Array] = []
         for other in folds.rows[::-1]:
-            part = next(parts) if h.result.values.size else h
+            part = next(parts) if fitted else h
             values.append(part.result.values)
             more_sums, more_counts = block_sums(part.result.errors, folds, other)
             sums += more_sums
             counts += more_counts
-        scores.append(HeldOut.of(h, sums, counts, tuple(values)))
+            simulated += block_sums(fitter.simulated_errors(part), folds, other)[0]
+        scores.append(HeldOut.of(h, sums, counts, tuple(values), simulated))
     return scores

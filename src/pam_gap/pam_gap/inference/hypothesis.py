@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from pam_gap.inference.background import Background, discrepancy, ordinary_background
 from pam_gap.inference.candidates import (
     SIDES,
     Candidate,
@@ -20,10 +21,12 @@ from pam_gap.prediction.fit import (
     FitResult,
     FitSteps,
     FreeParameter,
+    Scaling,
     fit_steps,
     fit_together,
     mean_squares,
 )
+from pam_gap.prediction.linear_terms import fit_steps_with_terms
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.plant.parameters import INDEX
 
@@ -123,6 +126,8 @@ class HypothesisFitter:
         if stamped and problem.has_commands and len(written) == 1:
             self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
         self.nominal: Hypothesis | None = None
+        self.background: Background | None = None
+        self.discrepancy: Array = np.zeros_like(floor)
 
     def problem_parts(
         self, members: Sequence[Candidate]
@@ -181,10 +186,14 @@ class HypothesisFitter:
     def _fit_steps(self, task: FitTask) -> tuple[Callable[[Array], Array], FitSteps] | None:
         """The fit of a hypothesis and its lanes' full vectors; None without free parameters."""
         free, targets, factor = self.problem_parts(task.members)
-        if not free:
+        if not free and self.background is None:
             return None
         places = [np.array([INDEX[name] for name in group]) for group in targets]
-        steps = fit_steps(
+        fit = fit_steps
+        if self.background is not None:
+            terms = self.background.beside([member.effect for member in task.members])
+            fit = partial(fit_steps_with_terms, terms=terms)
+        steps = fit(
             free,
             task.start,
             rows=self.problem.counted if task.rows is None else task.rows,
@@ -197,8 +206,28 @@ class HypothesisFitter:
         return partial(self.problem.vectors, self.problem.base.values, places, factor), steps
 
     def fit_nominal(self) -> Hypothesis:
-        """Fit the nuisance parameters alone; every other fit starts from the result."""
+        """Fit the re-tuned plant without effects; every other fit starts from the result.
+
+        The first fit is without a background, which is then simulated with its result.
+        """
         if self.nominal is None:
+            steps = self.rules.search.nominal_steps
             start = np.array([nuisance.free.centre for nuisance in self.nuisances])
-            self.nominal = self.fit((), start, max_iterations=self.rules.search.nominal_steps)
+            bare = self.fit((), start, max_iterations=steps)
+            values, jacobian = bare.result.values, bare.result.jacobian
+            self.background = ordinary_background(self.problem, self.vector((), values))
+            free, _, _ = self.problem_parts(())
+            weights = 1.0 / np.maximum(bare.mean_square, self.floor)
+            self.discrepancy = discrepancy(
+                self.problem, self.background, jacobian, Scaling(free), weights
+            )
+            self.nominal = self.fit((), values, cached=jacobian, max_iterations=steps)
         return self.nominal
+
+    def simulated_errors(self, h: Hypothesis) -> Array:
+        """Errors of a hypothesis without the linear amounts of the background."""
+        if self.background is None or not h.result.amounts.size:
+            return h.result.errors
+        terms = self.background.beside(h.effects)
+        result: Array = h.result.errors - terms.columns @ h.result.amounts
+        return result

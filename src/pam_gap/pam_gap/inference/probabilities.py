@@ -49,15 +49,10 @@ def probabilities[S: Score](
     explained = float(expit((limit - after) / rules.temperature))
     removed = judge.share_removed(usual, decision.chosen) - rules.most_of_the_gap
     explained *= float(expit(removed / rules.share_temperature))
-    if decision.chosen.causes and not judge.explains_alone(nominal, decision.chosen):
-        beside = judge.share_beside(decision.chosen, decision.tried) - rules.ordinary_beside
-        explained *= float(expit(beside / rules.share_temperature))
-    unlike = rules.ordinary_explains - judge.ordinary_share(nominal, decision.tried)
-    strange = float(expit(unlike / rules.share_temperature))
     energies: dict[str, float] = {}
     for score in decision.tried:
         name = " + ".join(sorted(score.causes)) or NONE
-        energy = judge.priced_rank(score) + rules.further_gain * (score.size - 1)
+        energy = judge.priced_level(score) + rules.further_gain * (score.size - 1)
         energies[name] = min(energy, energies.get(name, np.inf))
     values = np.array(list(energies.values()))
     shares = np.exp(-(values - values.min()) / rules.temperature)
@@ -66,9 +61,8 @@ def probabilities[S: Score](
     unknown = gap * (1.0 - explained)
     nothing = 1.0 - gap + found.pop(NONE, 0.0)
     if decision.verdict == NONE:  # an unexplained gap that does not matter is none either
-        found |= {NONE: nothing + unknown, UNKNOWN: 0.0}
-    else:
-        found |= {NONE: nothing * (1.0 - strange), UNKNOWN: unknown + nothing * strange}
+        nothing, unknown = nothing + unknown, 0.0
+    found |= {NONE: nothing, UNKNOWN: unknown}
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
 

@@ -7,7 +7,6 @@ per observation of two Gaussian models whose variances are not known.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -39,6 +38,9 @@ class Score:
         Sum of squared whitened errors, and number of rows, of each score block.
     ordinary : tuple of str
         Those of the effects that are no larger than on an ordinary good rig, and thus no causes.
+    simulated_sums : ndarray, shape (n_blocks, channels), optional
+        The sums for the simulation alone, whose errors contain an ordinary background; without
+        it, no background was fitted.
     """
 
     effects: tuple[str, ...]
@@ -47,15 +49,17 @@ class Score:
     sums: Array
     counts: Array
     ordinary: tuple[str, ...] = field(default=(), kw_only=True)
+    simulated_sums: Array | None = field(default=None, kw_only=True)
+
+    @property
+    def simulated(self) -> Self:
+        """The score of the simulation alone, without the amounts of an ordinary background."""
+        return self if self.simulated_sums is None else replace(self, sums=self.simulated_sums)
 
     @property
     def causes(self) -> tuple[str, ...]:
         """Effects that stand out of an ordinary background."""
         return tuple(effect for effect in self.effects if effect not in self.ordinary)
-
-    def with_causes(self, causes: Collection[str]) -> Self:
-        """The same score with these effects as causes, whatever their size."""
-        return replace(self, ordinary=tuple(e for e in self.ordinary if e not in causes))
 
     @property
     def size(self) -> int:

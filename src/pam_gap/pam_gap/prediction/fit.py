@@ -16,7 +16,7 @@ Seber and Wild, Nonlinear Regression, 2.2 (concentrated likelihood).
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +77,8 @@ class FitResult:
         Derivative of the errors with respect to the scaled parameters.
     iterations : int
         Number of steps taken.
+    amounts : ndarray, shape (k,)
+        Amounts of the linear terms; `errors` contains them.
     """
 
     values: Array
@@ -84,6 +86,7 @@ class FitResult:
     objective: float
     jacobian: Array
     iterations: int
+    amounts: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def mean_squares(errors: Array, rows: npt.NDArray[np.bool_] | None = None) -> Array:

@@ -7,7 +7,8 @@ calls.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -263,6 +264,12 @@ class PredictionProblem:
         result = np.concatenate(parts, axis=1)
         clipped: Array = np.clip(result, -1e6, 1e6)
         return clipped
+
+    def with_data(self, change: Callable[[Channels], Channels]) -> PredictionProblem:
+        """The same problem with other commands or measurements."""
+        other = copy(self)
+        other.data = tuple(change(data) for data in self.data)
+        return other
 
     def predictor(
         self, base: Array, targets: Sequence[Sequence[str]], is_factor: Sequence[bool]

@@ -118,16 +118,6 @@ class SearchRules:
         trades="Larger: small second effects are never sought. Smaller: the diagnosis takes "
         "longer, and surplus effects become more likely.",
     )
-    background_share: float = rule(
-        0.16,
-        unit="of the mean square",
-        decides="Share of what an ordinary background can leave that is added to the noise when "
-        "the search decides whether anything is left to explain.",
-        trades="Larger: small second effects are never sought. Smaller: the diagnosis takes "
-        "longer on ordinary rigs.",
-        origin="0.16 is 0.4 of the RMS error; with `left_to_explain` 2.5, a further effect is "
-        "sought where the error exceeds what an ordinary background leaves.",
-    )
     level_to_explain: float = rule(
         1.0,
         unit="level",

@@ -56,7 +56,7 @@ EFFECT = Effect(
     ),
     plausibility=Included("the pressure observer uses the same overlap"),
     search=Search(
-        ranges=lambda rig: {"overlap": Range(0.0, 0.4, 0.05, (0.05, 0.02, 0.12), ordinary=0.01)},
+        ranges=lambda rig: {"overlap": Range(0.0, 0.4, 0.05, (0.05, 0.02, 0.12))},
         shown_by=("commands",),
     ),
     portrait=Portrait(
