@@ -45,7 +45,7 @@ def evidence(**changes: object) -> KeptEvidence:
         settled={0: score(("creep",), 1.1)},
         singles=("creep", "hysteresis", "leakage"),
         stages=(StageGap("valve", "commands", 1.1), StageGap("muscle", "pressures", 4.0)),
-        growth=((GrowthStep(1, 2.0, 10.0, 0.9), False),),
+        growth=((GrowthStep(1, 3, True, 10.0, 0.9), False),),
     )
     return replace(kept, **changes)
 
@@ -103,10 +103,13 @@ def test_a_fit_that_was_never_made_is_told() -> None:
 
 
 def test_a_search_that_would_have_gone_on_is_told() -> None:
-    kept = evidence(growth=((GrowthStep(1, 2.6, 10.0, 5.0), True),))
+    """What is left is sought to be explained where it is itself a gap that matters."""
+    kept = evidence(growth=((GrowthStep(1, 3, True, 10.0, 1.2), True),))
     assert decide_again(kept, DEFAULT).is_exact
-    assert not decide_again(kept, changed("search.left_to_explain", 3.0)).is_exact
-    further = (GrowthStep(2, 4.0, 10.0, 5.0, previous=7.0, runner_up=6.9), True)
+    assert not decide_again(kept, changed("decision.no_gap", 0.5)).is_exact
+    harmless = evidence(growth=((GrowthStep(1, 3, False, 10.0, 5.0), False),))
+    assert decide_again(harmless, DEFAULT).is_exact
+    further = (GrowthStep(2, 3, True, 10.0, 5.0, previous=7.0, runner_up=6.9), True)
     assert decide_again(evidence(growth=(further,)), DEFAULT).is_exact
     assert not decide_again(
         evidence(growth=(further,)), changed("decision.further_gain", 2.5)

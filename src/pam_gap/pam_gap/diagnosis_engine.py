@@ -127,8 +127,9 @@ class JointDiagnosis:
         def left(h: Hypothesis) -> float:
             return level(h.mean_square, floor, self.present)
 
-        worst = float(np.sqrt(best.mean_square / floor)[self.present].max())
-        step = GrowthStep(size, worst, left(result.nominal), left(best))
+        limit = self.rules.decision.material_share**2 * self.motion
+        matters = bool((best.mean_square - floor > limit)[self.present].any())
+        step = GrowthStep(size, int(self.present.sum()), matters, left(result.nominal), left(best))
         if size > 1:
             previous = left(result.by_size[-2][0])
             others = (left(h) for h in result.by_size[-1] if h.effects != best.effects)

@@ -17,7 +17,7 @@ Barthorpe, Mech. Syst. Signal Process. 143, 2020).
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -57,6 +57,7 @@ class Background:
 
     effects: tuple[str, ...]
     terms: LinearTerms
+    _beside: dict[tuple[bool, ...], LinearTerms] = field(default_factory=dict)
 
     def beside(self, effects: Collection[str]) -> LinearTerms:
         """The terms for a hypothesis with these effects, which replace their ordinary amounts."""
@@ -65,10 +66,13 @@ class Background:
             richer = EFFECTS[name].search.richer
             if richer is not None:
                 own.add(richer.than)
-        absent = [effect in own for effect in self.effects]
+        absent = tuple(effect in own for effect in self.effects)
         if not any(absent):
             return self.terms
-        return replace(self.terms, columns=np.where(absent, 0.0, self.terms.columns))
+        if absent not in self._beside:  # fits that run side by side share one copy
+            columns = np.where(absent, 0.0, self.terms.columns)
+            self._beside[absent] = replace(self.terms, columns=columns)
+        return self._beside[absent]
 
 
 def ordinary_background(problem: PredictionProblem, vector: Array) -> Background:

@@ -111,10 +111,21 @@ def score_held_out(fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesi
 def score_all(
     fitter: HypothesisFitter, folds: Folds, hypotheses: Sequence[Hypothesis]
 ) -> list[HeldOut]:
-    """Held-out scores of several hypotheses; all their fits run side by side."""
-    is_fitted = [bool(h.result.values.size or h.result.amounts.size) for h in hypotheses]
+    """Held-out scores of several hypotheses; all their fits run side by side.
+
+    The amounts of an ordinary background are those of all data. They are not what is tested, and
+    a drift that was fitted to one fold would be carried on into the other.
+    """
+    is_fitted = [bool(h.result.values.size) for h in hypotheses]
     tasks = [
-        FitTask(h.members, h.result.values, fitter.rules.search.fold_steps, own, h.result.jacobian)
+        FitTask(
+            h.members,
+            h.result.values,
+            fitter.rules.search.fold_steps,
+            own,
+            h.result.jacobian,
+            amounts=h.result.amounts if h.result.amounts.size else None,
+        )
         for h, fitted in zip(hypotheses, is_fitted, strict=True)
         if fitted
         for own in folds.rows

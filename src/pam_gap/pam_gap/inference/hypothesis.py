@@ -92,6 +92,8 @@ class FitTask:
         Jacobian of the first parameters, which is reused.
     tolerance : float, optional
         As for `fit_steps`.
+    amounts : ndarray, optional
+        Amounts of the ordinary background that are kept; by default they are fitted.
     """
 
     members: tuple[Candidate, ...]
@@ -100,6 +102,7 @@ class FitTask:
     rows: Rows | None = None
     cached: Array | None = None
     tolerance: float | None = None
+    amounts: Array | None = None
 
 
 class HypothesisFitter:
@@ -192,7 +195,7 @@ class HypothesisFitter:
         fit = fit_steps
         if self.background is not None:
             terms = self.background.beside([member.effect for member in task.members])
-            fit = partial(fit_steps_with_terms, terms=terms)
+            fit = partial(fit_steps_with_terms, terms=terms, amounts=task.amounts)
         steps = fit(
             free,
             task.start,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import astuple, dataclass
 
-from pam_gap.inference.verdict import accepts_further
+from pam_gap.inference.verdict import accepts_further, has_gap
 from pam_gap.rules.decision_rules import DecisionRules
 from pam_gap.rules.search_rules import SearchRules
 
@@ -17,8 +17,10 @@ class GrowthStep:
     ----------
     size : int
         Number of effects of the hypotheses found last.
-    worst_channel : float
-        RMS error over floor of the worst channel of the best of them.
+    channels : int
+        Number of channels that are judged.
+    matters : bool
+        Whether the best of them leaves an error that is material.
     nominal, best : float
         Levels of the re-tuned nominal plant and of the best hypothesis found last.
     previous, runner_up : float or None
@@ -27,7 +29,8 @@ class GrowthStep:
     """
 
     size: int
-    worst_channel: float
+    channels: int
+    matters: bool
     nominal: float
     best: float
     previous: float | None = None
@@ -41,11 +44,12 @@ class GrowthStep:
 def grows(step: GrowthStep, search: SearchRules, decision: DecisionRules) -> bool:
     """Whether one more effect is sought.
 
-    It is sought while an error is left to explain and the last effect was worth accepting.
+    It is sought while what is left is itself a gap, by the limits that hold for the re-tuned
+    nominal plant, and the last effect was worth accepting.
     """
     if step.size >= search.most_effects:
         return False
-    if step.best < search.level_to_explain or step.worst_channel < search.left_to_explain:
+    if not (step.matters and has_gap(step.best, step.channels, decision)):
         return False
     if step.previous is None or step.runner_up is None:
         return True

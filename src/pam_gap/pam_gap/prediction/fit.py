@@ -274,6 +274,7 @@ def fit_steps(
     reused = 0 if cached is None else cached.shape[-1]
     if cached is not None:
         jacobian[..., :reused] = cached
+    del cached  # many fits run side by side, and each would keep its copy
     fresh = np.arange(reused, n)
     taken = 0
     for _ in range(max_iterations):

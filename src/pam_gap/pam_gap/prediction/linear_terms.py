@@ -8,7 +8,7 @@ columns of the Jacobian are known, so that they cost no simulation.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -26,8 +26,6 @@ from pam_gap.prediction.fit import (
 )
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.prediction_rules import PredictionRules
-
-ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +45,16 @@ class LinearTerms:
 
 
 def best_amounts(
-    errors: Array, terms: LinearTerms, rows: npt.NDArray[np.bool_], floor: Array
+    errors: Array, terms: LinearTerms, rows: npt.NDArray[np.bool_], floor: Array, rounds: int = 3
 ) -> Array:
-    """Amounts of linear terms that fit the errors best, in their own units."""
+    """Amounts of linear terms that fit the errors best, in their own units.
+
+    Each round weighs the channels by what the round before left in them.
+    """
     scaling = Scaling(terms.free)
     columns = terms.columns * scaling.size
     at = np.clip(scaling.centre, scaling.low, scaling.high)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         now = errors + columns @ at
         mean = np.maximum(mean_squares(now, rows), floor)
         hessian, slope = normal_equations(now, columns, rows, 1.0 / mean)
@@ -74,14 +75,30 @@ def fit_steps_with_terms(
     max_iterations: int = 8,
     tolerance: float | None = None,
     rules: PredictionRules = DEFAULT.prediction,
+    amounts: Array | None = None,
 ) -> FitSteps:
-    """Fit parameters and amounts of linear terms; the arguments are those of `fit_steps`.
+    """Fit parameters and amounts of linear terms; the other arguments are those of `fit_steps`.
 
     Parameters
     ----------
     terms : LinearTerms
         The terms. The result holds their amounts, and its errors contain them.
+    amounts : ndarray, shape (k,), optional
+        Amounts that are not fitted but kept.
     """
+    if amounts is not None:
+        kept = terms.columns @ amounts
+        steps = fit_steps(
+            free, start, rows=rows, floor=floor, cached=cached, max_iterations=max_iterations,
+            tolerance=tolerance, rules=rules,
+        )  # fmt: skip
+        lanes = next(steps)
+        while True:
+            try:
+                lanes = steps.send((yield lanes) + kept)
+            except StopIteration as end:
+                found: FitResult = end.value
+                return replace(found, amounts=amounts)
     k = len(terms.free)
     known = terms.columns * Scaling(terms.free).size
     if cached is not None:
@@ -98,13 +115,14 @@ def fit_steps_with_terms(
         tolerance=tolerance,
         rules=rules,
     )
+    del known, cached  # many fits run side by side, and each would keep its copy
     lanes = next(steps)
     while True:
         errors = (yield lanes[:, k:]) + np.moveaxis(terms.columns @ lanes[:, :k].T, -1, 0)
         try:
             lanes = steps.send(errors)
         except StopIteration as end:
-            found: FitResult = end.value
+            found = end.value
             return FitResult(
                 found.values[k:],
                 found.errors,

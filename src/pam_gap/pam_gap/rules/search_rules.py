@@ -111,19 +111,6 @@ class SearchRules:
         trades="Fewer: rigs with several effects become `unknown`. More: the diagnosis takes "
         "longer, and surplus effects can be added.",
     )
-    left_to_explain: float = rule(
-        2.5,
-        unit="RMS over floor",
-        decides="Error of the worst channel above which a further effect is sought.",
-        trades="Larger: small second effects are never sought. Smaller: the diagnosis takes "
-        "longer, and surplus effects become more likely.",
-    )
-    level_to_explain: float = rule(
-        1.0,
-        unit="level",
-        decides="Level of the best hypothesis above which a further effect is sought.",
-        trades="As for `left_to_explain`.",
-    )
     finalists_one: int = rule(
         8,
         unit="-",

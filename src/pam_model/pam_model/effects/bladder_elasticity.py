@@ -50,7 +50,12 @@ def pull_at_length(
 def _ranges(rig: RigScales) -> dict[str, Range]:
     force, stroke = rig.force, rig.stroke
     return {
-        "linear": Range(0.0, 40.0 * force / stroke, force / stroke * 0.2, (0.2 * force / stroke,)),
+        "linear": Range(
+            0.0,
+            40.0 * force / stroke,
+            0.2 * force / stroke,
+            (0.2 * force / stroke, 2.0 * force / stroke),
+        ),
         "cubic": Range(
             -20.0 * force / stroke**3,
             100.0 * force / stroke**3,

@@ -1,0 +1,45 @@
+"""Fits with known linear terms: their amounts are found within their bounds."""
+
+import numpy as np
+import pytest
+
+from pam_gap.prediction.fit import FreeParameter, fit_together, mean_squares
+from pam_gap.prediction.linear_terms import LinearTerms, fit_steps_with_terms
+
+ROWS = np.ones(400, dtype=bool)
+TIME = np.linspace(0.0, 4.0, 400)
+WAVE = 30.0 * np.sin(np.linspace(0.0, 40.0, 400))
+
+
+@pytest.mark.parametrize(("true", "found"), [(0.4, 0.4), (2.5, 1.0), (-0.5, 0.0)])
+def test_amounts_are_fitted_within_their_bounds_beside_the_parameters(
+    true: float, found: float
+) -> None:
+    noise = 0.01 * np.random.default_rng(3).normal(size=TIME.size)
+    lanes_simulated: list[int] = []
+
+    def predict(lanes: np.ndarray) -> np.ndarray:
+        lanes_simulated.append(len(lanes))
+        curve = lanes[:, :1] * np.exp(-TIME / lanes[:, 1:])
+        target = 2.0 * np.exp(-TIME / 0.7) + noise
+        return ((curve - target) / 0.01 - true * WAVE)[:, :, None]
+
+    free = [
+        FreeParameter("size", 0.0, 10.0, 1.0),
+        FreeParameter("time", 1e-2, 100.0, 0.7, is_logarithmic=True),
+    ]
+    terms = LinearTerms(WAVE[:, None, None], (FreeParameter("amount", 0.0, 1.0, 0.5),))
+    steps = fit_steps_with_terms(
+        free, np.array([1.5, 1.0]), terms, rows=ROWS, floor=np.ones(1), max_iterations=40,
+        tolerance=1e-8,
+    )  # fmt: skip
+    result = fit_together([(lambda lanes: lanes, steps)], predict)[0]
+    assert result.amounts == pytest.approx([found], abs=0.02)
+    assert result.jacobian.shape[-1] == result.values.size == 2
+    assert max(lanes_simulated) <= 3  # no lane is simulated for the amount
+    if true == found:
+        assert result.values == pytest.approx([2.0, 0.7], rel=0.02)
+        assert mean_squares(result.errors)[0] == pytest.approx(1.0, rel=0.2)
+    # what the bounds leave belongs to the errors, which contain the terms
+    left = predict(result.values[None])[0] + terms.columns @ result.amounts
+    np.testing.assert_allclose(result.errors, left)
