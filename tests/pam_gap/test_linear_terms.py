@@ -43,3 +43,23 @@ def test_amounts_are_fitted_within_their_bounds_beside_the_parameters(
     # what the bounds leave belongs to the errors, which contain the terms
     left = predict(result.values[None])[0] + terms.columns @ result.amounts
     np.testing.assert_allclose(result.errors, left)
+
+
+def test_amounts_that_are_given_are_kept_and_the_parameters_are_fitted_beside_them() -> None:
+    """A fold keeps the drift of all data; one fitted to a half would be carried on."""
+    drift = (TIME / TIME[-1] - 0.5)[:, None, None] * 100.0
+    terms = LinearTerms(drift, (FreeParameter("drift", -1.0, 1.0, 0.5),))
+
+    def predict(lanes: np.ndarray) -> np.ndarray:
+        curve = lanes[:, :1] * np.exp(-TIME / 0.7)
+        return ((curve - 2.0 * np.exp(-TIME / 0.7)) / 0.01)[:, :, None] - 0.4 * drift[None, :, :, 0]
+
+    free = [FreeParameter("size", 0.0, 10.0, 1.0)]
+    first_half = ROWS & (TIME < 2.0)
+    steps = fit_steps_with_terms(
+        free, np.array([1.5]), terms, rows=first_half, floor=np.ones(1), amounts=np.array([0.4])
+    )
+    result = fit_together([(lambda lanes: lanes, steps)], predict)[0]
+    assert result.amounts == pytest.approx([0.4])
+    assert result.values == pytest.approx([2.0], abs=1e-3)
+    assert mean_squares(result.errors)[0] < 1e-3

@@ -130,6 +130,15 @@ class Judge:
         if share >= self.rules.background_shows:
             self.floor = self.noise + min(share, 1.0) * self.background
 
+    def leaves_material(self, chosen: Score) -> bool:
+        """Whether a hypothesis leaves an error that matters and that nothing explains.
+
+        On a rig that is judged without a background, what the fitted amounts of one take away is
+        no background either: the simulation alone must explain the recording.
+        """
+        assumed = bool((self.floor > self.noise)[self.present].any())
+        return self.is_material(chosen if assumed else chosen.simulated, unexplained=True)
+
     def level(self, score: Score) -> float:
         """Level of a held-out score."""
         return score.level(self.floor, self.present)
@@ -265,7 +274,7 @@ class Judge:
             closed = 1.0 - self.level(chosen) / before  # no channel has a gap wide enough to count
         evidence = Evidence(chosen.causes, before, self.level(chosen), channels, closed)
         rivals = self.rivals(chosen, tried, nominal)
-        left = self.is_material(chosen, unexplained=True)
+        left = self.leaves_material(chosen)
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
         if self.share_removed(usual, chosen) < self.rules.most_of_the_gap:
             verdict = "unknown"
