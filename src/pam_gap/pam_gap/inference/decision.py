@@ -174,6 +174,17 @@ class Judge:
         share = np.maximum(before - after, 0.0) / np.maximum(before - 1.0, 1e-9)
         return float(np.average(share, weights=weight))
 
+    def evidence(self, nominal: Score, chosen: Score) -> Evidence:
+        """The figures on which the verdict about a hypothesis is based."""
+        before, after = self.level(nominal), self.level(chosen)
+        over_floor = nominal.over_floor(self.floor, self.present)
+        closed = closed_by_channel(
+            over_floor, chosen.over_floor(self.floor, self.present), self.rules
+        )
+        if not (over_floor > self.rules.gap_of_channel).any():
+            closed = 1.0 - after / max(before, 1e-9)  # no gap of a channel is wide enough to count
+        return Evidence(chosen.causes, before, after, int(self.present.sum()), closed)
+
     def choose[S: Score](self, nominal: Score, scores: Sequence[S]) -> S | None:
         """The accepted hypothesis: the one with the fewest causes that no other clearly beats."""
         before = self.level(nominal)
@@ -260,19 +271,12 @@ class Judge:
             tried = [*map(settle, close), *others]
             self.set_floor([nominal, *tried])
             chosen = self.choose(nominal, tried)
-        before = self.level(nominal)
         channels = int(self.present.sum())
         usual = self.usual(nominal, tried)
         matters = has_gap(self.level(usual), channels, self.rules) and self.is_material(nominal)
         if chosen is None or not matters:
             return Decision("none", chosen, (), tuple(tried))
-        over_floor = nominal.over_floor(self.floor, self.present)
-        closed = closed_by_channel(
-            over_floor, chosen.over_floor(self.floor, self.present), self.rules
-        )
-        if not (over_floor > self.rules.gap_of_channel).any():
-            closed = 1.0 - self.level(chosen) / before  # no channel has a gap wide enough to count
-        evidence = Evidence(chosen.causes, before, self.level(chosen), channels, closed)
+        evidence = self.evidence(nominal, chosen)
         rivals = self.rivals(chosen, tried, nominal)
         left = self.leaves_material(chosen)
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)

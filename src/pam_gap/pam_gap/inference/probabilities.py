@@ -5,9 +5,10 @@ Three questions follow each other. Does anything stand out of noise and backgrou
 best hypothesis explain it? If so, which hypothesis is it? The first two are answered by logistic
 functions of the distance of levels and shares from the limits of the decision, the third by a Gibbs
 distribution over the levels, where every further effect costs the fall that it must achieve to be
-accepted. One temperature serves all three. A likelihood would be far too sure, because errors are
-correlated and laws approximate (tempered posteriors: Holmes and Walker, Biometrika 104, 2017;
-Miller and Dunson, J. Am. Stat. Assoc. 114, 2019).
+accepted. A likelihood would be far too sure, because errors are correlated and laws approximate.
+All probabilities are therefore raised to a power below 1, which was fitted to drawn rigs (tempered
+posteriors: Holmes and Walker, Biometrika 104, 2017; Miller and Dunson, J. Am. Stat. Assoc. 114,
+2019; temperature scaling: Guo et al., Int. Conf. Machine Learning, 2017).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from scipy.special import expit
 
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.score import Score
+from pam_gap.inference.verdict import SHARP
 
 NONE, UNKNOWN = "none", "unknown"
 
@@ -41,12 +43,10 @@ def probabilities[S: Score](
     if decision.chosen is None:
         return {NONE: 1.0}
     usual = judge.usual(nominal, decision.tried)
-    before, after = judge.level(nominal), judge.level(decision.chosen)
     stands_out = judge.level(usual) - rules.no_gap * int(judge.present.sum())
     gap = float(expit(stands_out / rules.temperature))
     gap *= _matters(judge, nominal)
-    limit = min((1.0 - rules.sharp_fall) * before, rules.sharp_left)
-    explained = float(expit((limit - after) / rules.temperature))
+    explained = _explains(judge, nominal, decision.chosen)
     removed = judge.share_removed(usual, decision.chosen) - rules.most_of_the_gap
     explained *= float(expit(removed / rules.share_temperature))
     energies: dict[str, float] = {}
@@ -63,7 +63,20 @@ def probabilities[S: Score](
     if decision.verdict == NONE:  # an unexplained gap that does not matter is none either
         nothing, unknown = nothing + unknown, 0.0
     found |= {NONE: nothing, UNKNOWN: unknown}
+    tempered = np.array(list(found.values())) ** (1.0 / rules.tempering)
+    found = dict(zip(found, (tempered / tempered.sum()).tolist(), strict=True))
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def _explains(judge: Judge, nominal: Score, chosen: Score) -> float:
+    """Probability that a hypothesis explains the gap, from its distance to the verdict's limits."""
+    rules, evidence = judge.rules, judge.evidence(nominal, chosen)
+    limit = min((1.0 - rules.sharp_fall) * evidence.level_before, rules.sharp_left)
+    sharp = (limit - evidence.level_after) / rules.temperature
+    closed = (evidence.closed - rules.closed_at_least) / rules.share_temperature
+    if not all(effect in SHARP for effect in evidence.effects):
+        return float(expit(closed))
+    return float(expit(sharp if judge.leaves_material(chosen) else max(sharp, closed)))
 
 
 def _matters(judge: Judge, nominal: Score) -> float:

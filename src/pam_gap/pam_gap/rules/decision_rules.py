@@ -124,6 +124,16 @@ class DecisionRules:
         "calibrated.",
         acts=PROPOSAL,
     )
+    tempering: float = rule(
+        3.5,
+        unit="-",
+        decides="Root that is taken of all probabilities before they are normalised.",
+        trades="Larger: probabilities are nearer to each other. Smaller: answers are given with "
+        "more certainty. No verdict changes.",
+        origin="Maximum likelihood over the 30 drawn rigs of `blind --background --seed "
+        "550113`, which are not those of the published check.",
+        acts=PROPOSAL,
+    )
     no_gap: float = rule(
         0.35,
         unit="level per channel",
