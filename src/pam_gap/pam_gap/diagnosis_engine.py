@@ -23,7 +23,7 @@ from pam_gap.inference.held_out import (
     score_all,
     score_held_out,
 )
-from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
@@ -79,6 +79,7 @@ class JointDiagnosis:
         self.present = self.problem.present
         self.motion = squared_motion(self.problem)
         self.judge = Judge(self.floor, self.present, rules.decision, self.motion)
+        self.causes: frozenset[str] = frozenset()
         self.growth: list[tuple[GrowthStep, bool]] = []
         self.evidence: KeptEvidence | None = None
 
@@ -107,8 +108,50 @@ class JointDiagnosis:
             )
         ]
 
+    def in_sample(self, hypothesis: Hypothesis) -> HeldOut:
+        """Score of a hypothesis on the data to which it was fitted."""
+        both = self.folds.rows[0] | self.folds.rows[1]
+        sums, counts = block_sums(hypothesis.result.errors, self.folds, both)
+        return HeldOut.of(hypothesis, sums, counts)
+
+    def far_beyond(self) -> frozenset[str]:
+        """Effects that are causes although their size is ordinary.
+
+        Alone, they remove most of an error that is far beyond what an ordinary background leaves on
+        such a rig. They must not be fitted as a background then.
+        """
+        self.progress("re-tuning nominal parameters", 0.0)
+        self.fitter.fit_nominal()
+        bare, background = self.fitter.bare, self.fitter.background
+        reach = self.rules.decision.ordinary_reach
+        usual = (self.floor + self.fitter.whole_background) * reach**2
+        if bare is None or background is None or not (bare.mean_square > usual)[self.present].any():
+            return frozenset()
+        steps, values = self.rules.search.refine_steps, bare.result.values
+        fits = self.fitter.fit_all(
+            [
+                FitTask(
+                    (candidate,), np.concatenate([values, start]), steps,
+                    cached=bare.result.jacobian, is_bare=True,
+                )
+                for candidate in self.candidates()
+                if candidate.effect in background.effects
+                for start in candidate.starts
+            ]
+        )  # fmt: skip
+        nominal, most = self.in_sample(bare), self.rules.decision.most_of_the_gap
+        return frozenset(
+            effect
+            for one in fits
+            if self.judge.share_removed(nominal, self.in_sample(one), usual) >= most
+            for effect in one.ordinary
+        )
+
     def search(self) -> SearchResult:
         """Search single effects, then further effects while they improve the fit enough."""
+        self.causes = self.far_beyond()
+        if self.causes:
+            self.fitter.without_background()
         search = Search(self.fitter, self.candidates(), self.progress)
         result = search.singles()
         self.judge.background = self.fitter.discrepancy
@@ -196,12 +239,13 @@ class JointDiagnosis:
         written = self.written()
         hypotheses = [result.nominal, *self.finalists(result)]
         nominal, *tried = score_all(self.fitter, self.folds, hypotheses)
+        tried = [score.with_causes(self.causes) for score in tried]
         self.progress("verdict", 0.93)
         settled: dict[int, HeldOut] = {}
 
         def settle(score: HeldOut) -> HeldOut:
             place = next(k for k, one in enumerate(tried) if one is score)
-            settled[place] = self.settled(score)
+            settled[place] = self.settled(score).with_causes(self.causes)
             return settled[place]
 
         decision = self.judge.decide(nominal, tried, settle)

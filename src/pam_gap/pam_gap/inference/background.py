@@ -182,11 +182,12 @@ def discrepancy(
     jacobian: Array,
     scaling: Scaling,
     weights: Array,
-) -> Array:
-    """Mean squared whitened error that remains of an ordinary background, shape (channels,).
+) -> tuple[Array, Array]:
+    """Mean squared whitened error of an ordinary background: the whole, and what remains of it.
 
-    It is a share of the whole background after re-tuning, since the laws of its parts are
-    approximate, and the coloured noise of the sensors. Amounts are taken as uniformly distributed
+    Both have shape (channels,). The whole is what re-tuning leaves of it. A share of that remains
+    after its parts have been fitted, since the laws of the parts are approximate. The coloured
+    noise of the sensors belongs to both. Amounts are taken as uniformly distributed
     up to the largest ordinary one. Those that cannot be negative have a mean: all friction opposes
     the motion at the same time, and two muscles are of one kind, so that their changes add before
     they are squared.
@@ -224,4 +225,5 @@ def discrepancy(
     noise[BOTH_PRESSURES] = rules.ordinary_pressure * gauge
     noise[BOTH_FORCES] = rules.ordinary_force * rig_scales(rig, rig.joints[problem.joint]).force
     unmodelled = np.nan_to_num((noise / _deviation(problem)) ** 2)
-    return np.where(problem.present, rules.unlike_share * total + unmodelled, 0.0)
+    whole = np.where(problem.present, total + unmodelled, 0.0)
+    return whole, np.where(problem.present, rules.unlike_share * total + unmodelled, 0.0)

@@ -152,7 +152,7 @@ class Judge:
         scores: list[Score] = [nominal, *(s for s in tried if not s.causes)]
         return min(scores, key=self.level)
 
-    def share_removed(self, usual: Score, chosen: Score) -> float:
+    def share_removed(self, usual: Score, chosen: Score, floor: Array | None = None) -> float:
         """Share of the RMS error above the noise that the causes of a hypothesis remove.
 
         It is the mean over the channels in which the rig without causes stands out of the floor,
@@ -165,8 +165,11 @@ class Judge:
             Score of the rig without causes.
         chosen : Score
             Score of the hypothesis.
+        floor : ndarray, shape (channels,), optional
+            Floor out of which a channel must stand to count; that of the decision by default.
         """
-        weight = np.log(np.maximum(usual.over_floor(self.floor, self.present), 1.0))
+        limit = self.floor if floor is None else floor
+        weight = np.log(np.maximum(usual.over_floor(limit, self.present), 1.0))
         if not weight.any():
             return 1.0
         before = usual.over_floor(self.noise, self.present)

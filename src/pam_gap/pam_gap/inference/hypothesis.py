@@ -94,6 +94,8 @@ class FitTask:
         As for `fit_steps`.
     amounts : ndarray, optional
         Amounts of the ordinary background that are kept; by default they are fitted.
+    is_bare : bool
+        Whether the fit is without an ordinary background.
     """
 
     members: tuple[Candidate, ...]
@@ -103,6 +105,7 @@ class FitTask:
     cached: Array | None = None
     tolerance: float | None = None
     amounts: Array | None = None
+    is_bare: bool = False
 
 
 class HypothesisFitter:
@@ -129,7 +132,9 @@ class HypothesisFitter:
         if stamped and problem.has_commands and len(written) == 1:
             self.nuisances += (transport_time(max(stamped), written.pop(), self.rules.search),)
         self.nominal: Hypothesis | None = None
+        self.bare: Hypothesis | None = None
         self.background: Background | None = None
+        self.whole_background: Array = np.zeros_like(floor)
         self.discrepancy: Array = np.zeros_like(floor)
 
     def problem_parts(
@@ -189,12 +194,13 @@ class HypothesisFitter:
     def _fit_steps(self, task: FitTask) -> tuple[Callable[[Array], Array], FitSteps] | None:
         """The fit of a hypothesis and its lanes' full vectors; None without free parameters."""
         free, targets, factor = self.problem_parts(task.members)
-        if not free and self.background is None:
+        background = None if task.is_bare else self.background
+        if not free and background is None:
             return None
         places = [np.array([INDEX[name] for name in group]) for group in targets]
         fit = fit_steps
-        if self.background is not None:
-            terms = self.background.beside([member.effect for member in task.members])
+        if background is not None:
+            terms = background.beside([member.effect for member in task.members])
             fit = partial(fit_steps_with_terms, terms=terms, amounts=task.amounts)
         steps = fit(
             free,
@@ -221,11 +227,17 @@ class HypothesisFitter:
             self.background = ordinary_background(self.problem, self.vector((), values))
             free, _, _ = self.problem_parts(())
             weights = 1.0 / np.maximum(bare.mean_square, self.floor)
-            self.discrepancy = discrepancy(
+            self.bare = bare
+            self.whole_background, self.discrepancy = discrepancy(
                 self.problem, self.background, jacobian, Scaling(free), weights
             )
             self.nominal = self.fit((), values, cached=jacobian, max_iterations=steps)
         return self.nominal
+
+    def without_background(self) -> None:
+        """Fit every hypothesis without an ordinary background from now on."""
+        self.background, self.nominal = None, self.bare
+        self.discrepancy = self.whole_background
 
     def simulated_errors(self, h: Hypothesis) -> Array:
         """Errors of a hypothesis without the linear amounts of the background."""

@@ -7,6 +7,7 @@ per observation of two Gaussian models whose variances are not known.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -60,6 +61,10 @@ class Score:
     def causes(self) -> tuple[str, ...]:
         """Effects that stand out of an ordinary background."""
         return tuple(effect for effect in self.effects if effect not in self.ordinary)
+
+    def with_causes(self, causes: Collection[str]) -> Self:
+        """The same score with these effects as causes, whatever their size."""
+        return replace(self, ordinary=tuple(e for e in self.ordinary if e not in causes))
 
     @property
     def size(self) -> int:
