@@ -185,6 +185,7 @@ def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, recor
     left = nominal.mean_square[2]
     simulated = mean_squares(engine.fitter.simulated_errors(nominal), engine.problem.counted)[2]
     assert simulated > 100.0 * engine.floor[2]
+    assert engine.far_beyond() == frozenset()
     assert left < 0.1 * simulated
     assert left < engine.floor[2] + engine.fitter.discrepancy[2]
     background = engine.fitter.background

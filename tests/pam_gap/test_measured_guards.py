@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import pam_gap
+from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.recordings.column_map import ColumnMap, MappedColumn
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import LOCKED, SHUT, Recording, RecordingError
@@ -74,3 +75,12 @@ def test_measured_muscles_at_constant_length_have_no_friction_of_the_joint(pair:
     assert answer.effects == ()
     assert "No channel can be compared" in answer.sentence
     assert any("treated as locked" in text for text in answer.repairs)
+
+
+def test_the_hysteresis_of_the_measured_pair_is_a_cause_and_no_background(pair: Rig) -> None:
+    """It is as small as on a good rig, but explains many times what a background would leave."""
+    engine = JointDiagnosis(pair, 0, [measured()])
+    assert engine.far_beyond() == {"hysteresis"}
+    engine.fitter.without_background()
+    assert engine.fitter.fit_nominal() is engine.fitter.bare
+    assert not engine.fitter.fit_nominal().result.amounts.size
