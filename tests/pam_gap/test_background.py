@@ -211,23 +211,6 @@ def test_the_play_of_a_good_spool_is_no_lag_of_the_valve(rig: Rig, record: Maker
     assert (simulated[:2] > 2.0 * nominal.mean_square[:2]).all()
 
 
-def test_on_a_rig_without_a_background_fitted_amounts_of_one_are_no_excuse() -> None:
-    """A pulley with an eccentricity is no wrong radius with an offset and an eccentric encoder."""
-    nominal = score((), (5.2, 5.9, 402.0))
-    radius = score(("pulley_radius",), (1.4, 1.4, 132.0))
-    closest = score(("pulley_radius", "position_offset"), (1.3, 1.3, 7.9))
-    with_background = closest.sums * np.array([2.0, 2.0, 500.0])
-    absorbed = replace(closest, simulated_sums=with_background)
-    usual = np.array([25.0, 25.0, 200.0]) ** 2
-
-    def verdict(one: Score) -> str:
-        judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, np.full(CHANNELS, 1e8), usual)
-        return judge.decide(nominal, [radius, one], lambda settled: settled).verdict
-
-    assert verdict(absorbed) == "unknown"
-    assert verdict(closest) == "named"
-
-
 def test_lengths_have_a_tolerance_of_their_own() -> None:
     rig = replace(ELBOW, parameter_tolerance=0.05, length_tolerance=0.005)
     prior = {n.free.name: n.free.prior for n in nuisances_for(rig, rig.joints[0])}

@@ -217,6 +217,18 @@ class JointDiagnosis:
         settled = score_held_out(self.fitter, self.folds, best)
         return settled if self.judge.level(settled) < self.judge.level(score) else score
 
+    def scores_without_background(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
+        """Fit and score hypotheses again on a rig that shows no background.
+
+        Fitted amounts of a background would imitate causes there: the simulation alone must
+        explain the recording.
+        """
+        self.fitter.without_background()
+        self.judge.background = np.zeros_like(self.floor)
+        steps = self.rules.search.settled_steps
+        fits = self.fitter.fit_all([FitTask(h.members, h.result.values, steps) for h in hypotheses])
+        return score_all(self.fitter, self.folds, fits)
+
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""
         base = self.problem.base.values
@@ -238,7 +250,11 @@ class JointDiagnosis:
         self.progress("held-out scores", 0.86)
         written = self.written()
         hypotheses = [result.nominal, *self.finalists(result)]
-        nominal, *tried = score_all(self.fitter, self.folds, hypotheses)
+        scores = score_all(self.fitter, self.folds, hypotheses)
+        self.judge.set_floor(scores)
+        if not self.judge.has_background and self.fitter.background is not None:
+            scores = self.scores_without_background(hypotheses)
+        nominal, *tried = scores
         tried = [score.with_causes(self.causes) for score in tried]
         self.progress("verdict", 0.93)
         settled: dict[int, HeldOut] = {}
@@ -249,8 +265,9 @@ class JointDiagnosis:
             return settled[place]
 
         decision = self.judge.decide(nominal, tried, settle)
-        nominal_vector = self.fitter.vector((), result.nominal.result.values)
-        errors = self.fitter.simulated_errors(result.nominal)
+        retuned = nominal.hypothesis
+        nominal_vector = self.fitter.vector((), retuned.result.values)
+        errors = self.fitter.simulated_errors(retuned)
         location = locate(self.problem, nominal_vector, errors)
         singles = tuple(h.effects[0] for h in result.by_size[0])
         self.evidence = KeptEvidence(

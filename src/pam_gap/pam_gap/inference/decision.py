@@ -130,14 +130,10 @@ class Judge:
         if share >= self.rules.background_shows:
             self.floor = self.noise + min(share, 1.0) * self.background
 
-    def leaves_material(self, chosen: Score) -> bool:
-        """Whether a hypothesis leaves an error that matters and that nothing explains.
-
-        On a rig that is judged without a background, what the fitted amounts of one take away is
-        no background either: the simulation alone must explain the recording.
-        """
-        assumed = bool((self.floor > self.noise)[self.present].any())
-        return self.is_material(chosen if assumed else chosen.simulated, unexplained=True)
+    @property
+    def has_background(self) -> bool:
+        """Whether an ordinary background is assumed; `set_floor` decides it."""
+        return bool((self.floor > self.noise)[self.present].any())
 
     def level(self, score: Score) -> float:
         """Level of a held-out score."""
@@ -281,7 +277,7 @@ class Judge:
             return Decision("none", chosen, (), tuple(tried))
         evidence = self.evidence(nominal, chosen)
         rivals = self.rivals(chosen, tried, nominal)
-        left = self.leaves_material(chosen)
+        left = self.is_material(chosen, unexplained=True)
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
         if self.share_removed(usual, chosen) < self.rules.most_of_the_gap:
             verdict = "unknown"

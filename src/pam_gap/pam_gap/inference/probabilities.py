@@ -76,7 +76,8 @@ def _explains(judge: Judge, nominal: Score, chosen: Score) -> float:
     closed = (evidence.closed - rules.closed_at_least) / rules.share_temperature
     if not all(effect in SHARP for effect in evidence.effects):
         return float(expit(closed))
-    return float(expit(sharp if judge.leaves_material(chosen) else max(sharp, closed)))
+    left = judge.is_material(chosen, unexplained=True)
+    return float(expit(sharp if left else max(sharp, closed)))
 
 
 def _matters(judge: Judge, nominal: Score) -> float:
