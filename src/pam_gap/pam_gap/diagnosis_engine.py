@@ -229,6 +229,18 @@ class JointDiagnosis:
         fits = self.fitter.fit_all([FitTask(h.members, h.result.values, steps) for h in hypotheses])
         return score_all(self.fitter, self.folds, fits)
 
+    def without_amounts(self, chosen: HeldOut | None) -> HeldOut | None:
+        """Score of a hypothesis that is fitted again without the amounts of a background.
+
+        A rig file cannot hold these amounts, and without them the numbers that were fitted beside
+        them would be no longer the best ones.
+        """
+        if chosen is None or self.fitter.background is None:
+            return chosen
+        best, steps = chosen.hypothesis, self.rules.search.settled_steps
+        task = FitTask(best.members, best.result.values, steps, is_bare=True)
+        return score_held_out(self.fitter, self.folds, self.fitter.fit_all([task])[0])
+
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""
         base = self.problem.base.values
@@ -276,7 +288,8 @@ class JointDiagnosis:
         )  # fmt: skip
         self.progress("gap figures", 0.96)
         form = AnswerForm(self.fitter, self.folds, self.judge)
-        diagnosis = form.fill(decision, singles, written, nominal, location)
+        shown = self.without_amounts(decision.chosen) if decision.is_named else None
+        diagnosis = form.fill(decision, singles, written, nominal, location, shown)
         if decision.verdict in ("ambiguous", "unknown"):
             self.progress("next experiment", 0.97)
             survivors = diagnosis.survivors

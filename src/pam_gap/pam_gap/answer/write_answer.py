@@ -63,6 +63,7 @@ class AnswerForm:
         written: HeldOut,
         nominal: HeldOut,
         location: Location,
+        shown: HeldOut | None = None,
     ) -> Diagnosis:
         """Return the answer with all fields that follow from the decision.
 
@@ -76,10 +77,16 @@ class AnswerForm:
             Scores of the plant in the rig file, as written and re-tuned without effects.
         location : Location
             Where the gap arises.
+        shown : HeldOut, optional
+            The chosen hypothesis, fitted again without a background; the improved rig file and
+            what it closes are those of this fit. By default those of the chosen one.
         """
         verdict, tried = decision.verdict, decision.tried
         is_named = decision.is_named and decision.chosen is not None
         final = decision.chosen if is_named and decision.chosen is not None else nominal
+        chosen = final
+        if is_named and shown is not None:
+            final = shown
         effects, groups = named_effects(decision, singles)
         stage: str | None = EFFECTS[effects[0]].stage if effects else None
         ranking = self.ranking(nominal, tried)
@@ -124,7 +131,7 @@ class AnswerForm:
             else (),
             facts={
                 "level_before": self.judge.level(nominal),
-                "level_after": self.judge.level(final),
+                "level_after": self.judge.level(chosen),
             },
         )
 
@@ -200,8 +207,8 @@ class AnswerForm:
         squares = [score.simulated.mean_square for score in (written, nominal, final)]
         share = self.rules.material_share
         most = share * self.rules.unexplained_factor
-        fitted = np.maximum(final.simulated.mean_square - final.mean_square, 0.0)
-        background = fitted + self.judge.floor - self.judge.noise
+        assumed = self.judge.has_background
+        background = self.fitter.whole_background if assumed else np.zeros_like(self.floor)
         return gap_sizes(self.problem, self.floor, share, most, squares, background)
 
     def ranking(self, nominal: HeldOut, tried: Sequence[HeldOut]) -> tuple[ScoredCandidate, ...]:

@@ -124,7 +124,8 @@ def score_all(
             fitter.rules.search.fold_steps,
             own,
             h.result.jacobian,
-            amounts=h.result.amounts if h.result.amounts.size else None,
+            amounts=h.result.amounts,
+            is_bare=not h.result.amounts.size,
         )
         for h, fitted in zip(hypotheses, is_fitted, strict=True)
         if fitted
