@@ -10,9 +10,9 @@ import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.write_answer import AnswerForm, advice
-from pam_gap.experiments.next_experiment import propose
+from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
-from pam_gap.inference.decision import Judge
+from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.evidence import KeptEvidence
 from pam_gap.inference.excitation import not_shown
 from pam_gap.inference.held_out import (
@@ -24,6 +24,7 @@ from pam_gap.inference.held_out import (
     score_held_out,
 )
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
+from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
@@ -37,6 +38,11 @@ from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import LOCKED, SHUT, Recording
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.rig import Rig
+
+NOT_IMPROVED = (
+    "No numbers were found with which the simulation is better than with the rig file as written "
+    "on data that were not fitted. There is no improved rig file."
+)
 
 
 class JointDiagnosis:
@@ -229,18 +235,6 @@ class JointDiagnosis:
         fits = self.fitter.fit_all([FitTask(h.members, h.result.values, steps) for h in hypotheses])
         return score_all(self.fitter, self.folds, fits)
 
-    def without_amounts(self, chosen: HeldOut | None) -> HeldOut | None:
-        """Score of a hypothesis that is fitted again without the amounts of a background.
-
-        A rig file cannot hold these amounts, and without them the numbers that were fitted beside
-        them would be no longer the best ones.
-        """
-        if chosen is None or self.fitter.background is None:
-            return chosen
-        best, steps = chosen.hypothesis, self.rules.search.settled_steps
-        task = FitTask(best.members, best.result.values, steps, is_bare=True)
-        return score_held_out(self.fitter, self.folds, self.fitter.fit_all([task])[0])
-
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""
         base = self.problem.base.values
@@ -251,6 +245,18 @@ class JointDiagnosis:
         diagnosis = form.not_identifiable(missing, self.written(), location)
         diagnosis.next_experiment = advice(diagnosis.verdict, None, self.present)
         return diagnosis
+
+    def proposal(
+        self, decision: Decision[HeldOut], survivors: Sequence[Hypothesis]
+    ) -> Proposal | None:
+        """The next experiment, if the verdict leaves something open."""
+        if decision.verdict not in ("ambiguous", "unknown"):
+            return None
+        self.progress("next experiment", 0.97)
+        if decision.verdict == "unknown":  # the hypotheses that come closest
+            ranked = sorted(decision.tried, key=self.judge.level)
+            survivors = [s.hypothesis for s in ranked[: self.rules.experiment.closest]]
+        return propose(self.fitter, survivors)
 
     def run(self) -> Diagnosis:
         """Perform the diagnosis."""
@@ -288,16 +294,13 @@ class JointDiagnosis:
         )  # fmt: skip
         self.progress("gap figures", 0.96)
         form = AnswerForm(self.fitter, self.folds, self.judge)
-        shown = self.without_amounts(decision.chosen) if decision.is_named else None
+        shown = None
+        if decision.is_named and decision.chosen is not None:
+            shown = improved_fit(
+                self.fitter, self.folds, decision.chosen, self.candidates(), written
+            )
         diagnosis = form.fill(decision, singles, written, nominal, location, shown)
-        if decision.verdict in ("ambiguous", "unknown"):
-            self.progress("next experiment", 0.97)
-            survivors = diagnosis.survivors
-            if decision.verdict == "unknown":  # the hypotheses that come closest
-                ranked = sorted(decision.tried, key=self.judge.level)
-                closest = ranked[: self.rules.experiment.closest]
-                survivors = tuple(s.hypothesis for s in closest)
-            diagnosis.proposal = propose(self.fitter, survivors)
+        diagnosis.proposal = self.proposal(decision, diagnosis.survivors)
         diagnosis.next_experiment = advice(decision.verdict, diagnosis.proposal, self.present)
         facts = dict(diagnosis.facts)
         if decision.chosen is not None:
@@ -310,6 +313,8 @@ class JointDiagnosis:
         }
         diagnosis.facts = facts
         diagnosis.cautions = cautions(self.problem)
+        if decision.is_named and shown is None:
+            diagnosis.cautions += (NOT_IMPROVED,)
         diagnosis.not_shown = not_shown(self.problem, self.candidates(), self.floor)
         self.progress("done", 1.0)
         return diagnosis

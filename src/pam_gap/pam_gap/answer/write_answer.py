@@ -78,8 +78,8 @@ class AnswerForm:
         location : Location
             Where the gap arises.
         shown : HeldOut, optional
-            The chosen hypothesis, fitted again without a background; the improved rig file and
-            what it closes are those of this fit. By default those of the chosen one.
+            The chosen hypothesis, fitted again as a rig file can hold it; the improved rig file
+            and what it closes are those of this fit. Without it, there is no improved rig file.
         """
         verdict, tried = decision.verdict, decision.tried
         is_named = decision.is_named and decision.chosen is not None
@@ -87,11 +87,16 @@ class AnswerForm:
         chosen = final
         if is_named and shown is not None:
             final = shown
+        causes = chosen.hypothesis.members
         effects, groups = named_effects(decision, singles)
         stage: str | None = EFFECTS[effects[0]].stage if effects else None
         ranking = self.ranking(nominal, tried)
         if verdict == "unknown":
             stage = location.worst
+        ordinary: tuple[str, ...] = ()
+        if decision.chosen is not None:
+            fitted = final.effects if shown is not None else decision.chosen.effects
+            ordinary = tuple(e for e in fitted if e not in decision.chosen.causes)
         values = self.fitter.vector(final.hypothesis.members, final.hypothesis.result.values)
         return Diagnosis(
             verdict=verdict,
@@ -99,7 +104,7 @@ class AnswerForm:
             effects=effects,
             candidates=self.judge.weights(decision, singles),
             indistinguishable=groups,
-            parameters=self.parameters(final.hypothesis) if is_named else {},
+            parameters=self.parameters(final.hypothesis, len(causes)) if is_named else {},
             gap=self.gap(written, final),
             sizes=self.sizes(written, nominal, final),
             material_share=self.rules.material_share,
@@ -111,22 +116,22 @@ class AnswerForm:
                 self.present,
                 self.rules,
             )
-            if is_named
+            if shown is not None
             else None,
             next_experiment="",
             probabilities=probabilities(self.judge, nominal, decision),
             joint=self.rig.joints[self.joint].name,
             ranking=ranking,
-            preferred=why_preferred(final.effects, ranking) if is_named else "",
+            preferred=why_preferred(chosen.effects, ranking) if is_named else "",
             location=location,
             horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
-            improved=self.improved(final.hypothesis) if is_named else None,
+            improved=None if shown is None else self.improved(shown.hypothesis),
             retuned=self.improved(final.hypothesis) if verdict == "unknown" else None,
-            ordinary=() if decision.chosen is None else decision.chosen.ordinary,
+            ordinary=ordinary,
             written_values=self.problem.base.values,
             improved_values=values,
             closest_values=self.closest(tried) if verdict == "unknown" else None,
-            survivors=(final.hypothesis, *(r.hypothesis for r in decision.rivals))
+            survivors=(chosen.hypothesis, *(r.hypothesis for r in decision.rivals))
             if is_named
             else (),
             facts={
@@ -173,12 +178,12 @@ class AnswerForm:
         best = min(tried, key=self.judge.level).hypothesis
         return self.fitter.vector(best.members, best.result.values)
 
-    def parameters(self, h: Hypothesis) -> dict[str, dict[str, FoundParameter]]:
-        """Parameters of the named effects with intervals and units."""
+    def parameters(self, h: Hypothesis, count: int) -> dict[str, dict[str, FoundParameter]]:
+        """Parameters of the first `count` effects with intervals and units."""
         intervals = parameter_intervals(self.fitter, self.folds, h)
         at = len(self.fitter.nuisances)
         found: dict[str, dict[str, FoundParameter]] = {}
-        for member in h.members:
+        for member in h.members[:count]:
             entry: dict[str, FoundParameter] = {}
             for parameter, targets in zip(member.free, member.targets, strict=True):
                 key = RIG_PLACES[targets[0]].key

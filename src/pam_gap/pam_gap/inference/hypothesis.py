@@ -16,6 +16,7 @@ from pam_gap.inference.candidates import (
     nuisances_for,
     transport_time,
 )
+from pam_gap.prediction.channel_order import N_CHANNELS
 from pam_gap.prediction.fit import (
     Array,
     FitResult,
@@ -31,6 +32,10 @@ from pam_gap.prediction.problem import PredictionProblem
 from pam_model.plant.parameters import INDEX
 
 Rows = npt.NDArray[np.bool_]
+SIDE_BY_SIDE = 100_000_000
+"""Bytes that the Jacobians of fits that run side by side may take."""
+FEWEST_SIDE_BY_SIDE = 6
+"""Number of fits that always run side by side, because single lanes are simulated slowly."""
 
 
 @dataclass(slots=True)
@@ -174,16 +179,25 @@ class HypothesisFitter:
         return self.fit_all([task])[0]
 
     def fit_all(self, tasks: Sequence[FitTask]) -> list[Hypothesis]:
-        """Fit several hypotheses; their simulations run side by side as lanes of one batch."""
+        """Fit several hypotheses; their simulations run side by side as lanes of one batch.
+
+        No more run at a time than fit into `SIDE_BY_SIDE` bytes; the results do not depend on it.
+        """
         problem = self.problem
-        fits = [self._fit_steps(task) for task in tasks]
-        results = fit_together([one for one in fits if one is not None], problem.errors)
-        found = iter(results)
+        numbers = max((len(self.problem_parts(task.members)[0]) for task in tasks), default=0)
+        numbers += 0 if self.background is None else len(self.background.effects)
+        size = 8 * problem.n_rows * N_CHANNELS * max(numbers, 1)  # bytes of one Jacobian
+        count = max(SIDE_BY_SIDE // size, FEWEST_SIDE_BY_SIDE)
         hypotheses = []
-        for task, one in zip(tasks, fits, strict=True):
-            result = self._without_fit() if one is None else next(found)
-            mean = mean_squares(result.errors, problem.counted)
-            hypotheses.append(Hypothesis(task.members, result, mean))
+        for first in range(0, len(tasks), count):
+            some = tasks[first : first + count]
+            fits = [self._fit_steps(task) for task in some]
+            results = fit_together([one for one in fits if one is not None], problem.errors)
+            found = iter(results)
+            for task, one in zip(some, fits, strict=True):
+                result = self._without_fit() if one is None else next(found)
+                mean = mean_squares(result.errors, problem.counted)
+                hypotheses.append(Hypothesis(task.members, result, mean))
         return hypotheses
 
     def _without_fit(self) -> FitResult:

@@ -127,7 +127,7 @@ def fit_steps_with_terms(
                 found.values[k:],
                 found.errors,
                 found.objective,
-                found.jacobian[..., k:],
+                found.jacobian[..., k:].copy(),  # a view would keep the whole of it
                 found.iterations,
                 found.values[:k],
             )
