@@ -33,6 +33,7 @@ LENGTHS_BETTER = 0.1
 NUMBERS = ("dead_volume", "sonic_conductance", "critical_ratio", "time_constant")
 LENGTHS = ("thread_length", "turns", "neutral_length")
 HOLDING_PRESSURE = 3.0e5  # Pa
+LARGEST_LEAK = 0.003  # of the conductance of the open valve
 
 
 def area(muscle: TruthMuscle) -> float:
@@ -77,7 +78,7 @@ def add_background(draw: Draw) -> None:
     stroke = 0.3 * joint.pulley_radius
     holding = joint.pulley_radius * near * HOLDING_PRESSURE
     creep_share, friction_share = draw.span(0.005, 0.015), draw.span(0.005, 0.015)
-    play, leak = draw.span(0.0025, 0.005), draw.span(0.0005, 0.003)
+    play, leak = draw.span(0.0025, 0.005), draw.span(0.0005, LARGEST_LEAK)
     muscles = []
     for muscle in draw.muscles:
         diameter = math.sqrt(muscle.thread_length**2 - muscle.neutral_length**2) / (
@@ -90,7 +91,7 @@ def add_background(draw: Draw) -> None:
             "creep_stiffness": off(creep_share, 0.2) * near * HOLDING_PRESSURE / stroke / 3.0,
             "creep_order": draw.span(0.15, 0.4),
             "spool_hysteresis": off(play, 0.2),
-            "leak": off(leak, 0.5) * muscle.sonic_conductance,
+            "leak": min(off(leak, 0.5), LARGEST_LEAK) * muscle.sonic_conductance,
             "pressure_curvature": draw.sign() * draw.span(0.001, 0.003),
         }
         muscles.append(muscle._replace(**changed))

@@ -30,7 +30,7 @@ EFFECT = Effect(
     search=Search(
         ranges=lambda rig: {
             "conductance": Range(
-                0.0, 0.5 * rig.flow, 0.01 * rig.flow, (0.01 * rig.flow,), ordinary=0.004 * rig.flow
+                0.0, 0.5 * rig.flow, 0.01 * rig.flow, (0.01 * rig.flow,), ordinary=0.003 * rig.flow
             )
         },
         shown_by=("commands",),

@@ -1,0 +1,84 @@
+"""The improved rig file holds ordinary effects beside the causes, and never makes a rig worse."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pam_gap.diagnosis_engine import NOT_IMPROVED, JointDiagnosis
+from pam_gap.inference.candidates import candidates_for, ordinary_sizes
+from pam_gap.inference.held_out import HeldOut, score_held_out
+from pam_gap.inference.hypothesis import FitTask
+from pam_gap.inference.improved_fit import improved_fit, left_over, ordinary_members
+from pam_model.plant.compiled import HAVE_NUMBA
+from pam_model.rig import Rig
+
+from .conftest import Maker
+
+needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="a fit needs the compiled plant")
+SHARE = 0.7  # of the largest ordinary size of every effect
+DELAY = {f"{side}.command_delay.delay": 0.01 for side in ("agonist", "antagonist")}
+
+
+def chosen_fit(engine: JointDiagnosis, effect: str) -> HeldOut:
+    """The fit of one cause beside an ordinary background, with its score."""
+    engine.fitter.fit_nominal()
+    member = next(c for c in engine.candidates() if c.effect == effect)
+    task = FitTask((member,), np.array(member.starts[0]), 8)
+    return score_held_out(engine.fitter, engine.folds, engine.fitter.fit_all([task])[0])
+
+
+@needs_numba
+def test_ordinary_effects_that_a_verdict_takes_for_background_stand_in_the_improved_rig(
+    rig: Rig, record: Maker
+) -> None:
+    sizes = ordinary_sizes(rig, rig.joints[0])
+    background = {path: SHARE * size for _, paths, size in sizes for path in paths}
+    engine = JointDiagnosis(rig, 0, [record(background | DELAY, duration=14.0)])
+    chosen = chosen_fit(engine, "command_delay")
+    written = engine.written()
+    shown = improved_fit(engine.fitter, engine.folds, chosen, engine.candidates(), written)
+    assert shown is not None
+    assert shown.effects[0] == "command_delay"
+    assert {"hysteresis", "creep"} < set(shown.ordinary)
+    alone = FitTask(chosen.hypothesis.members, chosen.hypothesis.result.values, 8, is_bare=True)
+    bare = score_held_out(engine.fitter, engine.folds, engine.fitter.fit_all([alone])[0])
+    present = engine.present
+    assert left_over(shown, present) < 0.5 * left_over(bare, present)
+    at = sum(len(member.free) for member in shown.hypothesis.members[:1])
+    for member in shown.hypothesis.members[1:]:
+        values = shown.hypothesis.result.values[at : at + len(member.free)]
+        at += len(member.free)
+        for value, (neutral, reach) in zip(values, member.ordinary, strict=True):
+            assert reach == 0.0 or neutral <= value <= neutral + reach
+
+
+@needs_numba
+def test_an_effect_that_the_rig_file_states_gets_no_ordinary_size(rig: Rig, record: Maker) -> None:
+    recording = record(DELAY, duration=9.0)
+    joint = replace(rig.joints[0], effects={"coulomb_friction": {"torque": 0.3}})
+    engine = JointDiagnosis(rig.with_joint(joint), 0, [recording])
+    chosen = chosen_fit(engine, "command_delay").hypothesis
+    background = engine.fitter.background
+    assert background is not None
+    full = np.ones(len(background.effects))
+    all_of_it = replace(chosen, result=replace(chosen.result, amounts=full))
+    members, starts = ordinary_members(
+        engine.fitter, background, all_of_it, candidates_for(rig, rig.joints[0])
+    )
+    assert {m.effect for m in members} == {"hysteresis", "creep", "leakage"}
+    assert starts.size == sum(len(m.free) for m in members)
+
+
+@needs_numba
+def test_no_improved_rig_is_written_that_is_worse_than_the_rig_file(
+    rig: Rig, record: Maker
+) -> None:
+    engine = JointDiagnosis(rig, 0, [record(duration=9.0)])
+    written = engine.written()
+    worse = replace(written, sums=2.0 * written.sums)
+    better = replace(written, sums=0.5 * written.sums)
+    fitter, folds = engine.fitter, engine.folds
+    assert improved_fit(fitter, folds, worse, engine.candidates(), written) is None
+    assert improved_fit(fitter, folds, better, engine.candidates(), written) is better
+    assert "no improved rig file" in NOT_IMPROVED
