@@ -51,6 +51,8 @@ NO_RULES = {
     "ONE_STEP_BANDWIDTH": "horizon of a reported figure",
     "LOCKED_INERTIA": "stands for infinite",
     "LOCKED_DECAY": "stands for at once",
+    "SIDE_BY_SIDE": "memory of fits, which changes no result",
+    "FEWEST_SIDE_BY_SIDE": "memory of fits, which changes no result",
 }
 
 

@@ -27,6 +27,7 @@ from pam_gap.prediction.channel_order import N_CHANNELS
 from pam_gap.prediction.fit import (
     Array,
     Scaling,
+    Slopes,
     mean_squares,
     normal_equations,
     numerical_jacobian,
@@ -121,7 +122,7 @@ def simulate_excitation(
 
 def difference_after_refit(
     apart: Array,
-    jacobian: Array,
+    jacobian: Slopes,
     rows: npt.NDArray[np.bool_],
     weights: Array,
     known: Array,

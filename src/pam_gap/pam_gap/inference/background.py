@@ -29,6 +29,7 @@ from pam_gap.prediction.fit import (
     Array,
     FreeParameter,
     Scaling,
+    Slopes,
     mean_squares,
     normal_equations,
 )
@@ -179,7 +180,7 @@ def _deviation(problem: PredictionProblem) -> Array:
 def discrepancy(
     problem: PredictionProblem,
     background: Background,
-    jacobian: Array,
+    jacobian: Slopes,
     scaling: Scaling,
     weights: Array,
 ) -> tuple[Array, Array]:

@@ -52,7 +52,7 @@ def parameter_intervals(
         rows = folds.score_block == block
         for channel in np.nonzero(fitter.problem.present)[0]:
             e = result.errors[rows, channel]
-            d = result.jacobian[rows, channel]
+            d = result.jacobian[rows, channel].astype(np.float64)
             known = np.isfinite(e) & np.isfinite(d).all(axis=1)
             hessians[block] += weights[channel] * d[known].T @ d[known]
             slopes[block] += weights[channel] * d[known].T @ e[known]

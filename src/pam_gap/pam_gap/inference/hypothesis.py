@@ -23,6 +23,7 @@ from pam_gap.prediction.fit import (
     FitSteps,
     FreeParameter,
     Scaling,
+    Slopes,
     fit_steps,
     fit_together,
     mean_squares,
@@ -107,7 +108,7 @@ class FitTask:
     start: Array
     max_iterations: int
     rows: Rows | None = None
-    cached: Array | None = None
+    cached: Slopes | None = None
     tolerance: float | None = None
     amounts: Array | None = None
     is_bare: bool = False
@@ -170,7 +171,7 @@ class HypothesisFitter:
         start: Array,
         *,
         rows: Rows | None = None,
-        cached: Array | None = None,
+        cached: Slopes | None = None,
         max_iterations: int,
         tolerance: float | None = None,
     ) -> Hypothesis:

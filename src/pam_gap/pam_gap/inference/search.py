@@ -17,7 +17,7 @@ import numpy as np
 from pam_gap.inference.candidates import Candidate, richer_starts
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.selection import NESTED
-from pam_gap.prediction.fit import Array
+from pam_gap.prediction.fit import Array, Slopes
 
 Progress = Callable[[str, float], None]
 """Called with the current task and the completed share of the whole work."""
@@ -89,7 +89,7 @@ class Search:
         return [h for h in ranked[:count] if self.level(h) <= limit]
 
     def refine(
-        self, found: Sequence[Hypothesis], iterations: int, *, reuse: Array | None = None
+        self, found: Sequence[Hypothesis], iterations: int, *, reuse: Slopes | None = None
     ) -> list[Hypothesis]:
         """Continue the fits of hypotheses; a result is kept only if it has a lower level."""
         again = self.fitter.fit_all(

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,8 @@ from pam_gap.rules import DEFAULT
 from pam_gap.rules.prediction_rules import PredictionRules
 
 Array = npt.NDArray[np.float64]
+Slopes = npt.NDArray[np.floating[Any]]
+"""A Jacobian; kept ones have single precision, because many are kept."""
 Predictor = Callable[[Array], Array]
 """(lanes, parameters) -> whitened errors (lanes, blocks, channels); NaN without a measurement."""
 FitSteps = Generator[Array, Array, "FitResult"]
@@ -74,7 +77,7 @@ class FitResult:
     objective : float
         Half the sum of n_c log J_c plus the priors, over the rows that were fitted.
     jacobian : ndarray, shape (blocks, channels, n)
-        Derivative of the errors with respect to the scaled parameters.
+        Derivative of the errors with respect to the scaled parameters, in single precision.
     iterations : int
         Number of steps taken.
     amounts : ndarray, shape (k,)
@@ -84,7 +87,7 @@ class FitResult:
     values: Array
     errors: Array
     objective: float
-    jacobian: Array
+    jacobian: Slopes
     iterations: int
     amounts: Array = field(default_factory=lambda: np.zeros(0))
 
@@ -195,7 +198,7 @@ def numerical_jacobian(
 
 
 def normal_equations(
-    errors: Array, jacobian: Array, rows: npt.NDArray[np.bool_], weights: Array
+    errors: Array, jacobian: Slopes, rows: npt.NDArray[np.bool_], weights: Array
 ) -> tuple[Array, Array]:
     """J'WJ and J'We over the chosen rows with one weight per channel; rows with NaN are skipped."""
     n = jacobian.shape[-1]
@@ -205,6 +208,7 @@ def normal_equations(
         if not at.size:
             continue
         e, d = errors[at, channel], jacobian[:, channel].take(at, axis=0)
+        d = d.astype(np.float64, copy=False)
         if not np.isfinite(d.sum()):
             known = np.isfinite(d).all(axis=1)
             e, d = e[known], d[known]
@@ -229,7 +233,7 @@ def fit_steps(
     *,
     rows: npt.NDArray[np.bool_],
     floor: Array,
-    cached: Array | None = None,
+    cached: Slopes | None = None,
     max_iterations: int = 8,
     tolerance: float | None = None,
     rules: PredictionRules = DEFAULT.prediction,
@@ -303,7 +307,7 @@ def fit_steps(
         taken += 1
         if fall < least_fall * total:
             break
-    return FitResult(scaling.own(at), errors, best, jacobian, taken)
+    return FitResult(scaling.own(at), errors, best, jacobian.astype(np.float32), taken)
 
 
 def fit_together(
