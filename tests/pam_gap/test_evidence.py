@@ -123,3 +123,15 @@ def test_a_file_that_is_no_evidence_is_refused(tmp_path: Path) -> None:
         KeptEvidence.load(path)
     with pytest.raises(PamError, match="not the evidence of a diagnosis"):
         KeptEvidence.load(tmp_path / "missing.npz")
+
+
+def test_what_is_closed_is_that_of_the_improved_rig_file(tmp_path: Path) -> None:
+    better = replace(score(("creep", "hysteresis"), 1.05), ordinary=("hysteresis",))
+    kept = evidence(improved=better, improved_for="creep")
+    kept.save(tmp_path / "evidence.npz")
+    read = decide_again(KeptEvidence.load(tmp_path / "evidence.npz"), DEFAULT).answer
+    plain = decide_again(evidence(), DEFAULT).answer
+    assert read["closed"]["value"] > plain["closed"]["value"]
+    assert read | {"closed": 0} == plain | {"closed": 0}
+    without = decide_again(evidence(improved=None, improved_for="creep"), DEFAULT).answer
+    assert without == plain | {"closed": None}  # no file improves the rig

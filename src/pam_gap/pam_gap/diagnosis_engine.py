@@ -288,10 +288,6 @@ class JointDiagnosis:
         errors = self.fitter.simulated_errors(retuned)
         location = locate(self.problem, nominal_vector, errors)
         singles = tuple(h.effects[0] for h in result.by_size[0])
-        self.evidence = KeptEvidence(
-            self.floor, self.judge.background, self.present, written, nominal, tuple(tried),
-            settled, singles, location.stages, tuple(self.growth), self.motion,
-        )  # fmt: skip
         self.progress("gap figures", 0.96)
         form = AnswerForm(self.fitter, self.folds, self.judge)
         shown = None
@@ -299,6 +295,12 @@ class JointDiagnosis:
             shown = improved_fit(
                 self.fitter, self.folds, decision.chosen, self.candidates(), written
             )
+        label = decision.chosen.label if decision.is_named and decision.chosen else ""
+        self.evidence = KeptEvidence(
+            self.floor, self.judge.background, self.present, written, nominal, tuple(tried),
+            settled, singles, location.stages, tuple(self.growth), self.motion,
+            shown, label,
+        )  # fmt: skip
         diagnosis = form.fill(decision, singles, written, nominal, location, shown)
         diagnosis.proposal = self.proposal(decision, diagnosis.survivors)
         diagnosis.next_experiment = advice(decision.verdict, diagnosis.proposal, self.present)

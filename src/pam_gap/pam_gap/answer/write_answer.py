@@ -115,6 +115,7 @@ class AnswerForm:
                 self.floor,
                 self.present,
                 self.rules,
+                has_background=self.judge.has_background,
             )
             if shown is not None
             else None,

@@ -125,7 +125,13 @@ def floor_reach(before: Score, floor: Array, present: np.ndarray, rules: Decisio
 
 
 def for_another_motion(
-    closed: Interval, before: Score, floor: Array, present: np.ndarray, rules: DecisionRules
+    closed: Interval,
+    before: Score,
+    floor: Array,
+    present: np.ndarray,
+    rules: DecisionRules,
+    *,
+    has_background: bool = False,
 ) -> Interval:
     """Widen the interval of a gap closed so that it holds for another motion of the same kind.
 
@@ -145,9 +151,12 @@ def for_another_motion(
         Channels that are judged.
     rules : DecisionRules
         Constants.
+    has_background : bool
+        Whether an ordinary background is assumed, of which the rig file holds only a part.
     """
     reach = floor_reach(before, floor, present, rules)
-    factor = float(np.exp(NORMAL_90 * rules.motion_spread))
+    spread = rules.background_spread if has_background else rules.motion_spread
+    factor = float(np.exp(NORMAL_90 * spread))
     left, least, most = 1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low
     return Interval(
         closed.value,

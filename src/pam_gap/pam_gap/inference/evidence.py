@@ -27,7 +27,7 @@ from pam_gap.rules import Rules
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 
-FORMAT = 4
+FORMAT = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +57,10 @@ class KeptEvidence:
     motion : ndarray, shape (channels,), optional
         Squared range of each channel in units of its whitened errors; without it, every gap above
         the noise matters.
+    improved : Score, optional
+        Score of the fit that the improved rig file holds; None without such a file.
+    improved_for : str
+        Label of the hypothesis that was named and fitted for that file.
     """
 
     floor: Array
@@ -70,11 +74,15 @@ class KeptEvidence:
     stages: tuple[StageGap, ...]
     growth: tuple[tuple[GrowthStep, bool], ...]
     motion: Array | None = None
+    improved: Score | None = None
+    improved_for: str = ""
 
     def save(self, path: Path) -> None:
         """Write the evidence to one NPZ file (arrays and one JSON text, no pickled objects)."""
         places = sorted(self.settled)
         scores = [self.written, self.nominal, *self.tried, *(self.settled[k] for k in places)]
+        if self.improved is not None:
+            scores.append(self.improved)
         about = {
             "format": FORMAT,
             "scores": [
@@ -82,6 +90,7 @@ class KeptEvidence:
             ],
             "tried": len(self.tried),
             "settled": places,
+            "improved_for": self.improved_for,
             "singles": list(self.singles),
             "stages": [[s.stage, s.inputs, s.gap_over_floor, s.note] for s in self.stages],
             "growth": [[*step.to_list(), went_on] for step, went_on in self.growth],
@@ -135,6 +144,7 @@ class KeptEvidence:
             for k, (effects, label, free, ordinary) in enumerate(about["scores"])
         ]
         end = 2 + about["tried"]
+        last = end + len(about["settled"])
         return cls(
             floor,
             background,
@@ -142,11 +152,13 @@ class KeptEvidence:
             scores[0],
             scores[1],
             tuple(scores[2:end]),
-            dict(zip(about["settled"], scores[end:], strict=True)),
+            dict(zip(about["settled"], scores[end:last], strict=True)),
             tuple(about["singles"]),
             tuple(StageGap(*entry) for entry in about["stages"]),
             tuple((GrowthStep(*entry[:-1]), bool(entry[-1])) for entry in about["growth"]),
             motion,
+            next(iter(scores[last:]), None),
+            about["improved_for"],
         )
 
 
@@ -176,12 +188,18 @@ def contract_answer(
     if decision.verdict == "unknown":
         stage = worst_stage(evidence.stages, rules.prediction.stage_from)
     closed: Interval | None = None
-    if decision.is_named and decision.chosen is not None:
-        on_data = gap_closed(
-            evidence.written, decision.chosen, evidence.floor, evidence.present, rules.decision
-        )
+    shown = decision.chosen if decision.is_named else None
+    if shown is not None and shown.label == evidence.improved_for:
+        shown = evidence.improved
+    if shown is not None:
+        written, floor, present = evidence.written, evidence.floor, evidence.present
         closed = for_another_motion(
-            on_data, evidence.written, evidence.floor, evidence.present, rules.decision
+            gap_closed(written, shown, floor, present, rules.decision),
+            written,
+            floor,
+            present,
+            rules.decision,
+            has_background=judge.has_background,
         )
     return {
         "verdict": decision.verdict,

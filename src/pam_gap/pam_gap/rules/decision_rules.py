@@ -376,6 +376,16 @@ class DecisionRules:
         "other rigs the interval contained the value 75 times.",
         acts=DECISION,
     )
+    background_spread: float = rule(
+        0.95,
+        unit="log of the share left",
+        decides="The same for a rig with an ordinary background, of which the improved rig file "
+        "holds only a part.",
+        trades="As for `motion_spread`.",
+        origin="Measured on 13 drawn rigs of `blind --background --seed 550113`, each recorded "
+        "twice; their number leaves it uncertain by a fifth.",
+        acts=DECISION,
+    )
     floor_share: float = rule(
         0.1,
         unit="of the floor",
