@@ -158,7 +158,7 @@ def test_nothing_escapes_the_callbacks_of_the_nodes(capfd):
     )
     told = capfd.readouterr().out
     assert "pam_driver /valve_commands: 1000 messages, 0 blocks failed" in told
-    for topic in ("joint_trajectory", "commands", "stiffness_commands"):
+    for topic in ("joint_trajectory", "commands", "stiffness_commands", "torque_commands"):
         assert f"/pam_controller/{topic}: 1000 messages" in told
     assert "pam_rig /pam_rig/inject_fault: 1000 messages" in told
     # a level outlives its node: later nodes of this process must still be heard

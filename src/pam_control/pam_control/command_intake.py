@@ -152,11 +152,17 @@ class CommandIntake:
         """Take a stiffness for each joint [N m/rad]."""
         self._controller.foresee_stiffness(values)
         with self.rejecting("stiffness_commands"), self._lock:
-            self._require_active("stiffness command")
+            self._require_active("stiffness command", moves=False)
             self._controller.set_stiffness(values)
 
-    def _require_active(self, what: str) -> None:
-        reason = self._reason_against()
+    def torque(self, values: Sequence[float]) -> None:
+        """Take a torque for each joint [N m]."""
+        with self.rejecting("torque_commands"), self._lock:
+            self._require_active("torque command", moves=False)
+            self._controller.set_torques(values, self._clock())
+
+    def _require_active(self, what: str, moves: bool = True) -> None:
+        reason = self._reason_against() or (moves and self._controller.reason_against_motion())
         if reason:
             raise CommandError(f"{what} rejected: {reason}")
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pam_control.joint_channel import JointChannel, Pair
 from pam_control.references.spline import JointReference
+from pam_model.rig import Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,3 +123,43 @@ class PressurePlan:
     ahead: Pair
     velocities: Pair
     missed: float
+
+
+def missing_measurement(
+    time: float,
+    measurement: Measurement,
+    rig: Rig,
+    channels: Sequence[JointChannel],
+    oldest: float,
+) -> str:
+    """What of a measurement is missing or too old for a control step; empty if nothing is.
+
+    Parameters
+    ----------
+    time : float
+        Present time [s].
+    measurement : Measurement
+        The latest measurement.
+    rig : Rig
+        Gives the number of joints and muscles.
+    channels : sequence of JointChannel
+        All joints.
+    oldest : float
+        Largest age [s].
+    """
+    for what, count, values, stamp in (
+        ("position", len(rig.joints), measurement.positions, measurement.position_time),
+        ("pressure", len(rig.muscles), measurement.pressures, measurement.pressure_time),
+    ):
+        if len(values) != count:
+            return f"no {what} measured yet" if not values else f"{len(values)} {what}s"
+        age = time - stamp
+        if not age <= oldest:
+            return f"{what}s are {age * 1e3:.0f} ms old, limit {oldest * 1e3:.0f} ms"
+    for channel, position in zip(channels, measurement.positions, strict=True):
+        if not math.isfinite(position):
+            return f"position of {channel.joint.name} is not available"
+        for muscle, index in zip(channel.muscles, channel.indices, strict=True):
+            if not math.isfinite(measurement.pressures[index]):
+                return f"pressure of {muscle.name} is not available"
+    return ""

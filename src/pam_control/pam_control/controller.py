@@ -17,7 +17,13 @@ from abc import abstractmethod
 from collections.abc import Sequence
 
 from pam_control.adaptation.torque_adaptation import LONGEST_DELAY
-from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
+from pam_control.control_step import (
+    ControlOutput,
+    Measurement,
+    PlanRequest,
+    PressurePlan,
+    missing_measurement,
+)
 from pam_control.drivable_limits import DrivableLimits
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
@@ -92,6 +98,11 @@ class Controller(LoopDesign):
         self._apply((self.guard.softened and prepared.soft) or prepared.normal)
 
     @property
+    def adapts(self) -> bool:
+        """Whether the joints and the valves are learnt."""
+        return self.settings.adaptation and self.has_adaptation
+
+    @property
     def can_soften(self) -> bool:
         """Whether there are soft gains for these settings."""
         return self.prepared.soft is not None
@@ -145,6 +156,23 @@ class Controller(LoopDesign):
                 )
         self.stiffness_commands = [float(value) for value in values]
         self._drive()
+
+    def set_torques(self, values: Sequence[float], now: float) -> None:
+        """Set the torque of every joint [N m]; only the law `torque` takes them.
+
+        Parameters
+        ----------
+        values : sequence of float
+            In the rig's order.
+        now : float
+            Present time [s].
+
+        Raises
+        ------
+        CommandError
+            When this law takes no torques, or for values that cannot be used.
+        """
+        raise CommandError("torque command rejected: only law torque takes torques")
 
     def foresee_stiffness(self, values: Sequence[float]) -> None:
         """Compute limits for stiffnesses [N m/rad] that will be commanded; needs no lock."""
@@ -214,6 +242,10 @@ class Controller(LoopDesign):
             return "the joints are being lowered"
         return self.guard.stopped
 
+    def reason_against_motion(self) -> str:
+        """Why this law follows no trajectories and no streams; empty if it does."""
+        return ""
+
     def deactivate(self) -> None:
         """Stop; the next step starts without a jump from the state that is measured then."""
         self.active = False
@@ -235,7 +267,9 @@ class Controller(LoopDesign):
             Commands; or none and the reason, if a measurement is missing or older than
             `stale_after`.
         """
-        reason = self.guard.stopped or self._refusal(time, measurement)
+        reason = self.guard.stopped or missing_measurement(
+            time, measurement, self.rig, self.channels, self.settings.stale_after
+        )
         if reason:
             self.active = False
             return ControlOutput(None, reason)
@@ -274,25 +308,6 @@ class Controller(LoopDesign):
         # it shrinks more slowly than time goes on, so that no reference is changed again
         shrunk = self.references.horizon - 0.5 * step
         self.references.horizon = max(self._told_horizon + late, shrunk)
-
-    def _refusal(self, time: float, measurement: Measurement) -> str:
-        limit = self.settings.stale_after
-        for what, names, values, stamp in (
-            ("position", self.rig.joint_names, measurement.positions, measurement.position_time),
-            ("pressure", self.rig.muscle_names, measurement.pressures, measurement.pressure_time),
-        ):
-            if len(values) != len(names):
-                return f"no {what} measured yet" if not values else f"{len(values)} {what}s"
-            age = time - stamp
-            if not age <= limit:
-                return f"{what}s are {age * 1e3:.0f} ms old, limit {limit * 1e3:.0f} ms"
-        for channel, position in zip(self.channels, measurement.positions, strict=True):
-            if not math.isfinite(position):
-                return f"position of {channel.joint.name} is not available"
-            for muscle, index in zip(channel.muscles, channel.indices, strict=True):
-                if not math.isfinite(measurement.pressures[index]):
-                    return f"pressure of {muscle.name} is not available"
-        return ""
 
     def _take_over(self, time: float, measurement: Measurement) -> None:
         """Start from the measured state: hold the positions and keep the pressures at first."""
@@ -398,7 +413,7 @@ class Controller(LoopDesign):
             gain=settings.pressure_gain or 0.0,
             lead_ratio=settings.lead_ratio,
             spool_limit=settings.spool_limit,
-            adaptation=settings.adaptation and self.has_adaptation,
+            adaptation=self.adapts,
             acting_delay=time + max(told) - measured_at,
         )
         channel.valve_clipped = False

@@ -118,6 +118,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.create_subscription(
             Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
         )
+        self.create_subscription(Float64MultiArray, "~/torque_commands", self._on_torque, latest)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/lower", self._on_lower)
         self._vent = self.create_client(Trigger, "pam_driver/vent")
@@ -184,6 +185,9 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _on_stiffness(self, message: Any) -> None:
         self.intake.stiffness(list(message.data))
+
+    def _on_torque(self, message: Any) -> None:
+        self.intake.torque(list(message.data))
 
     def _on_stop(self, _: Any, response: Any) -> Any:
         """Stop category 2: brake and hold."""

@@ -9,9 +9,12 @@ from pam_control.actions.goal_tolerances import tolerance_parameters
 from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
+from pam_control.laws.gravity_compensation import GravityCompensation
+from pam_control.laws.impedance import ImpedanceController
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
+from pam_control.laws.torque import TorqueController
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 from pam_model.rig import Rig
@@ -23,8 +26,11 @@ LAWS: Mapping[str, type[Controller]] = {
     "model_based": PositionStiffnessController,
     "pressure_ratio_pid": PressureRatioPid,
     "pressure_difference_pid": PressureDifferencePid,
+    "impedance": ImpedanceController,
+    "torque": TorqueController,
+    "gravity_compensation": GravityCompensation,
 }
-LAW_NAMES = "model_based, pressure_ratio_pid or pressure_difference_pid"
+LAW_NAMES = f"{', '.join(list(LAWS)[:-1])} or {list(LAWS)[-1]}"
 _DEFAULT = ControlSettings()
 
 
@@ -182,6 +188,18 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "mean of the two pressures for the laws pressure_ratio_pid and pressure_difference_pid",
         ),
         _number(
+            "impedance.damping", d.impedance_damping, "N m s/rad", 0.0, 1e4,
+            "damping of the laws impedance and gravity_compensation; at most the designed one",
+        ),
+        _number(
+            "float.hold_torque", d.float_hold_torque, "N m", 0.01, 1e4,
+            "torque below which a joint stays where it is put (law gravity_compensation)",
+        ),
+        _number(
+            "float.speed_limit", d.float_speed_limit, "rad/s", 0.01, 10.0,
+            "largest speed at which a joint is moved by hand (law gravity_compensation)",
+        ),
+        _number(
             "stream.timeout", d.stream_timeout, "s", 0.01, 10.0,
             "age of the last streamed command at which the joint holds its position",
         ),
@@ -285,6 +303,9 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         adaptation_limit=number("adaptation.limit"),
         learning_motion=str(values["learning.motion"]),
         learning_file=str(values["learning.file"]),
+        impedance_damping=number("impedance.damping"),
+        float_hold_torque=number("float.hold_torque"),
+        float_speed_limit=number("float.speed_limit"),
         stale_after=number("loop.stale_after"),
         stream_timeout=number("stream.timeout"),
         stream_bandwidth=number("stream.bandwidth"),
@@ -335,6 +356,11 @@ HELP = NodeHelp(
         ),
         Endpoint("~/commands", "sensor_msgs/JointState", "streamed references: position [rad]"),
         Endpoint("~/stiffness_commands", "std_msgs/Float64MultiArray", "[N m/rad], one per joint"),
+        Endpoint(
+            "~/torque_commands",
+            "std_msgs/Float64MultiArray",
+            "[N m], one per joint; law torque only",
+        ),
         Endpoint("joint_states", "sensor_msgs/JointState", "position [rad]"),
         Endpoint("pressure_states", "sensor_msgs/JointState", "effort: gauge pressure [Pa]"),
         Endpoint(

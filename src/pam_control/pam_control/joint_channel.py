@@ -136,6 +136,8 @@ class JointChannel:
         self.velocity = 0.0
         self.position_time = math.nan
         self.valve_clipped = False
+        self.yields = False  # its law lets others move the joint: an error is no fault
+        self.driven = False  # by torques, so that there is no reference
         self.sinking_from: Pair | None = None  # desired pressures when the lowering began [Pa]
         self.sinking_share = 1.0
 

@@ -74,11 +74,15 @@ class LoopGuard:
             self._channels, self._oscillation, self._tracking, strict=True
         ):
             telemetry, name = channel.telemetry, channel.joint.name
-            lost = tracking.update(time, telemetry.error, tracking_time)
+            error = 0.0 if channel.yields else telemetry.error
+            lost = tracking.update(time, error, tracking_time)
             if lost:
                 self.stopped = f"{name}: {lost}"
                 return Verdict.STOP
-            wild = oscillation.update(time, telemetry.reference.velocity, channel.velocity)
+            if channel.driven:
+                wild = oscillation.too_fast(channel.velocity)
+            else:
+                wild = oscillation.update(time, telemetry.reference.velocity, channel.velocity)
             if not wild or time < self._pause_until:
                 continue
             if self.softened or not can_soften:

@@ -99,6 +99,12 @@ class ControlSettings:
         Name under which the trajectories that follow are learnt as repetitions; empty: none are.
     learning_file : str
         File in which motions are kept; empty: in memory only.
+    impedance_damping : float
+        Damping of the impedance law [N m s/rad].
+    float_hold_torque : float
+        Torque below which a joint that is moved by hand stays where it is [N m].
+    float_speed_limit : float
+        Largest speed of its rest angle [rad/s].
     stale_after : float
         Age at which a measurement is stale [s].
     stream_timeout, stream_bandwidth : float
@@ -140,6 +146,9 @@ class ControlSettings:
     adaptation_limit: float = 5.0
     learning_motion: str = ""
     learning_file: str = ""
+    impedance_damping: float = 0.5
+    float_hold_torque: float = 0.3
+    float_speed_limit: float = 0.5
     stale_after: float = 0.05
     stream_timeout: float = 0.2
     stream_bandwidth: float = 40.0

@@ -66,7 +66,7 @@ POLICY: Mapping[str, Rights] = {
     "pam_controller": Rights(
         publishes=("valve_commands", "~/reference", "~/error", "~/disturbance", "diagnostics"),
         subscribes=(
-            "~/joint_trajectory", "~/commands", "~/stiffness_commands",
+            "~/joint_trajectory", "~/commands", "~/stiffness_commands", "~/torque_commands",
             "joint_states", "pressure_states", "pam_driver/state",
         ),
         serves=("~/stop", "~/lower"),

@@ -96,7 +96,11 @@ class OscillationWatch:
         ) and self._excess >= threshold:
             peak = max(self._peak, self._before)
             return f"the joint oscillates (speed error {peak:.2g} rad/s)"
-        if abs(speed) > max(ALARM_SHARE * self._max_velocity, ALARM_RATIO * peak_speed):
+        return self.too_fast(speed, ALARM_RATIO * peak_speed)
+
+    def too_fast(self, speed: float, allowed: float = 0.0) -> str:
+        """What is wrong with a speed [rad/s] that may be `allowed` [rad/s]; empty if nothing is."""
+        if abs(speed) > max(ALARM_SHARE * self._max_velocity, allowed):
             return f"the joint moves at {abs(speed):.2g} rad/s"
         return ""
 

@@ -55,7 +55,7 @@ class PositionStiffnessController(Controller):
         torque = channel.model.torque(*pressures, position)
         if self.settings.feedforward:
             torque -= channel.dynamics.gravity(position)
-            if self.settings.adaptation:
+            if self.adapts:
                 torque -= channel.adaptation.at_rest(position, self.settings.adaptation_limit)
             if self.settings.gains[channel.joint.name].observer > 0.0:
                 torque -= channel.observer.start(torque, self.settings.observer_limit)
@@ -71,7 +71,7 @@ class PositionStiffnessController(Controller):
         planned = 0.0
         if settings.feedforward:
             added = channel.plans[-1].memory_torque if channel.plans else 0.0
-            if not settings.adaptation:  # the next plans lack what was learnt
+            if not self.adapts:  # the next plans lack what was learnt
                 added += channel.adapted
             planned = channel.dynamics.torque(reference) - added
             position = reference.position
@@ -171,11 +171,7 @@ class PositionStiffnessController(Controller):
             before = channel.plans[-1].pressures if channel.plans else channel.desired
             added = channel.history.advance(request.acts_at, then.position, before)
             memory, limit = added, settings.adaptation_limit
-            usual = (
-                channel.adaptation.torque(request.acts_at, then, limit)
-                if settings.adaptation
-                else 0.0
-            )
+            usual = channel.adaptation.torque(request.acts_at, then, limit) if self.adapts else 0.0
             channel.adapted, correction = self._repeated(request, usual)
             added -= channel.adapted
             planned = channel.model.pressures_for(
@@ -192,7 +188,7 @@ class PositionStiffnessController(Controller):
             wanted_stiffness, added = past.stiffness, past.memory_torque
             torque = channel.dynamics.torque(now) - added + request.output + correction
             torque += self._lost(request, added)
-            if settings.adaptation:
+            if self.adapts:
                 self._learn(request, memory)
                 self._tell(channel)
             position = now.position

@@ -121,6 +121,12 @@ class ReferenceGenerator:
             if name in self._limiters:
                 self._limiters[name].reset(held)
 
+    def lead(self, name: str, position: float) -> None:
+        """Hold a joint at a position [rad] that its law moves from cycle to cycle."""
+        lower, upper = self.limits[name]
+        self._sources[name] = _Source(held=max(lower, min(upper, position)))
+        self._interrupted.add(name)
+
     def stop(self, names: Sequence[str], now: float) -> None:
         """Brake with the joint's limit of acceleration and hold; without limits at once.
 
