@@ -217,7 +217,10 @@ def test_ends_cleanly_when_told_to(domain, bench, sent):
 BAD_STARTS = [
     ({"elbow.inertia": -0.05}, "inertia"),
     ({"elbow.colour": 1.0}, "colour"),
-    ({"law": "magic"}, "law = 'magic': must be model_based, pressure_ratio_pid or"),
+    (
+        {"law": "magic"},
+        "law = 'magic': must be model_based, pressure_ratio_pid, pressure_difference_pid, impedance, torque or",
+    ),
     ({"loop.rate": 5.0}, "loop.rate"),
     ({"gains.elbow.derivative": 8.0}, "not safe"),
     ({"gains.wrist.derivative": 1.0}, "gains"),

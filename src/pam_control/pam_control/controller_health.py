@@ -151,7 +151,11 @@ class ControllerHealth:
             "integral gain [N m/(rad s)]": gains.integral,
             "derivative gain [N m s/rad]": gains.derivative,
         }
-        if controller.settings.adaptation:
+        if controller.adapts:
+            found = channel.stiffness.at(telemetry.pressures, channel.inside(channel.position))
+            values["true stiffness, estimated [N m/rad]"] = found.value
+            values["true stiffness, at least (90 %) [N m/rad]"] = found.low
+            values["true stiffness, at most (90 %) [N m/rad]"] = found.high
             values["learnt delay of the position [s]"] = channel.late_position
             values["learnt delay of the pressures [s]"] = channel.late_pressures
             values["learnt delay of the commands [s]"] = max(channel.late_commands)
@@ -167,7 +171,7 @@ class ControllerHealth:
             texts.append(
                 f"reference limited in {counts.limited / cycles:.0%} of the cycles (max_velocity "
                 f"{joint.max_velocity:g} rad/s, max_acceleration {joint.max_acceleration:g} "
-                "rad/s^2)"
+                "rad/s^2, or what the valves can drive)"
             )
         return health.diagnostic_status(
             f"{self._name}: {channel.joint.name}",

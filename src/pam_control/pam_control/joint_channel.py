@@ -6,6 +6,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
 from pam_control.adaptation.torque_adaptation import TorqueAdaptation
 from pam_control.compensation.history_torque import HistoryTorque
 from pam_control.compensation.inverse_dynamics import InverseDynamics
@@ -110,15 +111,14 @@ class JointChannel:
         self.aligned = AlignedPressures(self.position_delay + KEPT_BEFORE_MEASUREMENT)
         highest = [muscle.max_pressure for muscle in self.muscles]
         middle = 0.5 * sum(joint.position_limits)
-        self.adaptation = TorqueAdaptation(
-            self.dynamics.inertia,
-            self.dynamics.viscous_friction,
-            0.5
-            * (
-                self.model.torque(highest[0], 0.0, middle)
-                - self.model.torque(0.0, highest[1], middle)
-            ),
+        largest = 0.5 * (
+            self.model.torque(highest[0], 0.0, middle) - self.model.torque(0.0, highest[1], middle)
         )
+        self.adaptation = TorqueAdaptation(
+            self.dynamics.inertia, self.dynamics.viscous_friction, largest
+        )
+        self.stiffness = StiffnessEstimate(rig, joint, self.model, self.dynamics, largest)
+        self.stiffness_factor, self.corrected_at = 1.0, -math.inf
         self.stuck = StuckIntegral()
         self.loops = tuple(
             create_pressure_loop(rig, muscle, gas_space)
@@ -147,7 +147,9 @@ class JointChannel:
         self.observer.reset()
         self.aligned.reset()
         self.adaptation.restart()
+        self.stiffness.restart()
         self.stuck.reset()
+        self.corrected_at = -math.inf
         self.adapted = 0.0
         if self.learner is not None:
             self.learner.interrupt()
@@ -162,6 +164,7 @@ class JointChannel:
     def forget_adaptation(self) -> None:
         """Forget what was learnt of the joint and its valves."""
         self.adaptation.forget()
+        self.stiffness.forget()
         for loop in self.loops:
             loop.forget_adaptation()
 

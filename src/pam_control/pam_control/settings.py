@@ -142,7 +142,7 @@ class ControlSettings:
     observer: bool = False
     observer_bandwidth: float = 0.0
     observer_limit: float = 5.0
-    adaptation: bool = False
+    adaptation: bool = True
     adaptation_limit: float = 5.0
     learning_motion: str = ""
     learning_file: str = ""

@@ -83,6 +83,20 @@ def _learning(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_stiffness(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+    parser.add_argument(
+        "--draws", type=count(1), default=20, metavar="N", help="(default: %(default)s)"
+    )
+
+
+def _stiffness(given: Arguments) -> Outcome:
+    from pam_check.control.drawn_stiffness import run  # noqa: PLC0415  (numba)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "rough-control",
@@ -104,5 +118,12 @@ COMMANDS = (
         bad_news="if the last repetition has more than a quarter of the first error, or one has "
         "more than the first",
         examples=("python -m pam_check learning --effects hysteresis coulomb_friction+payload",),
+    ),
+    Command(
+        "stiffness",
+        "draw rigs within the tolerance of the rig file and compare the stiffness with the truth",
+        _declare_stiffness,
+        _stiffness,
+        bad_news="if a stiffness is more than 5 % off, or fewer than 85 % of the intervals hold it",
     ),
 )

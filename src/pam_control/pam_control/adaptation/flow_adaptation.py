@@ -91,12 +91,13 @@ class FlowAdaptation:
     def __init__(self, full_flow: float) -> None:
         self._full = full_flow
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE)
-        self.delay = 0.0
+        self.forget()
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known."""
         self._fit.forget()
+        self._bound()
         self.delay = 0.0
 
     def restart(self) -> None:
@@ -108,7 +109,10 @@ class FlowAdaptation:
     @property
     def weights(self) -> list[float]:
         """a, b, o, e, z, s and d [s] within their bounds."""
-        return [
+        return self._weights
+
+    def _bound(self) -> None:
+        self._weights = [
             max(low, min(high, weight))
             for low, high, weight in zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
         ]
@@ -167,6 +171,7 @@ class FlowAdaptation:
             seen = sample.per_rate * (sample.pressure - slow) / FILTER + float(self._smooth[4])
             functions = np.append(self._smooth[1:], (up + down - u) / FILTER) / self._full
             self._fit.update(functions, (seen - up - down) / self._full, self._since)
+            self._bound()
         self._since = 0.0
 
 

@@ -26,6 +26,7 @@ from pam_control.feedback.operating_points import operating_grid
 from pam_control.joint_channel import JointChannel, Pair, Plan
 from pam_control.settings import ControlSettings
 
+CORRECTED_EVERY: Final = 0.2  # s
 RATE_SPAN: Final = 0.01  # s, over which the rate of the muscles' torque is taken
 
 
@@ -126,6 +127,7 @@ class PositionStiffnessController(Controller):
             speed=speed,
             speed_filter=self.settings.derivative_filter,
         )
+        channel.stiffness.learn(request.fresh, channel.aligned.at(seen_at), inside)
         channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
         channel.pid.integral -= channel.stuck.update(
             request.seen, position, channel.pid.integral, channel.adaptation.friction
@@ -150,6 +152,18 @@ class PositionStiffnessController(Controller):
         channel.learner.record(at, error, base, request.seen.position)
         return base, max(-limit, min(limit, correction))
 
+    def _wanted_stiffness(self, request: PlanRequest) -> float:
+        """Stiffness of the model [N m/rad] at which the joint has the commanded one."""
+        channel, command = request.channel, self.stiffness_commands[request.index]
+        if not self.adapts:
+            return command
+        if request.acts_at - channel.corrected_at > CORRECTED_EVERY:
+            channel.corrected_at = request.acts_at
+            channel.stiffness_factor = channel.stiffness.factor(
+                channel.desired, channel.inside(request.now.position)
+            )
+        return command / channel.stiffness_factor
+
     @staticmethod
     def _tell(channel: JointChannel) -> None:
         """Count what was learnt as a disturbance, so that a payload stays visible."""
@@ -163,7 +177,7 @@ class PositionStiffnessController(Controller):
         settings, telemetry = self.settings, channel.telemetry
         rate_limit = min(settings.stiffness_rate, channel.joint.max_stiffness_rate)
         reach = rate_limit * request.step
-        change = self.stiffness_commands[request.index] - telemetry.stiffness
+        change = self._wanted_stiffness(request) - telemetry.stiffness
         stiffness = telemetry.stiffness + max(-reach, min(reach, change))
         rate = ahead = (0.0, 0.0)
         if settings.feedforward:

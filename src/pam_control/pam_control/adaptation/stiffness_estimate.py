@@ -1,0 +1,259 @@
+"""The true stiffness of a joint whose dimensions differ from the rig file within its tolerance.
+
+Two per cent off in the pulley's radius and in the turns of the threads change the stiffness by 8 %,
+and the torque as well. While the joint moves, the torque that the measured pressures give by the
+model is compared with the torque that the motion needs, as in `torque_adaptation`. All signals
+pass two filters 1/(T s + 1), integrated by the trapezoidal rule; from the position q and the once
+and twice filtered q1 and q2 follow speed (q1 - q2)/T and acceleration (q - 2 q1 + q2)/T^2, without
+the delay of a difference. The difference of the torques is explained by small changes of the
+numbers of the rig file: the radius, the dimensions of both muscles, inertia, friction and gravity.
+Their prior has the standard deviation of a uniform range of the size of the tolerance. The
+corrected numbers give the stiffness, and what is left uncertain of them gives its interval.
+
+If these numbers do not explain the difference, something else is wrong with the rig, such as
+friction or a load. Then the stiffness of the model is kept, with the interval of the tolerance.
+
+Source: Bayesian linear regression, C. M. Bishop, Pattern Recognition and Machine Learning, Springer
+2006, section 3.3; forgetting as in `recursive_fit`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from pam_control.adaptation.recursive_fit import CORRELATED, MEMORY, Array
+from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_model.errors import PamError
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.rig import Joint, Rig
+
+FILTER: Final = 0.03  # s, of both filters
+SETTLING: Final = 0.3  # s, until they have forgotten how they began
+EVERY: Final = 0.02  # s between two updates
+LONGEST_STEP: Final = 0.1  # s; after a longer pause the filters begin anew
+SLOWEST: Final = 0.04  # rad/s; friction may be anything in a joint that stands still
+NOISE: Final = 5e-4  # of the largest torque; the fit cannot be better
+UNEXPLAINED: Final = 3e-3  # of the largest torque; more is something else than dimensions
+LINEAR_FOR: Final = 0.7  # s of motion, after which the derivatives are taken anew
+LINEAR_WITHIN: Final = 1e-3  # relative; so near to where they were taken they hold
+BENT: Final = 1.5  # of the noise; the fit leaves more where the derivatives do not hold
+OLD_SHARE: Final = 0.1  # of what was seen with other derivatives
+DIFFERENCE: Final = 1e-3  # relative step of the derivatives
+QUANTILE: Final = 1.645  # of the normal distribution, for an interval of 90 %
+MOST: Final = 1.15  # by which a stiffness command is corrected
+ENOUGH: Final = 1.0  # s of motion
+OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
+
+
+@dataclass(frozen=True, slots=True)
+class Stiffness:
+    """The stiffness of a joint [N m/rad], with the interval that contains it in 90 % of cases.
+
+    Attributes
+    ----------
+    value, low, high : float
+        [N m/rad].
+    learnt : bool
+        Whether it is corrected; otherwise it is that of the model.
+    """
+
+    value: float
+    low: float
+    high: float
+    learnt: bool
+
+
+class StiffnessEstimate:
+    """Learns the numbers of one joint that its stiffness depends on.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig file.
+    joint : Joint
+        One of its joints.
+    model : AntagonisticJoint
+        The joint's model.
+    dynamics : InverseDynamics
+        Of the joint.
+    largest : float
+        Torque that the muscles can give at most [N m].
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        joint: Joint,
+        model: AntagonisticJoint,
+        dynamics: InverseDynamics,
+        largest: float,
+    ) -> None:
+        self._rig, self._joint, self._written = rig, joint, model
+        self._dynamics, self._largest = dynamics, largest
+        self._numbers = [(joint.name, "pulley_radius")] + [
+            (name, key)
+            for name in joint.muscles
+            for key in OF_MUSCLES
+            if getattr(rig.muscle(name), key, None)
+        ]
+        deviation = rig.parameter_tolerance / math.sqrt(3.0)
+        size = len(self._numbers) + 3  # with inertia, friction and gravity
+        self._prior = np.eye(size) / max(deviation, 1e-6) ** 2
+        self.forget()
+        self.restart()
+
+    def forget(self) -> None:
+        """Nothing is known but the rig file."""
+        size = len(self._prior)
+        self._products, self._targets = np.zeros((size, size)), np.zeros(size)
+        self._squares = self._weight = 0.0
+        self._found, self._covariance = np.zeros(size), np.linalg.inv(self._prior)
+        self._linearise()
+
+    def restart(self) -> None:
+        """Begin the filters anew; what was learnt is kept."""
+        self._filtered: tuple[Array, Array, Array] | None = None
+        self._since, self._settling = 0.0, SETTLING
+
+    @property
+    def explains(self) -> bool:
+        """Whether the tolerance explains what was seen, and enough was seen."""
+        return self._weight >= ENOUGH and self.unexplained <= UNEXPLAINED * self._largest
+
+    @property
+    def unexplained(self) -> float:
+        """RMS torque that the fit leaves [N m]."""
+        if self._weight <= 0.0:
+            return 0.0
+        left = (
+            self._squares
+            - 2.0 * self._found @ self._targets
+            + self._found @ self._products @ self._found
+        )
+        return math.sqrt(max(float(left), 0.0) / self._weight)
+
+    def learn(self, step: float, pressures: tuple[float, float], position: float) -> None:
+        """Take a measurement.
+
+        Parameters
+        ----------
+        step : float
+            Time since the last one [s]; 0 if the position is not new.
+        pressures : (float, float)
+            Of the muscles at the time of the position [Pa].
+        position : float
+            [rad].
+        """
+        self._since += max(step, 0.0)
+        if self._since < EVERY or not all(map(math.isfinite, (*pressures, position))):
+            return
+        elapsed, self._since = self._since, 0.0
+        torque = self._model.torque(*pressures, position)
+        parts = np.array([each.torque(*pressures, position) - torque for each in self._changed])
+        parts /= DIFFERENCE
+        # as if the model were that of the rig file, so that the changes are counted from it
+        torque -= float(parts @ self._about)
+        raw = np.array([torque, *parts, self._dynamics.gravity(position), position])
+        if self._filtered is None or elapsed > LONGEST_STEP:
+            self._filtered, self._settling = (raw, raw, raw), SETTLING
+            return
+        before, once_before, twice_before = self._filtered
+        once = _trapezoid(once_before, before, raw, elapsed)
+        twice = _trapezoid(twice_before, once_before, once, elapsed)
+        self._filtered = (raw, once, twice)
+        speed = float(once[-1] - twice[-1]) / FILTER
+        acceleration = float(raw[-1] - 2.0 * once[-1] + twice[-1]) / FILTER**2
+        self._settling -= elapsed
+        if abs(speed) > SLOWEST and self._settling < 0.0:
+            self._update(twice, speed, acceleration, elapsed)
+
+    def _update(self, now: Array, speed: float, acceleration: float, elapsed: float) -> None:
+        inertia = self._dynamics.inertia * acceleration
+        damping = self._dynamics.viscous_friction * speed
+        gravity = now[-2]
+        # muscles + parts * changes = (1 + change) inertia + ... ; what lacks is on the left
+        parts = np.concatenate((-now[1:-2], [inertia, damping, gravity]))
+        target = float(now[0]) - inertia - damping - gravity
+        fading = math.exp(-elapsed / MEMORY)
+        self._products = fading * self._products + elapsed * np.outer(parts, parts)
+        self._targets = fading * self._targets + elapsed * target * parts
+        self._squares = fading * self._squares + elapsed * target * target
+        self._weight = fading * self._weight + elapsed
+        noise = max(NOISE * self._largest, self.unexplained)
+        gain = 1.0 / (CORRELATED * noise * noise)
+        self._covariance = np.linalg.inv(self._prior + gain * self._products)
+        self._found = self._covariance @ (gain * self._targets)
+        self._moved += elapsed
+        change = np.abs(self._found[: len(self._about)] - self._about).max()
+        bent = self.unexplained > BENT * NOISE * self._largest
+        if self._moved >= LINEAR_FOR and change > LINEAR_WITHIN and bent:
+            self._linearise()
+
+    def _linearise(self) -> None:
+        """Compute the derivatives where the fit is now; what was found elsewhere counts less."""
+        self._about = self._found[: len(self._numbers)].copy()
+        self._moved = 0.0
+        try:
+            self._model = self._with(self._about)
+            self._changed = [self._with(self._about + DIFFERENCE * unit) for unit in self._units]
+        except PamError:  # a rig at the edge of what is possible
+            self._about = np.zeros(len(self._numbers))
+            self._model = self._written
+            self._changed = [self._with(DIFFERENCE * unit) for unit in self._units]
+        self._products = OLD_SHARE * self._products
+        self._targets = OLD_SHARE * self._targets
+        self._squares *= OLD_SHARE
+        self._weight *= OLD_SHARE
+
+    @property
+    def _units(self) -> Array:
+        return np.eye(len(self._numbers))
+
+    def _with(self, changes: Array) -> AntagonisticJoint:
+        """The joint with relative changes of its numbers."""
+        rig = self._rig
+        for (owner, key), change in zip(self._numbers, changes.tolist(), strict=True):
+            factor = 1.0 + change
+            if owner == self._joint.name:
+                joint = rig.joint(owner)
+                rig = rig.with_joint(replace(joint, pulley_radius=factor * joint.pulley_radius))
+            else:
+                muscle = rig.muscle(owner)
+                rig = rig.with_muscle(replace(muscle, **{key: factor * getattr(muscle, key)}))
+        return AntagonisticJoint.from_rig(rig, self._joint.name)
+
+    def factor(self, pressures: tuple[float, float], position: float) -> float:
+        """The estimated stiffness over that of the model, within bounds; 1 if nothing is known."""
+        if not self.explains:
+            return 1.0
+        written = self._written.stiffness(*pressures, position)
+        if not written > 0.0:
+            return 1.0
+        return max(1.0 / MOST, min(MOST, self.at(pressures, position).value / written))
+
+    def at(self, pressures: tuple[float, float], position: float) -> Stiffness:
+        """The stiffness at pressures [Pa] and a position [rad]."""
+        if not all(map(math.isfinite, (*pressures, position))):
+            return Stiffness(math.nan, math.nan, math.nan, False)
+        here = self._model.stiffness(*pressures, position)
+        slopes = np.zeros(len(self._prior))
+        for index, each in enumerate(self._changed):
+            slopes[index] = (each.stiffness(*pressures, position) - here) / DIFFERENCE
+        learnt = self.explains
+        if learnt:
+            value = here + float(slopes[: len(self._about)] @ (self._found[:-3] - self._about))
+            covariance = self._covariance
+        else:
+            value = self._written.stiffness(*pressures, position)
+            covariance = np.linalg.inv(self._prior)
+        half = QUANTILE * math.sqrt(float(slopes @ covariance @ slopes))
+        return Stiffness(value, value - half, value + half, learnt)
+
+
+def _trapezoid(filtered: Array, before: Array, now: Array, step: float) -> Array:
+    """The filter 1/(T s + 1) after a step [s] between two values of its input."""
+    return ((2.0 * FILTER - step) * filtered + step * (before + now)) / (2.0 * FILTER + step)

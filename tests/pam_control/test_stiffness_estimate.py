@@ -1,0 +1,83 @@
+"""The stiffness of a joint that is not exactly as its rig file says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.settings import ControlSettings
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.rig import rig_from_parameters
+
+OFF = {"joint.pulley_radius": 1.02, "agonist.turns": 0.98, "antagonist.turns": 0.985}
+
+
+def played(closed_loop, rig, reaching, factors=None, effects=None):
+    """A controller after one motion on a rig with other dimensions, and its loop."""
+    points, duration = reaching
+    controller = PositionStiffnessController(rig, ControlSettings())
+    loop = closed_loop(controller)
+    plant = loop.plants[0]
+    changed = {name: factor * plant.parameters[name] for name, factor in (factors or {}).items()}
+    plant.change({**changed, **(effects or {})})
+    loop.run(1.5)
+    controller.references.follow(["elbow"], points, start=None, now=loop.time)
+    loop.run(duration)
+    return controller, loop
+
+
+def true_joint(rig, factors) -> AntagonisticJoint:
+    """The joint with these dimensions, from its own rig file."""
+    tree = rig.to_parameters()
+    flexor, extensor = tree["elbow"]["muscles"]
+    owners = {"joint": "elbow", "agonist": flexor, "antagonist": extensor}
+    for name, factor in factors.items():
+        owner, key = name.split(".")
+        tree[owners[owner]][key] *= factor
+
+    return AntagonisticJoint.from_rig(rig_from_parameters(tree), "elbow")
+
+
+def test_the_stiffness_of_a_rig_that_is_two_per_cent_off_is_learnt_in_one_motion(
+    closed_loop, rig, reaching
+):
+    controller, loop = played(closed_loop, rig, reaching, OFF)
+    channel, truth = controller.channels[0], true_joint(rig, OFF)
+    output = loop.plants[0].output
+    state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
+    true = truth.stiffness(*state[0], state[1])
+    wrong = channel.model.stiffness(*state[0], state[1])
+    found = channel.stiffness.at(*state)
+    assert abs(wrong / true - 1.0) > 0.03
+    assert found.learnt
+    assert found.value == pytest.approx(true, rel=0.025)
+    assert found.low < true < found.high
+    assert found.high - found.low < 0.08 * true
+    # and the joint has the stiffness that was commanded
+    loop.run(2.0)
+    output = loop.plants[0].output
+    has = truth.stiffness(
+        output["agonist.pressure"], output["antagonist.pressure"], output["position"]
+    )
+    assert has == pytest.approx(controller.stiffness_commands[0], rel=0.03)
+
+
+def test_what_the_dimensions_do_not_explain_leaves_the_stiffness_of_the_model(
+    closed_loop, rig, reaching
+):
+    friction = {"coulomb_friction.torque": 0.6}
+    controller, loop = played(closed_loop, rig, reaching, effects=friction)
+    channel, output = controller.channels[0], loop.plants[0].output
+    state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
+    found = channel.stiffness.at(*state)
+    assert not found.learnt
+    assert found.value == pytest.approx(channel.model.stiffness(*state[0], state[1]))
+    assert found.high / found.value > 1.03  # the interval of the tolerance
+    assert channel.stiffness_factor == 1.0
+
+
+def test_a_rig_that_is_its_rig_file_keeps_its_stiffness(closed_loop, rig, reaching):
+    controller, loop = played(closed_loop, rig, reaching)
+    assert controller.channels[0].stiffness_factor == pytest.approx(1.0, abs=5e-3)
+    assert np.isfinite(loop.plants[0].output["position"])
