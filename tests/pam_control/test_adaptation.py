@@ -12,11 +12,17 @@ from pam_control.adaptation.motion_functions import MotionMemory
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import Pid
+from pam_control.feedback.pressure_loop import (
+    PressureDemand,
+    PressureLoopSettings,
+    create_pressure_loop,
+)
 from pam_control.feedback.stuck_integral import StuckIntegral
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
 
 SETTLE = 1.0
 DESIGNS = KeptDesigns()
@@ -289,3 +295,18 @@ def test_a_valve_gives_what_is_asked_for_after_its_flow_was_learnt(exhaust, offs
         asked = adaptation.corrected(wanted, 0.0, full)
         given = _true_flow(asked, exhaust, offset, overlap, full)
         assert given == pytest.approx(wanted, rel=0.06)
+
+
+@pytest.mark.parametrize("pressure", [0.0, 6e5])
+def test_a_muscle_that_is_empty_or_at_the_supply_does_not_end_the_control_loop(rig, pressure):
+    """The open valve has no flow there, of which a share could be learnt."""
+    muscle = rig.muscles[0]
+    joint = AntagonisticJoint.from_rig(rig, "elbow")
+    loop = create_pressure_loop(rig, muscle, joint.agonist)
+    settings = PressureLoopSettings(15.0, 0.4, adaptation=True, acting_delay=0.005)
+    rate = 1e5 if pressure else -1e5
+    for cycle in range(50):
+        wanted = pressure + math.copysign(1e4 * (cycle % 7), rate)
+        demand = PressureDemand(wanted, rate, 0.0, muscle.neutral_length, 0.01)
+        command, _ = loop.command(demand, pressure, settings, 0.002)
+        assert -1.0 <= command <= 1.0

@@ -219,7 +219,7 @@ BAD_STARTS = [
     ({"elbow.colour": 1.0}, "colour"),
     (
         {"law": "magic"},
-        "law = 'magic': must be model_based, pressure_ratio_pid, pressure_difference_pid, impedance, torque or",
+        "law = 'magic': must be model_based, pressure_ratio_pid, ",
     ),
     ({"loop.rate": 5.0}, "loop.rate"),
     ({"gains.elbow.derivative": 8.0}, "not safe"),

@@ -43,7 +43,7 @@ COMPENSATED = {
 }
 
 
-TIGHT = ControlSettings(extra_delay=0.0)
+TIGHT = ControlSettings(extra_delay=0.0, adaptation=False)
 """No reserve for an unknown delay: what the compensation leaves is measured with the gains that
 correct most of it, so that a fault of the compensation is not taken for one of the gains."""
 

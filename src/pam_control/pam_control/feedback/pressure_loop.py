@@ -29,6 +29,7 @@ from pam_model.gas import (
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.rig import Muscle, Rig
 
+LEAST_CAPACITY = 0.01  # of the full flow
 LENGTH_EDGE = 1e-6  # m, distance from the ends of the force model's range
 
 
@@ -231,7 +232,9 @@ class FlowValveLoop:
         per_pressure = 1.0 / (GAS_CONSTANT * self._temperature)
         capacity = 1.0
         if adapts:
+            # none at the supply's pressure, or in an empty muscle
             capacity = abs(self._flow(math.copysign(1.0, flow), absolute))
+            capacity = max(capacity, LEAST_CAPACITY * self._full)
             flow = self.adaptation.corrected(flow, absolute * volume_rate * per_pressure, capacity)
         opening = valve_opening(
             flow,
