@@ -138,7 +138,7 @@ class ControllerHealth:
             "clipped last": ", ".join(telemetry.clipped) or "nothing",
             "reference limited share [-]": counts.limited / cycles,
             "stiffness asked [N m/rad]": controller.stiffness_commands[index],
-            "stiffness now [N m/rad]": telemetry.stiffness_reached,
+            "stiffness now [N m/rad]": channel.stiffness_factor * telemetry.stiffness_reached,
             "least stiffness [N m/rad]": low,
             "greatest stiffness [N m/rad]": high,
             "least share of the pressure loops' gain [-]": min(

@@ -165,6 +165,7 @@ class JointChannel:
         """Forget what was learnt of the joint and its valves."""
         self.adaptation.forget()
         self.stiffness.forget()
+        self.stiffness_factor, self.corrected_at = 1.0, -math.inf
         for loop in self.loops:
             loop.forget_adaptation()
 
