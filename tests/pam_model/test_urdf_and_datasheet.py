@@ -12,6 +12,7 @@ import pytest
 from pam_model.__main__ import main
 from pam_model.command_line import DONE, MISTAKE
 from pam_model.joints.urdf import STANDARD_GRAVITY, rig_as_urdf
+from pam_model.muscle_sizes import SIZES
 from pam_model.muscles.braid import ThinCylinder, braid_diameter, thread_angle
 from pam_model.rig import load_rig, rig_from_parameters
 from pam_model.rig.from_datasheet import BraidFromDatasheet
@@ -116,3 +117,33 @@ def test_the_printed_section_is_read_as_a_muscle(capsys: pytest.CaptureFixture[s
     muscle = rig_from_parameters(keys).muscle("elbow_flexor")
     assert muscle.rest_length == pytest.approx(0.3)
     assert muscle.thread_length == pytest.approx(0.3 / math.cos(math.radians(23.0)), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", sorted(SIZES))
+def test_a_bought_size_has_its_published_force_as_an_ideal_braid(name: str) -> None:
+    """The force of the muscle model, which does not share the formula for the angle."""
+    size = SIZES[name]
+    made = BraidFromDatasheet.of_force(size.diameter, 0.3, size.force, size.pressure)
+    assert made.force_per_pressure * size.pressure == pytest.approx(size.force, rel=1e-9)
+    assert braid_diameter(made.thread_length, made.turns, 0.3) == pytest.approx(size.diameter)
+    assert made.largest_contraction > size.contraction
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--size", "DMSP-20", "--angle", "23"], "--size states diameter and angle"),
+        (["--diameter", "0.02"], "expected --diameter X and --angle X"),
+        (["--size", "DMSP-30"], "DMSP-30"),
+    ],
+)
+def test_a_size_and_its_numbers_exclude_each_other(words, says, capsys) -> None:
+    assert main(["braid", "--length", "0.3", *words]) == MISTAKE
+    assert says in capsys.readouterr().err
+
+
+def test_the_command_prints_the_section_of_a_bought_size(capsys) -> None:
+    assert main(["braid", "--size", "DMSP-20", "--length", "30cm"]) == DONE
+    printed = capsys.readouterr().out
+    assert "1500 N at 6 bar" in printed
+    assert "pulls 250 N per bar" in printed

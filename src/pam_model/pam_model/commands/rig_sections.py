@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from pam_model.argument_types import make_parents, number, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, chosen_rig
+from pam_model.errors import PamError
+from pam_model.muscle_sizes import SIZES
 
 
 def _declare_braid(parser: Parser) -> None:
-    above: dict[str, Any] = {"required": True, "metavar": "X"}
+    above: dict[str, Any] = {"metavar": "X"}
+    parser.add_argument(
+        "--size", choices=sorted(SIZES), help="a size that can be bought, instead of two numbers"
+    )
     parser.add_argument(
         "--diameter",
         type=number("m", above=0.0, most=0.5),
@@ -22,6 +27,7 @@ def _declare_braid(parser: Parser) -> None:
         "--length",
         type=number("m", above=0.0, most=10.0),
         help="between the fittings at rest [m]",
+        required=True,
         **above,
     )
     parser.add_argument(
@@ -38,10 +44,32 @@ def _declare_braid(parser: Parser) -> None:
 def _braid(chosen: Arguments) -> Outcome:
     from pam_model.rig.from_datasheet import BraidFromDatasheet  # noqa: PLC0415  (numpy)
 
-    made = BraidFromDatasheet.measured(
-        chosen.diameter, chosen.length, math.radians(chosen.angle), chosen.wall_thickness
-    )
+    numbers = (chosen.diameter, chosen.angle)
+    if chosen.size is not None:
+        if any(value is not None for value in numbers):
+            raise PamError("--size states diameter and angle: expected --size, or both numbers")
+        bought = SIZES[chosen.size]
+        made = replace(
+            BraidFromDatasheet.of_force(
+                bought.diameter, chosen.length, bought.force, bought.pressure
+            ),
+            wall_thickness=chosen.wall_thickness,
+        )
+    elif any(value is None for value in numbers):
+        raise PamError("expected --diameter X and --angle X, or --size with one of the known sizes")
+    else:
+        made = BraidFromDatasheet.measured(
+            chosen.diameter, chosen.length, math.radians(chosen.angle), chosen.wall_thickness
+        )
     print(made.section(chosen.name))
+    if chosen.size is not None:
+        angle = math.degrees(math.acos(made.rest_length / made.thread_length))
+        print(
+            f"# {chosen.size}: the angle of the threads is not published. With {angle:.3g} deg the "
+            f"ideal braid has\n# the published force of {bought.force:g} N at "
+            f"{1e-5 * bought.pressure:g} bar. Permitted contraction: "
+            f"{100.0 * bought.contraction:g} %. A fit to measurements is better: pam_model fit"
+        )
     per_bar, share = 1e5 * made.force_per_pressure, made.largest_contraction
     print(
         f"# ideal braid: pulls {per_bar:.3g} N per bar at rest length, contracts by at most "

@@ -68,6 +68,35 @@ class BraidFromDatasheet:
         thread = length / math.cos(angle)
         return cls(thread, thread * math.sin(angle) / (math.pi * diameter), length, wall_thickness)
 
+    @classmethod
+    def of_force(
+        cls, diameter: float, length: float, force: float, pressure: float
+    ) -> BraidFromDatasheet:
+        """The ideal braid that pulls with `force` at rest length.
+
+        With theta the angle of the threads, F = p pi D^2 / 4 (2 cot^2 theta - 1), which is the
+        force of the review's ideal braid at rest, solved for theta.
+
+        Parameters
+        ----------
+        diameter : float
+            Of the braid [m].
+        length : float
+            Between the fittings, without pressure and load [m].
+        force : float
+            Pull without contraction [N].
+        pressure : float
+            Gauge pressure of that pull [Pa].
+
+        Raises
+        ------
+        DomainError
+            For a quantity not above 0.
+        """
+        require_positive(diameter=diameter, length=length, force=force, pressure=pressure)
+        per_area = force / (pressure * math.pi * diameter**2 / 4.0)
+        return cls.measured(diameter, length, math.atan(math.sqrt(2.0 / (per_area + 1.0))))
+
     @property
     def force_per_pressure(self) -> float:
         """Pull of the ideal braid at rest length over pressure [N/Pa]."""

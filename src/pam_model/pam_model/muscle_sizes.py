@@ -1,0 +1,42 @@
+"""Sizes of muscles that can be bought, with what their maker publishes.
+
+Source: Festo, catalogue "Fluidic Muscle DMSP/MAS": inner diameter, largest operating pressure, and
+the theoretical force at that pressure without contraction. The catalogue also allows a contraction
+of at most 25 % of the nominal length. The angle of the threads is not published; it follows from
+the force of an ideal braid, see `BraidFromDatasheet.of_force`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class MuscleSize:
+    """One size of a maker.
+
+    Attributes
+    ----------
+    diameter : float
+        Inner diameter [m].
+    force : float
+        Theoretical force at `pressure`, without contraction [N].
+    pressure : float
+        Largest operating pressure [Pa gauge].
+    contraction : float
+        Largest permitted contraction over nominal length [-].
+    """
+
+    diameter: float
+    force: float
+    pressure: float
+    contraction: float
+
+
+_FESTO = {
+    "10": MuscleSize(0.010, 630.0, 8e5, 0.25),
+    "20": MuscleSize(0.020, 1500.0, 6e5, 0.25),
+    "40": MuscleSize(0.040, 6000.0, 6e5, 0.25),
+}
+SIZES = {f"{series}-{size}": entry for series in ("DMSP", "MAS") for size, entry in _FESTO.items()}
+"""The sizes by name."""
