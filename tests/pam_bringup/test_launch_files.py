@@ -127,6 +127,16 @@ def test_a_robot_is_checked_before_it_moves():
     assert parameters(nodes(ROBOT)["pam_driver"])["start_up_check"] == "start_up_check"
 
 
+def test_the_simulated_boards_are_delayed_by_other_work_no_more_than_the_driver():
+    """Else a busy computer looks like a broken sensor."""
+    for node in (nodes(ROBOT)["pam_driver"], nodes(SIMULATION)["pam_sim"]):
+        assert parameters(node)["realtime_priority"] == "realtime_priority"
+    defaults = {
+        arguments(name)["realtime_priority"]["default_value"] for name in (ROBOT, SIMULATION)
+    }
+    assert defaults == {"20"}
+
+
 def ending(choice: str, code: int, *, ends_anyway: bool = False) -> Any:
     """What robot.launch.py does when the driver it started ends with this code."""
     (handler,) = all_of("OnProcessExit", description(ROBOT))

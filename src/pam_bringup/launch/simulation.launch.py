@@ -27,6 +27,7 @@ def generate_launch_description() -> LaunchDescription:
         "on_driver_exit",
         "params_file",
         "respawn",
+        "realtime_priority",
         "urdf",
         "view",
     )
@@ -36,6 +37,8 @@ def generate_launch_description() -> LaunchDescription:
         "bus.channel": ParameterValue(arguments["bus_channel"], value_type=str),
         "bus.port": ParameterValue(arguments["bus_port"], value_type=int),
     }
+    # boards are not delayed by other work of the computer; the thread of the simulated ones is
+    priority = ParameterValue(arguments["realtime_priority"], value_type=int)
     return LaunchDescription(
         [
             DeclareLaunchArgument(
@@ -81,6 +84,11 @@ def generate_launch_description() -> LaunchDescription:
                 description="start model and controller again when they end",
             ),
             DeclareLaunchArgument(
+                "realtime_priority",
+                default_value="20",
+                description="real-time priority of all loops, where the system permits it; 0: none",
+            ),
+            DeclareLaunchArgument(
                 "urdf",
                 default_value="",
                 description="URDF for robot_state_publisher; empty: made of the rig file",
@@ -95,7 +103,11 @@ def generate_launch_description() -> LaunchDescription:
                 package="pam_sim",
                 executable="rig",
                 namespace=arguments["namespace"],
-                parameters=[arguments["rig_file"], arguments["params_file"], bus],
+                parameters=[
+                    arguments["rig_file"],
+                    arguments["params_file"],
+                    {**bus, "realtime_priority": priority},
+                ],
                 output="screen",
             ),
             IncludeLaunchDescription(
