@@ -29,7 +29,7 @@ import numpy as np
 from pam_control.adaptation.recursive_fit import Array, RecursiveFit
 
 FILTER: Final = 0.06  # s
-EVERY: Final = 0.01  # s between two updates of the fit
+EVERY: Final = 0.02  # s between two updates of the fit
 NOISE: Final = 0.01  # of the full flow
 TRIFLE: Final = 0.003  # of the full flow; less is left to the pressure loop
 LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells nothing
