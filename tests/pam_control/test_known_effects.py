@@ -125,7 +125,10 @@ def test_of_an_effect_in_the_rig_file_remains_what_has_a_named_cause(
 def test_where_the_valve_is_not_at_its_limit_nothing_of_a_flow_effect_remains(
     rig, closed_loop, reaching, floor, effect
 ):
-    """The named cause of what remains: errors from the valve's limit on and 0.3 s after it."""
+    """The named cause of what remains: errors from the valve's limit on and 0.3 s after it.
+
+    With the dead volume in the rig file, the motion is played so slowly that no valve is there.
+    """
     values = COMPENSATED[effect]
     knowing = PositionStiffnessController(told(rig, effect, values), TIGHT)
     hidden = {f"{effect}.{key}": value for key, value in values.items()}
@@ -133,7 +136,7 @@ def test_where_the_valve_is_not_at_its_limit_nothing_of_a_flow_effect_remains(
     spools = np.abs([record.column(5, SETTLE), record.column(6, SETTLE)]).max(axis=0)
     at_limit = np.convolve(spools >= 0.999, np.ones(150), "full")[: len(spools)] > 0.0
     away = record.error(SETTLE)[~at_limit]
-    assert at_limit.any()
+    assert at_limit.any() == (effect == "exhaust_restriction")
     assert len(away) > 0.7 * len(spools)
     assert np.sqrt(np.mean(away**2)) < 1.1 * floor
 
