@@ -13,6 +13,8 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from pam_ros import leave_out_shared_memory
+
 AMPLITUDE, FREQUENCY, RATE = 0.3, 0.25, 100.0  # rad, Hz, Hz
 
 
@@ -52,6 +54,7 @@ class Sinusoid(Node):
 
 
 if __name__ == "__main__":
+    leave_out_shared_memory()  # else a node that appears may stop this one for a third of a second
     rclpy.init()
     with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(Sinusoid(sys.argv[1] if len(sys.argv) > 1 else "elbow"))

@@ -35,7 +35,9 @@ PUBLIC = {
         "Rig", "RigError", "compare", "create_force_model", "fit", "initial_state", "load_rig",
         "load_measurements", "registered_models", "save_rig", "simulate", "simulate_measured",
     },
-    "pam_ros": {"NodeParameters", "Parameter", "PeriodicLoop", "spin_node"},
+    "pam_ros": {
+        "NodeParameters", "Parameter", "PeriodicLoop", "leave_out_shared_memory", "spin_node",
+    },
     "pam_sim": {"RigLoop", "SimulatedRig"},
 }  # fmt: skip
 PAGE = ROOT / "docs/python.md"

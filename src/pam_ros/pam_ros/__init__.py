@@ -4,6 +4,7 @@ This package depends on ROS but not on any robot. Its public names:
 
 - `NodeParameters`, `Parameter`: a table of parameters, declared and checked on any node.
 - `PeriodicLoop`: a thread that calls a function at absolute deadlines.
+- `leave_out_shared_memory`: keeps the middleware from stopping loops; call it before rclpy.init.
 - `spin_node`: the main function of a node.
 
 The names are imported when they are first used, so that importing the package takes no time.
@@ -17,12 +18,14 @@ if TYPE_CHECKING:
     from pam_ros.parameters import NodeParameters, Parameter
     from pam_ros.periodic import PeriodicLoop
     from pam_ros.spin import spin_node
+    from pam_ros.transport import leave_out_shared_memory
 
 __version__ = "0.1.0"
 __all__ = [
     "NodeParameters",
     "Parameter",
     "PeriodicLoop",
+    "leave_out_shared_memory",
     "spin_node",
 ]
 
@@ -42,6 +45,10 @@ def __getattr__(name: str) -> Any:
             from pam_ros import spin
 
             return getattr(spin, name)
+        case "leave_out_shared_memory":
+            from pam_ros import transport
+
+            return getattr(transport, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
