@@ -150,6 +150,11 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "maximum rate of the stiffness reference",
         ),
         Parameter(
+            "stiffness.corrected", d.stiffness_corrected, "-", 0, 0,
+            "correct commands of the stiffness by what was learnt of the muscles' dimensions",
+            changeable=True,
+        ),
+        Parameter(
             "disturbance_observer.enabled", d.observer, "-", 0, 0,
             "compensate the torque that the model does not explain (law model_based)",
             changeable=True,
@@ -291,6 +296,7 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         integral_limit=number("pid.integral_limit"),
         default_stiffness=number("stiffness.default"),
         stiffness_rate=number("stiffness.rate_limit"),
+        stiffness_corrected=bool(values["stiffness.corrected"]),
         stiffness_grid=tuple(sorted({low, 0.5 * (low + high), high})),
         min_pressure=number("pressure_loop.min_pressure"),
         pressure_rate=number("pressure_loop.rate_limit"),

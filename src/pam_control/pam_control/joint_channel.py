@@ -118,7 +118,8 @@ class JointChannel:
             self.dynamics.inertia, self.dynamics.viscous_friction, largest
         )
         self.stiffness = StiffnessEstimate(rig, joint, self.model, self.dynamics, largest)
-        self.stiffness_factor, self.corrected_at = 1.0, -math.inf
+        self.stiffness_goal = self.stiffness_factor = 1.0
+        self.corrected_at = -math.inf
         self.stuck = StuckIntegral()
         self.loops = tuple(
             create_pressure_loop(rig, muscle, gas_space)
@@ -165,7 +166,8 @@ class JointChannel:
         """Forget what was learnt of the joint and its valves."""
         self.adaptation.forget()
         self.stiffness.forget()
-        self.stiffness_factor, self.corrected_at = 1.0, -math.inf
+        self.stiffness_goal = self.stiffness_factor = 1.0
+        self.corrected_at = -math.inf
         for loop in self.loops:
             loop.forget_adaptation()
 

@@ -65,6 +65,8 @@ class ControlSettings:
         Stiffness until one is commanded [N m/rad].
     stiffness_rate : float
         Maximum rate of the stiffness reference [N m/(rad s)].
+    stiffness_corrected : bool
+        Whether commands of the stiffness are corrected by the stiffness that was estimated.
     stiffness_grid : tuple of float
         Stiffnesses at which gains are designed and checked [N m/rad].
     min_pressure : float
@@ -128,6 +130,7 @@ class ControlSettings:
     integral_limit: float = 10.0
     default_stiffness: float = 14.0
     stiffness_rate: float = 20.0
+    stiffness_corrected: bool = False
     stiffness_grid: tuple[float, ...] = (6.0, 12.0, 20.0)
     min_pressure: float = 5e3
     pressure_rate: float = 4e6

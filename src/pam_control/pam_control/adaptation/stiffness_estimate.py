@@ -226,14 +226,19 @@ class StiffnessEstimate:
                 rig = rig.with_muscle(replace(muscle, **{key: factor * getattr(muscle, key)}))
         return AntagonisticJoint.from_rig(rig, self._joint.name)
 
-    def factor(self, pressures: tuple[float, float], position: float) -> float:
-        """The estimated stiffness over that of the model, within bounds; 1 if nothing is known."""
-        if not self.explains:
-            return 1.0
+    def factor(self, pressures: tuple[float, float], position: float, present: float) -> float:
+        """The estimated stiffness over that of the model, within bounds; 1 if nothing is known.
+
+        A present factor inside the interval stays as it is: every change of the stiffness moves
+        air, and what was learnt of the torques holds for one stiffness.
+        """
         written = self._written.stiffness(*pressures, position)
-        if not written > 0.0:
+        found = self.at(pressures, position)
+        if not (found.learnt and written > 0.0):
             return 1.0
-        return max(1.0 / MOST, min(MOST, self.at(pressures, position).value / written))
+        if found.low <= present * written <= found.high:
+            return present
+        return max(1.0 / MOST, min(MOST, found.value / written))
 
     def at(self, pressures: tuple[float, float], position: float) -> Stiffness:
         """The stiffness at pressures [Pa] and a position [rad]."""

@@ -27,6 +27,7 @@ from pam_control.joint_channel import JointChannel, Pair, Plan
 from pam_control.settings import ControlSettings
 
 CORRECTED_EVERY: Final = 0.2  # s
+CORRECTED_SHARE: Final = 0.2  # of what lacks, each time
 RATE_SPAN: Final = 0.01  # s, over which the rate of the muscles' torque is taken
 
 
@@ -155,13 +156,19 @@ class PositionStiffnessController(Controller):
     def _wanted_stiffness(self, request: PlanRequest) -> float:
         """Stiffness of the model [N m/rad] at which the joint has the commanded one."""
         channel, command = request.channel, self.stiffness_commands[request.index]
-        if not self.adapts:
+        if not (self.adapts and self.settings.stiffness_corrected):
+            channel.stiffness_goal = channel.stiffness_factor = 1.0
             return command
         if request.acts_at - channel.corrected_at > CORRECTED_EVERY:
             channel.corrected_at = request.acts_at
-            channel.stiffness_factor = channel.stiffness.factor(
-                channel.desired, channel.inside(request.now.position)
+            # at one place, so that the correction does not change along a motion
+            middle = 0.5 * sum(channel.joint.position_limits)
+            there = channel.model.pressures_for(channel.dynamics.gravity(middle), command, middle)
+            channel.stiffness_goal = channel.stiffness.factor(
+                (there.agonist, there.antagonist), middle, channel.stiffness_goal
             )
+            lacking = channel.stiffness_goal - channel.stiffness_factor
+            channel.stiffness_factor += CORRECTED_SHARE * lacking
         return command / channel.stiffness_factor
 
     @staticmethod
