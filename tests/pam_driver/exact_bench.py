@@ -99,10 +99,16 @@ class Judge:
 class ExactBench:
     """A driver whose bus is written by hand; one step is one tick, the wall clock 1000 s ahead."""
 
-    def __init__(self, rig: Rig, codec: BoardCodec, judge: Judge | None = None) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        codec: BoardCodec,
+        judge: Judge | None = None,
+        settings: DriverSettings = SETTINGS,
+    ) -> None:
         self.codec = codec
         self.port = RecordingPort(codec)
-        self.driver = Driver(rig, self.port, SETTINGS, judge)
+        self.driver = Driver(rig, self.port, settings, judge)
         self.boards = list(self.driver.boards)
         self.now = 16.0
         self.counter = 0

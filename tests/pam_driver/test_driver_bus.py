@@ -91,6 +91,24 @@ def test_a_fault_tells_the_boards_in_the_cycle_that_finds_it(bench: ExactBench) 
     assert [command.enable for command in bench.valve_commands()] == [(False, False)]
 
 
+def test_a_fault_in_the_start_up_check_tells_the_boards_in_the_cycle_that_finds_it(
+    rig: Rig, codec: BoardCodec
+) -> None:
+    bench = ExactBench(rig, codec, settings=replace(SETTINGS, start_up_check=True))
+    bench.pressures = (0.0, 0.0)
+    bench.step(8)
+    bench.driver.activate(bench.now)
+    bench.step(8)
+    assert bench.driver.state is SafetyState.CHECKING
+    bench.port.sent.clear()
+    bench.pressures = (9e5, 0.0)
+    bench.step(1)
+    assert [fault.kind for fault in bench.driver.faults] == ["over_pressure"]
+    told = [(BoardCode.VENT, bench.now), (BoardCode.LATCH_FAULT, bench.now)]
+    assert bench.board_commands() == told
+    assert [command.enable for command in bench.valve_commands()] == [(False, False)]
+
+
 def test_clearing_faults_tells_the_boards_to_vent_then_to_clear(bench: ExactBench) -> None:
     bench.start()
     bench.pressures = (9e5, 0.0)

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from pam_driver.safety.pressure_plausibility import OBSERVER_GAIN, Deviation, PressurePlausibility
+from pam_model.effects import EFFECTS
+from pam_model.effects.slots import JointTorque
 from pam_model.gas import valve_flow
 from pam_model.rig import Plausibility, Rig, load_rig
 
@@ -132,6 +134,28 @@ def test_the_observer_of_a_regulator(command: float, rig: Rig) -> None:
         assert found[name] == pytest.approx(expected, rel=2e-3, abs=0.5)
 
 
+@pytest.mark.parametrize(("regulator", "vent"), [(False, -1.0), (True, 0.0)])
+def test_a_delay_of_the_command_in_the_rig_file_is_waited_for(
+    regulator: bool, vent: float, rig: Rig
+) -> None:
+    """Until then the valve vents, as it does when the driver starts."""
+    at_once = replace(regulated(rig) if regulator else rig, plausibility=SHARP)
+    late = at_once
+    for muscle in at_once.muscles:
+        late = late.with_muscle(
+            replace(muscle, effects={"command_delay": {"delay": 3.4 * PERIOD}})  # three periods
+        )
+    commands = [0.8, 0.2, 0.6, 0.4, 0.7, 0.3]
+    delayed, told = PressurePlausibility(late, PERIOD), PressurePlausibility(at_once, PERIOD)
+    seen = set()
+    for command, acting in zip(commands, [vent] * 3 + commands[:3], strict=True):
+        for plausibility, value in ((delayed, command), (told, acting)):
+            plausibility.update([value] * 2, [1.5e5, 1.2e5], [0.1], [0.0], UNKNOWN)
+        assert list(delayed.deviations()) == list(told.deviations())
+        seen.add(tuple(delayed.deviations()))
+    assert len(seen) == len(commands)
+
+
 def test_an_adiabatic_gas_reacts_more(rig: Rig) -> None:
     adiabatic = replace(rig, gas=replace(rig.gas, polytropic_exponent=1.4))
     (slow, _), (fast, _) = (
@@ -219,6 +243,31 @@ def test_friction_and_inertia_take_their_share(rig: Rig) -> None:
     assert found.size == pytest.approx(abs(expected) / limit, rel=1e-9)
 
 
+def spring_and_damper(position: float, speed: float, stiffness: float, damping: float) -> float:
+    return -stiffness * (position - 0.1) - damping * speed
+
+
+def test_a_joint_torque_of_an_own_effect_takes_its_share(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A spring and a damper beside the joint, as a user may add them in a file of effects."""
+    # with the parameters of another effect of two numbers, so that the rest of it is complete
+    effect = replace(EFFECTS["coulomb_friction"], slots=(JointTorque(spring_and_damper),))
+    monkeypatch.setitem(EFFECTS, "coulomb_friction", effect)  # type: ignore[arg-type]
+    effects = {"coulomb_friction": {"torque": 6.0, "presliding_angle": 3.0}}
+    sprung = replace(rig, joints=(replace(rig.joints[0], effects=effects),))
+    position, speed, pressures = 0.3, 0.5, (2e5, 2e5)
+    found = torque_off(sprung, [(pressures, position, speed)] * 5)
+    torque = static_torque(rig, pressures, position) - rig.joints[0].viscous_friction * speed
+    torque += -6.0 * 0.2 - 3.0 * 0.5
+    weight = 1.0 - math.exp(-STEP / MEMORY)
+    assert found is not None
+    assert found.text.startswith(f"pressures and motion disagree by {torque * weight:+.2f} N m")
+    assert found.size == pytest.approx(
+        abs(torque * weight) / (0.25 * largest_torque(rig)), rel=1e-9
+    )
+
+
 @pytest.mark.parametrize(("position", "judged"), [(0.96, True), (0.98, False), (-0.98, False)])
 def test_nothing_is_said_near_the_end_stops(position: float, judged: bool, rig: Rig) -> None:
     found = torque_off(rig, [((4e5, 1e5), position, 0.0)] * 50)
@@ -300,6 +349,17 @@ def test_deviations_of_a_pair_in_one_direction_are_judged_alone(rig: Rig) -> Non
     assert after_a_step(rig, 0.45e5, 0.0) == {}
 
 
+def test_the_smallest_deviations_of_a_pair_in_one_direction_are_judged_alone(rig: Rig) -> None:
+    """With valves through which nothing flows, a residual is the whole step."""
+    shut = replace(rig, plausibility=replace(SHARP, pressure_residual=1.0, warning_share=0.5))
+    for muscle in rig.muscles:
+        valve = replace(muscle.valve, sonic_conductance=1e-30)
+        shut = shut.with_muscle(replace(muscle, valve=valve))
+    assert after_a_step(shut, 0.4, 0.45) == {}
+    found = after_a_step(shut, 0.4, -0.45)
+    assert [one.size for one in found.values()] == pytest.approx([0.8, 0.8], rel=1e-6)
+
+
 def test_a_pair_below_its_warning_share_is_not_named(rig: Rig) -> None:
     assert after_a_step(rig, 0.22e5, -0.4e5) == {}
     assert set(after_a_step(rig, 0.28e5, -0.4e5)) == set(rig.muscle_names)
@@ -348,3 +408,28 @@ def test_nothing_is_off_before_anything_is_known(rig: Rig) -> None:
     plausibility.update([1.0, 1.0], [1e5, 1e5], [0.0], [0.0], UNKNOWN)
     plausibility.update([1.0, 1.0], UNKNOWN, [0.0], [0.0], UNKNOWN)
     assert list(plausibility.deviations()) == []
+
+
+def test_a_restart_forgets_every_deviation_of_a_pressure(rig: Rig) -> None:
+    limits = replace(SHARP, pressure_residual=1.0)
+    plausibility = PressurePlausibility(replace(rig, plausibility=limits), PERIOD)
+    for pressure in (2e5, 3.5e5):
+        plausibility.update([0.0, 0.0], [pressure, 2e5], [0.0], [0.0], UNKNOWN)
+    assert len(list(plausibility.deviations())) == 2
+    plausibility.restart()
+    assert list(plausibility.deviations()) == []
+
+
+@pytest.mark.parametrize(("missing", "balanced"), [(2, True), (3, False)])
+def test_the_balance_of_a_joint_outlives_a_gap_of_fifty_milliseconds(
+    missing: int, balanced: bool, rig: Rig
+) -> None:
+    limits = replace(SHARP, pressure_residual=1e12)
+    plausibility = PressurePlausibility(replace(rig, plausibility=limits), 0.025)
+    for _ in range(5):
+        plausibility.update([0.0, 0.0], [4e5, 1e5], [0.3], [0.0], UNKNOWN)
+    before = list(plausibility.deviations())
+    assert len(before) == 1
+    for _ in range(missing):
+        plausibility.update([0.0, 0.0], UNKNOWN, [0.3], [0.0], UNKNOWN)
+    assert list(plausibility.deviations()) == (before if balanced else [])

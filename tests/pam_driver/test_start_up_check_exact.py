@@ -78,6 +78,16 @@ def test_a_pulse_is_never_lost_in_noise_nor_dangerous(elbow: Rig) -> None:
     assert pulse_of(alone, one).pressure == SMALLEST
 
 
+def test_a_muscle_that_does_not_pull_at_low_pressure_has_the_largest_pulse(elbow: Rig) -> None:
+    """Though its joint is light, which gives a muscle of the usual length the smallest."""
+    light = with_joint(elbow, gravity_torque=0.0, inertia=1e-4)
+    assert pulse_of(light, elbow.muscles[0]).pressure == SMALLEST
+    shorter = replace(elbow.muscles[0], neutral_length=0.12)
+    slack = with_joint(elbow.with_muscle(shorter), gravity_torque=0.0, inertia=1e-4)
+    assert gain(slack, 0) <= 0.0
+    assert pulse_of(slack, shorter).pressure == LARGEST
+
+
 def test_the_ramp_of_a_flow_valve_fills_the_muscle_in_time(elbow: Rig) -> None:
     """Choked flow into the volume: m = s C p_0 rho_0 sqrt(T_0/T), dp/dt = n R T m / V."""
     one, pulse = elbow.muscles[0], pulse_of(elbow, elbow.muscles[0])
@@ -369,6 +379,17 @@ def test_a_muscle_is_empty_below_half_of_its_pulse(elbow: Rig, left: float, empt
     desk.shows = leaves
     desk.run()
     assert (desk.findings == []) is empty
+
+
+def test_a_check_that_has_not_been_started_begins_at_time_zero(elbow: Rig) -> None:
+    check = StartUpCheck(elbow, (-1.0, -0.5))
+    assert check.findings == ()
+    for now in (0.0, 10.0):
+        assert check.setpoints([5e4, 0.0], [0.0], now) == (-1.0, -0.5)
+        assert not check.finished
+    check.setpoints([5e4, 0.0], [0.0], 10.001)
+    assert check.finished
+    assert [found.subject for found in check.findings] == ["elbow_flexor"]
 
 
 def test_a_second_start_forgets_the_first(elbow: Rig) -> None:

@@ -114,7 +114,7 @@ class _MuscleObserver:
         self._command = -1.0 if self._is_flow else 0.0
         delay = round(adjusted("valve.command_delay", None, effects) / period)
         # the oldest entry is the command that acts now
-        self._commands = deque([self._command] * (delay + 1), maxlen=delay + 1)
+        self._commands = deque([self._command], maxlen=delay + 1)
         self._pressure = math.nan
         self._gap = 0.0
         self.restarts = 0

@@ -115,7 +115,6 @@ class StartUpCheck:
 
     def __init__(self, rig: Rig, vents: Sequence[float]) -> None:
         self.pulses = tuple(pulse_of(rig, muscle) for muscle in rig.muscles)
-        self.findings: tuple[Condition, ...] = ()
         self._rig = rig
         self._vents = tuple(vents)
         self._joint_of = tuple(_place_and_sign(rig, muscle) for muscle in rig.muscles)
@@ -134,7 +133,7 @@ class StartUpCheck:
         now : float
             Monotonic time [s].
         """
-        self.findings = ()
+        self.findings: tuple[Condition, ...] = ()
         self._muscle = 0
         self._phase = _Phase.SETTLE
         self._since = now
@@ -350,7 +349,7 @@ def _fall(rig: Rig, muscle: Muscle, pressure: float) -> float:
 
     Near ambient pressure the flow falls with the pressure, so that it decays like e^(-t/T).
     """
-    constant = pressure / max(_rate(rig, muscle, -1.0, pressure), 1e-9)
+    constant = pressure / _rate(rig, muscle, -1.0, pressure)
     return SLOWER * 4.0 * constant + 2.0 * muscle.valve.time_constant + 3.0 * _SETTLE
 
 
