@@ -38,7 +38,7 @@ from pam_control.adaptation.recursive_fit import Array, RecursiveFit, Suspect
 from pam_control.references.spline import JointReference
 
 FILTER: Final = 0.03  # s, T
-EVERY: Final = 0.02  # s between two updates of the fit
+EVERY: Final = 0.01  # s between two updates of the fit
 NOISE: Final = 3e-4  # of the largest torque: what the functions cannot fit, and the encoder's steps
 TRIFLE: Final = 1e-3  # of the largest torque; less is left to the feedback
 SLOWEST: Final = 0.04  # rad/s
