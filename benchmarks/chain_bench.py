@@ -20,13 +20,14 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from arm_of_joints import arm
+
 from pam_check.chain import Chain, multicast_bus, private_domain
 from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
-from pam_model.rig import Rig, load_rig, rig_from_parameters, save_rig
+from pam_model.rig import save_rig
 
-ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"
 BARE = Path(__file__).with_name("bare_node.py")
 RATE = 500.0  # Hz; the default of driver and controller
 NODES = ("driver", "controller", "model", "rig")
@@ -35,22 +36,6 @@ SETTLING = 3.0  # s
 TIMEOUT = 120.0  # s
 CACHED = {"PYTHONDONTWRITEBYTECODE": ""}  # as a user starts nodes: compiled once
 TICK = os.sysconf("SC_CLK_TCK")
-
-
-def arm(joints: int) -> Rig:
-    """The elbow, `joints` times, each on a board of its own."""
-    tree = load_rig(ELBOW).to_parameters()
-    names = [f"joint_{index}" for index in range(joints)]
-    tree["joints"] = names
-    for board, name in enumerate(names):
-        muscles = [f"{name}_flexor", f"{name}_extensor"]
-        encoder = {"board": board, "channel": 0}
-        tree[name] = {**tree["elbow"], "muscles": muscles, "encoder": encoder}
-        for channel, muscle in enumerate(muscles):
-            tree[muscle] = {**tree["elbow_flexor"], "board": board, "channel": channel}
-    for name in ("elbow", "elbow_flexor", "elbow_extensor"):
-        del tree[name]
-    return rig_from_parameters(tree)
 
 
 def processor_seconds(pid: int) -> float:

@@ -14,7 +14,7 @@ import sys
 import time
 from statistics import median, quantiles
 
-from chain_bench import arm  # type: ignore[import-not-found]
+from arm_of_joints import arm
 
 from pam_control.control_step import Measurement
 from pam_control.controller_parameters import create_controller, parameter_table

@@ -78,6 +78,7 @@ class JointDiagnosis:
         self.rules = rules
         self.joint = joint
         self.progress = progress
+        self.progress("preparing the simulation", 0.0)  # compiles it once on a machine
         self.problem = PredictionProblem(rig, joint, recordings, rules=rules, threads=threads)
         self.floor = noise_level(self.problem, self.problem.base.values)
         self.fitter = HypothesisFitter(self.problem, self.floor)
@@ -212,6 +213,7 @@ class JointDiagnosis:
             again = self.fitter.fit(
                 best.members,
                 start,
+                guess=best.result.jacobian,
                 max_iterations=rules.restart_steps,
                 tolerance=rules.restart_tolerance,
             )
@@ -232,7 +234,12 @@ class JointDiagnosis:
         self.fitter.without_background()
         self.judge.background = np.zeros_like(self.floor)
         steps = self.rules.search.settled_steps
-        fits = self.fitter.fit_all([FitTask(h.members, h.result.values, steps) for h in hypotheses])
+        fits = self.fitter.fit_all(
+            [
+                FitTask(h.members, h.result.values, steps, guess=h.result.jacobian)
+                for h in hypotheses
+            ]
+        )
         return score_all(self.fitter, self.folds, fits)
 
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:

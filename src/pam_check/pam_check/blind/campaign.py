@@ -96,14 +96,21 @@ def finished_answers(out: Path) -> dict[str, dict[str, Any]]:
     return answers
 
 
-def diagnose_case(case: Path, out: Path, keep_evidence: bool = False) -> dict[str, Any]:
-    """Diagnose one case in a process that gets only its recording and rig file."""
+def diagnose_case(
+    case: Path, out: Path, keep_evidence: bool = False, threads: int = 1
+) -> dict[str, Any]:
+    """Diagnose one case in a process that gets only its recording and rig file.
+
+    The process keeps to its `threads`, because others diagnose at the same time.
+    """
     options = ["--keep-evidence"] if keep_evidence else []
     started = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", DIAGNOSIS, "diagnose", str(case / "recording.csv.gz"),
-         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress", *options],
-        capture_output=True, text=True, check=False, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
+         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress",
+         "--threads", str(threads), *options],
+        capture_output=True, text=True, check=False,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads)},
     )  # fmt: skip
     result = out / "diagnosis.json"
     answer: dict[str, Any] = (
@@ -192,9 +199,12 @@ def run_campaign(
         drawn.seal(out, digest)
     answers = finished_answers(out)
     names = sorted(p.name for p in (out / "cases").iterdir() if p.name not in answers)
+    threads = max(1, (os.cpu_count() or 1) // workers)
     with ThreadPoolExecutor(workers) as pool:
         runs = {
-            pool.submit(diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence): n
+            pool.submit(
+                diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence, threads
+            ): n
             for n in names
         }
         with progress(len(runs), "diagnosing") as bar:

@@ -96,6 +96,8 @@ class FitTask:
         Rows that are fitted; by default all counted ones.
     cached : ndarray, optional
         Jacobian of the first parameters, which is reused.
+    guess : ndarray, optional
+        Jacobian of the parameters after these at a point near the start.
     tolerance : float, optional
         As for `fit_steps`.
     amounts : ndarray, optional
@@ -109,6 +111,7 @@ class FitTask:
     max_iterations: int
     rows: Rows | None = None
     cached: Slopes | None = None
+    guess: Slopes | None = None
     tolerance: float | None = None
     amounts: Array | None = None
     is_bare: bool = False
@@ -172,11 +175,12 @@ class HypothesisFitter:
         *,
         rows: Rows | None = None,
         cached: Slopes | None = None,
+        guess: Slopes | None = None,
         max_iterations: int,
         tolerance: float | None = None,
     ) -> Hypothesis:
         """Fit one hypothesis from one start; nuisance parameters come first in `start`."""
-        task = FitTask(tuple(members), start, max_iterations, rows, cached, tolerance)
+        task = FitTask(tuple(members), start, max_iterations, rows, cached, guess, tolerance)
         return self.fit_all([task])[0]
 
     def fit_all(self, tasks: Sequence[FitTask]) -> list[Hypothesis]:
@@ -223,6 +227,7 @@ class HypothesisFitter:
             rows=self.problem.counted if task.rows is None else task.rows,
             floor=self.floor,
             cached=task.cached,
+            guess=task.guess,
             max_iterations=task.max_iterations,
             tolerance=task.tolerance,
             rules=self.rules.prediction,

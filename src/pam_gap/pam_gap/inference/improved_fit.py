@@ -113,7 +113,10 @@ def improved_fit(
     scores = [chosen]
     if fitter.background is not None:
         best, steps = chosen.hypothesis, fitter.rules.search.settled_steps
-        tasks = [FitTask(best.members, best.result.values, steps, is_bare=True)]
+        task = FitTask(
+            best.members, best.result.values, steps, guess=best.result.jacobian, is_bare=True
+        )
+        tasks = [task]
         beside, starts = ordinary_members(fitter, fitter.background, best, candidates)
         if beside:
             values = np.concatenate([best.result.values, starts])

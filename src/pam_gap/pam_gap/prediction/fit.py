@@ -5,9 +5,9 @@ where S_c is the sum of squared errors in units of the channel's noise. This is 
 likelihood of Gaussian errors, concentrated over their unknown variance in each channel. A channel
 that no model explains well therefore does not dominate the others. The steps are Gauss-Newton steps
 with Levenberg damping; the errors are weighted by the variances of the last iterate. Steps with
-several dampings are evaluated as lanes of one batch. Given columns of the Jacobian are reused for
-parameters whose effect is nearly linear. A fit is a generator that asks for prediction errors, so
-that the lanes of many fits are simulated as one batch.
+other dampings are tried where the first one brings less than its Jacobian promised. Columns of the
+Jacobian are reused for parameters whose effect is nearly linear. A fit is a generator that asks for
+prediction errors, so that the lanes of many fits are simulated as one batch.
 
 Sources: Nocedal and Wright, Numerical Optimization, chapters 10 and 16;
 Seber and Wild, Nonlinear Regression, 2.2 (concentrated likelihood).
@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import lsq_linear
 
+from pam_gap.prediction.running_equations import RunningEquations
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.prediction_rules import PredictionRules
 
@@ -33,6 +34,7 @@ Predictor = Callable[[Array], Array]
 """(lanes, parameters) -> whitened errors (lanes, blocks, channels); NaN without a measurement."""
 FitSteps = Generator[Array, Array, "FitResult"]
 """Yields lanes of parameters in own units, is sent their errors, and returns the result."""
+MOST_ACTIVE_SETS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,20 +151,29 @@ class Scaling:
 def bounded_step(hessian: Array, slope: Array, low: Array, high: Array) -> Array:
     """Minimiser of x.H.x/2 + g.x in a box that contains 0 (H positive semidefinite).
 
-    Source: bounded-variable least squares, Stark and Parker, Computational Statistics 10 (1995).
+    Source: primal-dual active sets, Hintermueller, Ito and Kunisch, SIAM J. Optim. 13 (2002); where
+    they do not settle, bounded-variable least squares, Stark and Parker, Computational Statistics
+    10 (1995).
     """
     size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled = hessian / np.outer(size, size)
     scaled[np.diag_indices(size.size)] += 1e-9
+    pull, least, most = slope / size, low * size, high * size
+    x, force = np.zeros_like(pull), np.zeros_like(pull)
+    at = np.zeros(pull.size, dtype=np.int64)
+    for _ in range(MOST_ACTIVE_SETS):
+        free = at == 0
+        x = np.where(at < 0, least, np.where(at > 0, most, 0.0))
+        target = -pull[free] - scaled[np.ix_(free, ~free)] @ x[~free]
+        x[free] = np.linalg.solve(scaled[np.ix_(free, free)], target)
+        force = np.where(free, 0.0, -(scaled @ x + pull))
+        before, at = at, np.where(x + force > most, 1, np.where(x + force < least, -1, 0))
+        if (at == before).all():
+            return np.asarray(np.clip(x / size, low, high))
     root = np.linalg.cholesky(scaled)
-    target = -np.linalg.solve(root, slope / size)
-    free = np.linalg.solve(root.T, target) / size
-    if ((free >= low) & (free <= high)).all():
-        return np.asarray(free, dtype=np.float64)
-    bounds = (low * size - 1e-12, high * size + 1e-12)
-    found = lsq_linear(root.T, target, bounds, method="bvls", tol=1e-10)
-    step: Array = np.clip(found.x / size, low, high)
-    return step
+    bounds = (least - 1e-12, most + 1e-12)
+    found = lsq_linear(root.T, -np.linalg.solve(root, pull), bounds, method="bvls", tol=1e-10)
+    return np.asarray(np.clip(found.x / size, low, high))
 
 
 def shifted_lanes(
@@ -217,14 +228,73 @@ def normal_equations(
     return hessian, slope
 
 
-def trial_lanes(
-    hessian: Array, slope: Array, dampings: Sequence[Array], scaling: Scaling, at: Array
-) -> Array:
-    """Trial points: `at` plus one step for each damping, and `at` plus a part of the first step."""
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One accepted step of a fit.
+
+    Attributes
+    ----------
+    at : ndarray, shape (n,)
+        The new point, scaled.
+    errors : ndarray, shape (blocks, channels)
+        Errors there.
+    value : float
+        Objective there.
+    damping : float
+        Damping with which the next step begins.
+    is_as_promised : bool
+        Whether the undamped step brought what the Jacobian promised.
+    """
+
+    at: Array
+    errors: Array
+    value: float
+    damping: float
+    is_as_promised: bool
+
+
+def best_step(
+    hessian: Array,
+    slope: Array,
+    scaling: Scaling,
+    at: Array,
+    best: float,
+    damping: float,
+    attempts: int,
+    objective: Callable[[Array, Array], Array],
+    promise: float,
+) -> Generator[Array, Array, Step | None]:
+    """Try steps with several dampings; the best one that lowers the objective below `best`.
+
+    The first step is tried alone. Where it brings what the Jacobian promises, the shorter ones are
+    not simulated.
+    """
+    scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
     low, high = scaling.low - at, scaling.high - at
-    steps = [bounded_step(hessian + np.diag(d), slope, low, high) for d in dampings]
-    lanes: Array = at + np.array([*steps, 0.3 * steps[0]])
-    return lanes
+    for attempt in range(attempts):
+
+        def damped(factor: float, now: float = damping) -> Array:
+            added = np.diag(scale * (now * factor + 1e-10))
+            return bounded_step(hessian + added, slope, low, high)
+
+        step = damped(min(attempt, 1))
+        lanes = at + step[None]
+        errors = yield scaling.own(lanes)
+        values = objective(errors, lanes)
+        promised = -float(slope @ step + 0.5 * step @ hessian @ step)
+        kept = best - float(values[0]) > promise * promised > 0.0
+        if not kept:
+            others = at + np.array([damped(30.0), 0.3 * step])
+            lanes = np.concatenate([lanes, others])
+            errors = np.concatenate([errors, (yield scaling.own(others))])
+            values = objective(errors, lanes)
+        winner = int(np.argmin(values))
+        if values[winner] < best:
+            next_damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
+            kept = kept and attempt == 0
+            return Step(lanes[winner], errors[winner], float(values[winner]), next_damping, kept)
+        damping *= 1000.0
+    return None
 
 
 def fit_steps(
@@ -234,11 +304,17 @@ def fit_steps(
     rows: npt.NDArray[np.bool_],
     floor: Array,
     cached: Slopes | None = None,
+    guess: Slopes | None = None,
     max_iterations: int = 8,
     tolerance: float | None = None,
     rules: PredictionRules = DEFAULT.prediction,
 ) -> FitSteps:
     """Fit the parameters from one starting point; the caller simulates the lanes it asks for.
+
+    A parameter with a prior moves little, so that its column of the Jacobian is kept from step to
+    step. It is computed anew after a step that brought less than the columns promised, and before
+    a fit ends that has a tighter tolerance than usual. The columns of the other parameters are
+    computed anew in every step.
 
     Parameters
     ----------
@@ -252,6 +328,8 @@ def fit_steps(
         J_c that noise alone causes; it limits the weights of the channels.
     cached : ndarray, shape (blocks, channels, m), optional
         Jacobian of the first m parameters, which is reused instead of computed.
+    guess : ndarray, shape (blocks, channels, k), optional
+        Jacobian of the next k parameters at a point near the start, with which the fit begins.
     max_iterations : int
         Largest number of steps.
     tolerance : float
@@ -262,6 +340,7 @@ def fit_steps(
     """
     scaling = Scaling(free)
     least_fall = rules.fit_tolerance if tolerance is None else tolerance
+    is_tight = least_fall < rules.fit_tolerance
     n = len(free)
     at = np.clip(scaling.scaled(np.asarray(start, dtype=np.float64)), scaling.low, scaling.high)
     errors = (yield scaling.own(at[None, :]))[0]
@@ -274,40 +353,44 @@ def fit_steps(
 
     best = float(objective(errors[None], at[None])[0])
     damping = rules.fit_damping
-    jacobian = np.zeros((*errors.shape, n))
+    running = RunningEquations(n, errors, rows)
     reused = 0 if cached is None else cached.shape[-1]
+    guessed = 0 if guess is None else guess.shape[-1]
+    places = np.arange(n)
+    fresh, quick = places[reused:], places[reused:][scaling.weight[reused:] == 0.0]
     if cached is not None:
-        jacobian[..., :reused] = cached
-    del cached  # many fits run side by side, and each would keep its copy
-    fresh = np.arange(reused, n)
+        running.put(places[:reused], cached)
+    if guess is not None:
+        running.put(places[reused : reused + guessed], guess)
+    due = np.union1d(quick, places[reused + guessed :])
+    del cached, guess  # many fits run side by side, and each would keep its copy
     taken = 0
-    for _ in range(max_iterations):
-        if fresh.size:
-            lanes, steps = shifted_lanes(scaling, at, fresh, rules.fit_difference)
-            jacobian[..., fresh] = differences((yield scaling.own(lanes)), errors, steps)
+    while taken < max_iterations:
+        if due.size:
+            lanes, steps = shifted_lanes(scaling, at, due, rules.fit_difference)
+            running.put(due, differences((yield scaling.own(lanes)), errors, steps))
+        is_new = due.size == fresh.size
         mean = np.maximum(mean_squares(errors, rows), rules.fit_weight_floor * floor)
-        hessian, slope = normal_equations(errors, jacobian, rows, 1.0 / mean)
+        hessian, slope = running.equations(errors, 1.0 / mean)
         hessian[np.diag_indices(n)] += scaling.weight**2
         slope += scaling.weight**2 * (at - scaling.centre)
-        scale = np.maximum(np.diag(hessian), 1e-9 * float(np.max(np.diag(hessian))) + 1e-12)
-        for attempt in range(rules.fit_attempts):
-            dampings = [scale * (damping * factor + 1e-10) for factor in (min(attempt, 1), 30.0)]
-            lanes = trial_lanes(hessian, slope, dampings, scaling, at)
-            lane_errors = yield scaling.own(lanes)
-            values = objective(lane_errors, lanes)
-            winner = int(np.argmin(values))
-            fall = best - float(values[winner])
-            if fall > 0.0:
-                break
-            damping *= 1000.0
-        if not fall > 0.0:
+        step = yield from best_step(
+            hessian, slope, scaling, at, best, damping, rules.fit_attempts if is_new else 1,
+            objective, rules.fit_promise,
+        )  # fmt: skip
+        if step is None and is_new:
             break
-        damping = max(damping * (0.1, 30.0, 10.0)[winner], 1e-5)
-        at, errors, best = lanes[winner], lane_errors[winner], float(values[winner])
+        due = fresh
+        if step is None:
+            continue
+        is_small = best - step.value < least_fall * total
+        at, errors, best, damping = step.at, step.errors, step.value, step.damping
         taken += 1
-        if fall < least_fall * total:
+        if is_small and (is_new or (step.is_as_promised and not is_tight)):
             break
-    return FitResult(scaling.own(at), errors, best, jacobian.astype(np.float32), taken)
+        if step.is_as_promised and not is_small:
+            due = quick
+    return FitResult(scaling.own(at), errors, best, running.jacobian.astype(np.float32), taken)
 
 
 def fit_together(

@@ -73,6 +73,7 @@ def fit_steps_with_terms(
     rows: npt.NDArray[np.bool_],
     floor: Array,
     cached: Slopes | None = None,
+    guess: Slopes | None = None,
     max_iterations: int = 8,
     tolerance: float | None = None,
     rules: PredictionRules = DEFAULT.prediction,
@@ -90,8 +91,8 @@ def fit_steps_with_terms(
     if amounts is not None:
         kept = terms.columns @ amounts
         steps = fit_steps(
-            free, start, rows=rows, floor=floor, cached=cached, max_iterations=max_iterations,
-            tolerance=tolerance, rules=rules,
+            free, start, rows=rows, floor=floor, cached=cached, guess=guess,
+            max_iterations=max_iterations, tolerance=tolerance, rules=rules,
         )  # fmt: skip
         lanes = next(steps)
         while True:
@@ -112,11 +113,12 @@ def fit_steps_with_terms(
         rows=rows,
         floor=floor,
         cached=known,
+        guess=guess,
         max_iterations=max_iterations,
         tolerance=tolerance,
         rules=rules,
     )
-    del known, cached  # many fits run side by side, and each would keep its copy
+    del known, cached, guess  # many fits run side by side, and each would keep its copy
     lanes = next(steps)
     while True:
         errors = (yield lanes[:, k:]) + np.moveaxis(terms.columns @ lanes[:, :k].T, -1, 0)

@@ -13,7 +13,9 @@ shooting with windows that fade exponentially.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -22,28 +24,30 @@ import numpy.typing as npt
 from pam_gap.prediction.channel_order import (
     AGONIST_FORCE,
     AGONIST_PRESSURE,
+    BOTH_FORCES,
     N_CHANNELS,
     POSITION,
     SPEED,
 )
+from pam_gap.prediction.compile_beside import CompileBeside
 from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
-from pam_model.plant.compiled import entry_point
-from pam_model.plant.kernel import run
+from pam_model.plant.compiled import HAVE_NUMBA, compiled, entry_point, for_kernel
+from pam_model.plant.kernel import muscle_pull
+from pam_model.plant.lane_blocks import VECTOR, Lanes, blocks_of_lanes
+from pam_model.plant.lane_kernel import LaneKernel, advance_lanes, lane_kernels, with_loops
+from pam_model.plant.lane_twins import Off
 from pam_model.plant.layout import (
     AGONIST,
     C_AMBIENT,
     C_EXTERNAL,
     M_TUBE,
     N_MUSCLE_CONSTANTS,
-    N_MUSCLE_OUTPUTS,
     N_MUSCLE_STATES,
-    N_OUTPUTS,
     N_STATES,
-    O_AGONIST,
-    O_FORCE,
     S_PRESSURE,
     S_VALVE_PRESSURE,
     Y_AGONIST,
+    Y_ANTAGONIST,
     Y_POSITION,
     Y_VELOCITY,
 )
@@ -54,6 +58,7 @@ from pam_model.plant.sensors import (
     K_LAG,
     K_OFFSET,
     N_MUSCLE_SENSORS,
+    N_SENSORS,
 )
 
 Array = npt.NDArray[np.float64]
@@ -62,10 +67,123 @@ FOLLOW_MOTION, FOLLOW_PRESSURES, FOLLOW_BOTH = -1, -2, -3
 # recording; and the duration of this start [s].
 FADE, HOLD_POSITION, HOLD_SPEED, CATCH_POSITION, CATCH_SPEED, CATCH_TIME = range(6)
 N_GAINS = 6
+# After the sensors' constants: the share of its error that a lagging pressure sensor loses in one
+# sample, for both muscles.
+K_LAG_SHARES = N_SENSORS
 
 
-@entry_point
-def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
+@compiled
+def start_sample(
+    c: Any,
+    sensors: Any,
+    y: Any,
+    shown: Any,
+    history: Any,
+    external: Any,
+    restart: Any,
+    k: int,
+    anew: bool,
+    window: int,
+) -> None:
+    """Set the states that are followed to the measured ones, or all of them at a restart."""
+    history[k] = y[Y_POSITION]
+    if len(external) > 0:
+        c[C_EXTERNAL] = external[k]
+    if anew or window in (FOLLOW_MOTION, FOLLOW_BOTH):
+        y[Y_POSITION] = restart[k, POSITION] - sensors[K_OFFSET]
+        y[Y_VELOCITY] = restart[k, SPEED]
+    if anew or window in (FOLLOW_PRESSURES, FOLLOW_BOTH):
+        for i in range(2):
+            o = Y_AGONIST + i * N_MUSCLE_STATES
+            s = i * N_MUSCLE_SENSORS
+            gain, bias = sensors[s + K_GAIN], sensors[s + K_BIAS]
+            gauge = true_pressure(restart[k, AGONIST_PRESSURE + i], gain, bias)
+            y[o + S_PRESSURE] = gauge + c[C_AMBIENT]
+            y[o + S_VALVE_PRESSURE] = gauge + c[C_AMBIENT]
+    if anew:
+        shown[0] = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
+        shown[1] = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
+
+
+@compiled
+def correct_pressures(
+    c: Any,
+    sensors: Any,
+    y: Any,
+    shown: Any,
+    total: Any,
+    measured: Any,
+    known: Any,
+    k: int,
+    fade: float,
+) -> None:
+    """Add the errors of both pressures to `total`, and correct the pressures by a part of them."""
+    for i in range(2):
+        o = Y_AGONIST + i * N_MUSCLE_STATES
+        s = i * N_MUSCLE_SENSORS
+        channel = AGONIST_PRESSURE + i
+        has_tube = c[AGONIST + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0
+        gain, lag = sensors[s + K_GAIN], sensors[s + K_LAG]
+        inside, at_valve = y[o + S_PRESSURE], y[o + S_VALVE_PRESSURE]
+        true = (at_valve if has_tube else inside) - c[C_AMBIENT]
+        seen = shown[i] if lag > 0.0 else true
+        error = measured[k, channel] - pressure_reading(seen, gain, sensors[s + K_BIAS])
+        total[channel] += error if known[k, channel] else np.nan
+        correction = fade * error / gain if known[k, channel] else 0.0
+        y[o + S_PRESSURE] = inside + correction
+        y[o + S_VALVE_PRESSURE] = at_valve + (correction if has_tube else 0.0)
+        if lag > 0.0:
+            late, now = seen + correction, true + correction
+            shown[i] = late + sensors[K_LAG_SHARES + i] * (now - late)
+
+
+@compiled
+def correct_motion(
+    sensors: Any,
+    y: Any,
+    history: Any,
+    total: Any,
+    measured: Any,
+    known: Any,
+    k: int,
+    position_gain: float,
+    speed_gain: float,
+    sample_time: float,
+) -> None:
+    """Add the error of the position to `total`, and correct the motion by a part of it."""
+    delay = sensors[K_DELAY] / sample_time
+    whole = math.floor(delay)
+    share = delay - whole
+    late = max(k - whole, 0)
+    position = (1.0 - share) * history[late] + share * history[max(late - 1, 0)]
+    error = measured[k, POSITION] - (position + sensors[K_OFFSET])
+    total[POSITION] += error if known[k, POSITION] else np.nan
+    if known[k, POSITION]:
+        y[Y_POSITION] += position_gain * error
+        y[Y_VELOCITY] += speed_gain * error
+
+
+@compiled
+def compare_pulls(
+    c: Any, tables: Any, y: Any, total: Any, measured: Any, known: Any, k: int
+) -> None:
+    """Add the errors of both pulls to `total`."""
+    for i in range(2):
+        channel = AGONIST_FORCE + i
+        error = measured[k, channel] - muscle_pull(i, c, tables, y)
+        total[channel] += error if known[k, channel] else np.nan
+
+
+# Loops over the lanes, which `with_loops` defines for each kernel.
+start_sample_lanes: Any = None
+correct_pressures_lanes: Any = None
+correct_motion_lanes: Any = None
+compare_pulls_lanes: Any = None
+advance_block: Any = None
+
+
+def _observe(
+    active: int,
     c: Any,
     sensors: Any,
     tables: Any,
@@ -75,95 +193,61 @@ def _observe(  # noqa: PLR0912, PLR0915  (one compiled loop)
     external: Any,
     shut: bool,
     sample_time: float,
-    step: float,
+    steps: int,
     gains: Any,
     window: int,
     restart: Any,
     y: Any,
-    work: Any,
-    row: Any,
+    k1: Any,
+    k2: Any,
+    k3: Any,
+    k4: Any,
+    ys: Any,
+    held: Any,
+    contact: Any,
+    torque: Any,
+    shown: Any,
+    drive: Any,
     block: int,
-    total: Any,
+    has_pulls: bool,
+    totals: Any,
     history: Any,
-    nothing: Any,
-    no_pressures: Any,
 ) -> None:
-    """Run one lane and add its prediction errors to the block sums in `total` (NaN with gaps)."""
-    samples = len(commands)
-    shown0 = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
-    shown1 = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
-    blocks = len(total)
-    delay = sensors[K_DELAY] / sample_time
-    whole = math.floor(delay)
-    share = delay - whole
-    for k in range(samples):
-        history[k] = y[Y_POSITION]
-        at = min(k // block, blocks - 1)
-        counted = k < blocks * block
+    """Run a block of lanes; add its prediction errors to the sums `totals` (NaN with gaps)."""
+    for k in range(len(commands)):
+        total = totals[k // block]
         anew = window > 0 and k % window == 0
-        if anew or window in (FOLLOW_MOTION, FOLLOW_BOTH):
-            y[Y_POSITION] = restart[k, POSITION] - sensors[K_OFFSET]
-            y[Y_VELOCITY] = restart[k, SPEED]
-        if anew or window in (FOLLOW_PRESSURES, FOLLOW_BOTH):
-            for i in range(2):
-                o = Y_AGONIST + i * N_MUSCLE_STATES
-                s = i * N_MUSCLE_SENSORS
-                gain, bias = sensors[s + K_GAIN], sensors[s + K_BIAS]
-                gauge = true_pressure(restart[k, AGONIST_PRESSURE + i], gain, bias)
-                y[o + S_PRESSURE] = gauge + c[C_AMBIENT]
-                y[o + S_VALVE_PRESSURE] = gauge + c[C_AMBIENT]
-        if anew:
-            shown0 = y[Y_AGONIST + S_PRESSURE] - c[C_AMBIENT]
-            shown1 = y[Y_AGONIST + N_MUSCLE_STATES + S_PRESSURE] - c[C_AMBIENT]
-        for i in range(2):
-            o = Y_AGONIST + i * N_MUSCLE_STATES
-            has_tube = c[AGONIST + i * N_MUSCLE_CONSTANTS + M_TUBE] > 0.0
-            true = y[o + (S_VALVE_PRESSURE if has_tube else S_PRESSURE)] - c[C_AMBIENT]
-            shown = true
-            s = i * N_MUSCLE_SENSORS
-            gain, bias, lag = sensors[s + K_GAIN], sensors[s + K_BIAS], sensors[s + K_LAG]
-            channel = AGONIST_PRESSURE + i
-            if lag > 0.0:
-                shown = shown0 if i == 0 else shown1
-            error = measured[k, channel] - pressure_reading(shown, gain, bias)
-            if counted:
-                total[at, channel] += error if known[k, channel] else np.nan
-            if known[k, channel]:
-                pull = gains[FADE] * error / gain
-                y[o + S_PRESSURE] += pull
-                if has_tube:
-                    y[o + S_VALVE_PRESSURE] += pull
-                if lag > 0.0:
-                    true += pull
-                    shown += pull
-            if lag > 0.0:
-                shown += (1.0 - math.exp(-sample_time / lag)) * (true - shown)
-                if i == 0:
-                    shown0 = shown
-                else:
-                    shown1 = shown
-        late = max(k - whole, 0)
-        later = max(late - 1, 0)
-        position = (1.0 - share) * history[late] + share * history[later]
-        position += sensors[K_OFFSET]
-        error = measured[k, POSITION] - position
-        if counted:
-            total[at, POSITION] += error if known[k, POSITION] else np.nan
+        start_sample_lanes(
+            active, c, sensors, y, shown, history, external, restart, k, anew, window
+        )
+        correct_pressures_lanes(
+            active, c, sensors, y, shown, total, measured, known, k, gains[FADE]
+        )
         # The joint may still swing when the recording begins, so its motion is corrected at first.
         early = k * sample_time < gains[CATCH_TIME] and window in (0, FOLLOW_PRESSURES)
-        if known[k, POSITION] and (early or gains[HOLD_POSITION] > 0.0):
-            y[Y_POSITION] += (gains[CATCH_POSITION] if early else gains[HOLD_POSITION]) * error
-            y[Y_VELOCITY] += (gains[CATCH_SPEED] if early else gains[HOLD_SPEED]) * error
-        if len(external) > 0:
-            c[C_EXTERNAL] = external[k]
-        run(
-            c, tables, commands, k, nothing, no_pressures, shut, sample_time, step, y, work, row,
+        first = CATCH_POSITION if early else HOLD_POSITION
+        correct_motion_lanes(
+            active, sensors, y, history, total, measured, known, k, gains[first],
+            gains[first + 1], sample_time,
         )  # fmt: skip
-        for i in range(2):
-            pull = row[0, O_AGONIST + i * N_MUSCLE_OUTPUTS + O_FORCE]
-            channel = AGONIST_FORCE + i
-            if counted:
-                total[at, channel] += measured[k, channel] - pull if known[k, channel] else np.nan
+        if has_pulls:
+            compare_pulls_lanes(active, c, tables, y, total, measured, known, k)
+        advance_block(
+            active, c, tables, y, k1, k2, k3, k4, ys, held, contact, torque, drive, commands, k,
+            shut, sample_time, steps,
+        )  # fmt: skip
+
+
+@cache
+def _compiled_observer(off: Off) -> Callable[..., None]:
+    """`_observe` compiled for batches in which the constants in `off` are 0."""
+    loops = (start_sample, correct_pressures, correct_motion, compare_pulls)
+    made = with_loops(_observe, loops, off)
+    made.__globals__["advance_block"] = advance_lanes(off)
+    return entry_point(made)
+
+
+_KERNELS = CompileBeside()
 
 
 def observe(
@@ -187,6 +271,7 @@ def observe(
     catch_time: float = 1.0,
     catch_bandwidth: float = 15.0,
     threads: int = 1,
+    kernels: Sequence[LaneKernel] | None = None,
 ) -> Array:
     """Prediction errors of several plants along one recording.
 
@@ -227,6 +312,10 @@ def observe(
         correction [rad/s].
     threads : int
         Number of lanes that are simulated in parallel.
+    kernels : sequence of LaneKernel, optional
+        Kernels that simulate lanes side by side in the vectors of the processor; the result is the
+        same as without. By default those that are compiled, which begins where a process has enough
+        work for one. Without numba there are none.
 
     Returns
     -------
@@ -236,50 +325,81 @@ def observe(
     lanes = constants.shape[0]
     samples = commands.shape[0]
     blocks = samples // block
-    total = np.zeros((lanes, blocks, N_CHANNELS))
-    pull = 1.0 - math.exp(-sample_time / horizon)
     caught = max(position_bandwidth, catch_bandwidth)
     gains = np.empty(N_GAINS)
-    gains[FADE] = pull
+    gains[FADE] = 1.0 - math.exp(-sample_time / horizon)
     gains[HOLD_POSITION] = min(2.0 * position_bandwidth * sample_time, 1.0)
     gains[HOLD_SPEED] = position_bandwidth**2 * sample_time
     gains[CATCH_POSITION] = min(2.0 * caught * sample_time, 1.0)
     gains[CATCH_SPEED] = caught**2 * sample_time
     gains[CATCH_TIME] = catch_time
+    lags = sensors[:, [K_LAG, N_MUSCLE_SENSORS + K_LAG]]
+    with_shares = np.hstack([sensors, -np.expm1(-sample_time / np.maximum(lags, 1e-300))])
+    has_pulls = bool(known[:, BOTH_FORCES].any())
+    result = np.empty((lanes, blocks, N_CHANNELS))
+    kernel_commands = for_kernel(commands)
 
-    anew = np.zeros((1, 4)) if restart is None else restart
-    every = 0 if restart is None else window
-
-    def one(lane: int) -> None:
-        _observe(
-            constants[lane].copy(),
-            sensors[lane],
+    def one(group: Lanes) -> None:
+        width = group.width
+        c, y = group.side_by_side(constants), group.side_by_side(initial)
+        ambient = constants[:, C_AMBIENT, None]
+        shown = initial[:, [Y_AGONIST + S_PRESSURE, Y_ANTAGONIST + S_PRESSURE]] - ambient
+        # Samples after the last whole block are summed as well, and left out of the result.
+        totals = np.zeros((blocks + 1, N_CHANNELS * width))
+        if not has_pulls:
+            totals[:, AGONIST_FORCE * width :] = np.nan
+        _compiled_observer(group.off)(
+            group.active,
+            c,
+            group.side_by_side(with_shares),
             tables,
-            commands,
+            kernel_commands,
             measured,
             known,
             np.zeros(0) if external is None else external,
             shut,
             sample_time,
-            step,
+            group.steps,
             gains,
-            every,
-            anew,
-            initial[lane].copy(),
-            np.zeros((6, N_STATES)),
-            np.zeros((1, N_OUTPUTS)),
+            0 if restart is None else window,
+            np.zeros((1, 4)) if restart is None else restart,
+            y,
+            *(for_kernel(np.zeros(N_STATES * width)) for _ in range(5)),
+            for_kernel(np.zeros(2 * width)),
+            for_kernel(np.zeros(width)),
+            for_kernel(np.zeros(width)),
+            group.side_by_side(shown),
+            np.zeros(3),
             block,
-            total[lane],
-            np.zeros(samples),
-            np.zeros(0),
-            np.zeros((0, 2)),
+            has_pulls,
+            totals,
+            np.zeros(samples * width),
         )
+        sums = totals[:blocks].reshape(blocks, N_CHANNELS, width)[..., : len(group.members)]
+        result[group.members] = np.moveaxis(sums, -1, 0) / block
 
-    if threads > 1 and lanes > 1:
+    def ready_kernels() -> list[LaneKernel]:
+        ready, left, few = [], np.full(lanes, HAVE_NUMBA), 2 * block
+        for kernel in lane_kernels(constants):
+            own = np.flatnonzero(kernel.serves & left)
+            some = np.repeat(own[:1], VECTOR)
+            once = partial(
+                observe, constants[some], sensors[some], tables, commands[:few], measured[:few],
+                known[:few], initial[some], sample_time=sample_time, step=step, horizon=horizon,
+                block=block, kernels=[LaneKernel(kernel.off, np.full(VECTOR, True))],
+            )  # fmt: skip
+            if own.size and _KERNELS.is_ready(kernel.off, own.size * samples, once):
+                ready.append(kernel)
+            left[own] = False
+        return ready
+
+    if kernels is None:
+        kernels = ready_kernels()
+    groups = blocks_of_lanes(constants, kernels, sample_time, step)
+    if threads > 1 and len(groups) > 1:
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(one, range(lanes)))
+            list(pool.map(one, groups))
     else:
-        for lane in range(lanes):
-            one(lane)
-    total /= block
-    return total
+        for group in groups:
+            one(group)
+    return result

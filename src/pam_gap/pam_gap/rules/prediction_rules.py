@@ -106,6 +106,14 @@ class PredictionRules:
         trades="Larger: fits end early. Smaller: the diagnosis takes longer.",
         origin=NUMERICAL,
     )
+    fit_promise: float = rule(
+        0.7,
+        unit="of the promised decrease",
+        decides="Decrease by a step, relative to what its Jacobian promised, above which the next "
+        "step reuses the columns of the nominal parameters.",
+        trades="Larger: the diagnosis takes longer. Smaller: more steps with outdated columns.",
+        origin=NUMERICAL,
+    )
     fit_weight_floor: float = rule(
         0.5,
         unit="of the floor",

@@ -9,7 +9,6 @@ P. R. Dahl, A solid friction model, Aerospace Corporation 1968.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -24,6 +23,7 @@ from pam_model.effects.parts import (
     TorqueFeedforward,
 )
 from pam_model.effects.slots import DryFriction
+from pam_model.physics.decay import decay
 
 START_SPEEDS: Final = (0.05, 0.3)
 """Starting points of the Stribeck speed in a search [rad/s]."""
@@ -34,7 +34,7 @@ def stribeck_curve(
 ) -> float:
     """Magnitude of the friction [N m] at a joint velocity [rad/s]."""
     share = velocity / speed
-    return torque + max(static_torque - torque, 0.0) * math.exp(-share * share)
+    return torque + max(static_torque - torque, 0.0) * decay(share * share)
 
 
 def starts_from_coulomb(known: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:

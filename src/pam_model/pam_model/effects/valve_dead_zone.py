@@ -20,11 +20,7 @@ ROUNDED: Final = 0.01  # of full opening
 
 def opening_behind_overlap(opening: float, overlap: float) -> float:
     """Opening [-] of a valve with overlap at a spool position [-] measured from its middle."""
-    if opening > overlap:
-        return (opening - overlap) / (1.0 - overlap)
-    if opening < -overlap:
-        return (opening + overlap) / (1.0 - overlap)
-    return 0.0
+    return math.copysign(max(abs(opening) - overlap, 0.0) / (1.0 - overlap), opening)
 
 
 def spool_for_opening(opening: float, overlap: float) -> float:

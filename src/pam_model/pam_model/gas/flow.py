@@ -37,14 +37,12 @@ def flow_share(ratio: float, critical_ratio: float) -> float:
     critical_ratio : float
         ISO 6358 b, 0 to below 1 [-].
     """
-    if ratio <= critical_ratio:
-        return 1.0
-    if ratio <= LINEAR_RATIO:
-        part = (ratio - critical_ratio) / (1.0 - critical_ratio)
-        return math.sqrt(1.0 - part * part)
+    # One root and one division for all three parts: vector lanes compute every branch.
     bend = max(LINEAR_RATIO, critical_ratio)
-    part = (bend - critical_ratio) / (1.0 - critical_ratio)
-    return math.sqrt(1.0 - part * part) * (1.0 - ratio) / (1.0 - bend)
+    span = 1.0 - critical_ratio
+    part = max(min(ratio, bend) - critical_ratio, 0.0)
+    linear = min(1.0 - ratio, 1.0 - bend)
+    return math.sqrt(span * span - part * part) * linear / (span * (1.0 - bend))
 
 
 _flow_shares = np.vectorize(flow_share, otypes=[float])
@@ -74,9 +72,15 @@ def reference_flow(conductance: float, critical_ratio: float, first: float, seco
     float
         C P_up psi(P_dn/P_up) [m^3/s ANR], for gas at the reference temperature.
     """
-    if first >= second:
-        return conductance * first * flow_share(second / first, critical_ratio)
-    return -(conductance * second * flow_share(first / second, critical_ratio))
+    # `flow_share` of the two pressures, with one root and one division
+    upstream, downstream = max(first, second), min(first, second)
+    bend = max(LINEAR_RATIO, critical_ratio)
+    full = (1.0 - critical_ratio) * upstream
+    part = max(min(downstream, bend * upstream) - critical_ratio * upstream, 0.0)
+    linear = min(upstream - downstream, (1.0 - bend) * upstream)
+    flow = conductance * math.sqrt(full * full - part * part) * linear
+    flow /= (1.0 - bend) * full
+    return flow if first >= second else -flow
 
 
 def reference_density(temperature: float) -> float:

@@ -48,6 +48,7 @@ def kernel_sources() -> tuple[Path, ...]:
 def _cache_folder() -> str:
     """A folder named after a hash of the kernels' sources; "" if no folder can be written.
 
+    It is beside the package or, where the installation is read-only, in the user's cache folder.
     numba's own cache checks only the file of the outermost function. After a change in a function
     that this one calls, numba would continue to use the old machine code.
     """
@@ -55,12 +56,16 @@ def _cache_folder() -> str:
     for source in kernel_sources():
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
-    folder = _HERE / "__pycache__" / f"numba-{digest.hexdigest()[:12]}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return ""
-    return str(folder) if os.access(folder, os.W_OK) else ""
+    name = f"numba-{digest.hexdigest()[:12]}"
+    home = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
+    for folder in (_HERE / "__pycache__" / name, Path(home) / "pam_model" / name):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return str(folder)
+    return ""
 
 
 _CACHE = _cache_folder() if HAVE_NUMBA and not os.environ.get("NUMBA_CACHE_DIR") else ""
@@ -101,7 +106,12 @@ def entry_point[F: Callable[..., Any]](function: F) -> F:
     return _compiled(function, cache=True)
 
 
-def _compiled[F: Callable[..., Any]](function: F, *, cache: bool) -> F:
+def compiled_loop[F: Callable[..., Any]](function: F) -> F:
+    """Compile a loop over lanes; it stays a function of its own, so that it becomes vector code."""
+    return _compiled(function, cache=False, inlined=False)
+
+
+def _compiled[F: Callable[..., Any]](function: F, *, cache: bool, inlined: bool = True) -> F:
     if not HAVE_NUMBA:
         return function
     assert isinstance(function, FunctionType)
@@ -113,7 +123,7 @@ def _compiled[F: Callable[..., Any]](function: F, *, cache: bool) -> F:
         # numpy's error model saves a branch per division; the kernels check their divisors
         # themselves. They allocate nothing, so they need no reference counting (_nrt).
         result: F = numba.njit(
-            cache=cache, error_model="numpy", nogil=True, forceinline=True, _nrt=False
+            cache=cache, error_model="numpy", nogil=True, forceinline=inlined, _nrt=False
         )(_with_compiled_calls(function))
     finally:
         numba.config.CACHE_DIR = given

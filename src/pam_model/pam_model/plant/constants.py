@@ -149,6 +149,7 @@ def derive_constants(values: Vector) -> Vector:
     c[lay.C_DENSITY] = reference_density(temperature)
     c[lay.C_RADIUS] = number["joint.pulley_radius"]
     c[lay.C_INERTIA] = number["joint.inertia"]
+    c[lay.C_PER_INERTIA] = 1.0 / c[lay.C_INERTIA]
     c[lay.C_VISCOUS] = number["joint.viscous_friction"]
     c[lay.C_GRAVITY] = number["joint.gravity_torque"]
     c[lay.C_GRAVITY_ANGLE] = v[INDEX["joint.gravity_angle"]]
@@ -211,6 +212,7 @@ def _muscle_constants(
     scale = 1.0 / (4.0 * math.pi * turns * turns)
     c[m + lay.M_TABLE] = written("model_kind")
     c[m + lay.M_B] = b
+    c[m + lay.M_PER_B] = 1.0 / b
     c[m + lay.M_SCALE] = scale
     c[m + lay.M_WALL] = wall
     c[m + lay.M_D90] = d90
@@ -225,7 +227,7 @@ def _muscle_constants(
     c[m + lay.M_CONDUCTANCE] = conductance
     c[m + lay.M_EXHAUST] = conductance * adjusted("valve.exhaust_ratio")
     c[m + lay.M_CRITICAL] = written("valve.critical_ratio")
-    c[m + lay.M_LAG] = adjusted("valve.time_constant")
+    c[m + lay.M_PER_LAG] = 1.0 / adjusted("valve.time_constant")
     c[m + lay.M_TUBE] = float(adjusted("tube.conductance") > 0.0)
     c[m + lay.M_TUBE_VOLUME] = adjusted("tube.volume")
     c[m + lay.M_TUBE_CONDUCTANCE] = adjusted("tube.conductance")
@@ -317,5 +319,5 @@ def _fastest_rate(c: Vector) -> float:
             for effect, slot in _CHAMBERS:
                 heated = slot.heat_rate(mass, *_given(c, m, lay.MUSCLE_EFFECTS[effect.name]))
                 fastest = max(fastest, heated)
-        fastest = max(fastest, 1.0 / c[m + lay.M_LAG])
+        fastest = max(fastest, c[m + lay.M_PER_LAG])
     return fastest

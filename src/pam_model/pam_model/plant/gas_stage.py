@@ -19,9 +19,10 @@ from pam_model.plant.layout import (
     M_CONDUCTANCE,
     M_CRITICAL,
     M_EXHAUST,
-    M_LAG,
+    M_PER_LAG,
     M_REGULATOR,
     M_THERMAL,
+    M_THREAD,
     M_TUBE,
     M_TUBE_CONDUCTANCE,
     M_TUBE_VOLUME,
@@ -34,12 +35,13 @@ def regulator_rate(
 ) -> float:
     """Rate of a regulator's outlet pressure [Pa/s]: first-order lag, limited by the open valve."""
     critical = c[m + M_CRITICAL]
-    wanted = (spool + c[C_AMBIENT] - outlet) / c[m + M_LAG]
-    if wanted >= 0.0:
-        most = per_flow * reference_flow(c[m + M_CONDUCTANCE], critical, supply, outlet)
-        return float(min(wanted, max(most, 0.0)))
-    most = per_flow * reference_flow(c[m + M_EXHAUST], critical, outlet, c[C_AMBIENT])
-    return float(-min(-wanted, max(most, 0.0)))
+    wanted = (spool + c[C_AMBIENT] - outlet) * c[m + M_PER_LAG]
+    fills = wanted >= 0.0
+    filling, venting, ambient = c[m + M_CONDUCTANCE], c[m + M_EXHAUST], c[C_AMBIENT]
+    source, sink = (supply, outlet) if fills else (outlet, ambient)
+    flow = reference_flow(filling if fills else venting, critical, source, sink)
+    most = max(per_flow * flow, 0.0)
+    return float(min(wanted, most) if fills else -min(-wanted, most))
 
 
 @compiled
@@ -53,10 +55,13 @@ def gas_rates(
     temperature: float,
     supply: float,
     volume: float,
+    per_volume: float,
     volume_per_pressure: float,
     shut: bool,
 ) -> tuple[float, float, float, float, float]:
     """Rates of the spool and of the gas, and the flow drawn from the supply.
+
+    `per_volume` is 1/`volume`, which the caller needs as well.
 
     Returns
     -------
@@ -75,7 +80,7 @@ def gas_rates(
     critical = c[m + M_CRITICAL]
     has_tube = c[m + M_TUBE] > 0.0
     upstream = valve_pressure if has_tube else pressure
-    spool_rate = (command - spool) / c[m + M_LAG]
+    spool_rate = (command - spool) * c[m + M_PER_LAG]
     is_regulator = c[m + M_REGULATOR] > 0.0
     exponent = c[C_EXPONENT]
     per_mass = exponent * c[C_RT] * c[C_DENSITY]
@@ -90,10 +95,12 @@ def gas_rates(
             return spool_rate, regulated_rate, 0.0, drawn, 0.0
     elif not shut:
         x = opening(m, c, spool)
-        if x > 0.0:
-            drawn = reference_flow(c[m + M_CONDUCTANCE] * x, critical, supply, upstream)
-        elif x < 0.0:
-            vented = reference_flow(-c[m + M_EXHAUST] * x, critical, upstream, ambient)
+        fills = x >= 0.0
+        filling, venting = c[m + M_CONDUCTANCE], c[m + M_EXHAUST]
+        source, sink = (supply, upstream) if fills else (upstream, ambient)
+        flow = reference_flow(abs(x) * (filling if fills else venting), critical, source, sink)
+        drawn = flow if fills else 0.0
+        vented = 0.0 if fills else flow
     valve_pressure_rate = 0.0
     entering = drawn
     leaving = vented
@@ -118,7 +125,7 @@ def gas_rates(
             density * leaving,
         )
         return spool_rate, pressure_rate, valve_pressure_rate, drawn, temperature_rate
-    pressure_rate = per_mass * (entering - leaving) / volume
-    if volume_per_pressure != 0.0:
-        pressure_rate /= 1.0 + exponent * pressure * volume_per_pressure / volume
+    pressure_rate = per_mass * (entering - leaving) * per_volume
+    if c[m + M_THREAD] > 0.0:
+        pressure_rate /= 1.0 + exponent * pressure * volume_per_pressure * per_volume
     return spool_rate, pressure_rate, valve_pressure_rate, drawn, 0.0

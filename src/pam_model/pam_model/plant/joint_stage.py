@@ -18,6 +18,7 @@ from pam_model.physics.joint_geometry import (
     muscle_length,
     muscle_torque,
 )
+from pam_model.physics.sine import sine
 from pam_model.plant.compiled import compiled
 from pam_model.plant.composition import dry_friction, joint_torque, memory_rates
 from pam_model.plant.gas_stage import gas_rates
@@ -34,6 +35,7 @@ from pam_model.plant.layout import (
     C_GRAVITY,
     C_GRAVITY_ANGLE,
     C_INERTIA,
+    C_PER_INERTIA,
     C_PRESLIDING,
     C_RADIUS,
     C_RT,
@@ -44,6 +46,7 @@ from pam_model.plant.layout import (
     M_REGULATOR,
     M_SHUT_EXPONENT,
     M_THERMAL,
+    M_THREAD,
     M_TUBE,
     N_MUSCLE_STATES,
     S_PRESSURE,
@@ -84,6 +87,7 @@ def muscle_rates(
     gauge = pressure - c[C_AMBIENT]
     force, length, slope, area = pull(m, c, table, y, o, gauge, path)
     volume, volume_slope, volume_per_pressure = gas_volume(m, c, table, gauge, length)
+    per_volume = 1.0 / volume
     has_tube = c[m + M_TUBE] > 0.0
     if pressure_given and not has_tube:
         spool_rate, free_rate, valve_rate, drawn, heat_rate = 0.0, pressure_rate, 0.0, 0.0, 0.0
@@ -99,13 +103,14 @@ def muscle_rates(
             y[o + S_TEMPERATURE],
             y[Y_RESERVOIR],
             volume,
+            per_volume,
             volume_per_pressure,
             shut,
         )
         exponent = c[m + M_SHUT_EXPONENT]
-        gas_slope = -exponent * pressure * volume_slope / volume
-        if volume_per_pressure != 0.0:
-            gas_slope /= 1.0 + exponent * pressure * volume_per_pressure / volume
+        gas_slope = -exponent * pressure * volume_slope * per_volume
+        if c[m + M_THREAD] > 0.0:
+            gas_slope /= 1.0 + exponent * pressure * volume_per_pressure * per_volume
         if regulated(m, c) and not has_tube and not shut:
             gas_slope = 0.0
         if pressure_given:
@@ -204,13 +209,13 @@ def joint_rates(
             torque
             + c[C_EXTERNAL]
             - c[C_VISCOUS] * speed
-            - c[C_GRAVITY] * math.sin(position - c[C_GRAVITY_ANGLE])
+            - c[C_GRAVITY] * sine(position - c[C_GRAVITY_ANGLE])
             - bristle
             + joint_torque(c, position, speed)
         )
         if sliding != 0.0:
             total -= sliding * dry_friction(c, speed)
-        dy[Y_VELOCITY] = total / c[C_INERTIA]
+        dy[Y_VELOCITY] = total * c[C_PER_INERTIA]
     dy[Y_RESERVOIR] = 0.0
     if c[C_DROOP] > 0.0:
         refill = reference_flow(

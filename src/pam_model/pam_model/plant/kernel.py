@@ -19,6 +19,7 @@ from pam_model.physics.joint_geometry import (
     muscle_length,
     muscle_torque,
 )
+from pam_model.physics.sine import sine
 from pam_model.plant.compiled import compiled, entry_point
 from pam_model.plant.composition import dry_friction, joint_torque
 from pam_model.plant.joint_stage import joint_rates
@@ -66,6 +67,7 @@ from pam_model.plant.muscle_stage import pull
 
 LOWEST_PRESSURE = 1.0  # Pa absolute; a limit for diverging fits, far below any real pressure
 LOCKED = 2
+AT_REST = 3
 
 
 @compiled
@@ -90,6 +92,24 @@ def held_command(
     high = commands[int(min(max(last, 0), top))][channel]
     share = (end - last) / (end - start)
     return float(low + share * (high - low))
+
+
+@compiled
+def step_count(rate: float, sample_time: float, step: float) -> int:
+    """Steps in one sample: none longer than `step` [s], more if the fastest `rate` needs them."""
+    steps = max(1, math.ceil(sample_time / step - 1e-9))
+    return int(max(steps, min(math.ceil(sample_time * rate), 64 * steps)))
+
+
+@compiled
+def muscle_pull(i: int, c: Any, tables: Any, y: Any) -> float:
+    """Pull of muscle `i` [N] at this state."""
+    m = AGONIST + i * N_MUSCLE_CONSTANTS
+    o = Y_AGONIST + i * N_MUSCLE_STATES
+    sign = AGONIST_SIGN if i == 0 else ANTAGONIST_SIGN
+    path = muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], y[Y_POSITION])
+    force, _, _, _ = pull(m, c, tables[i], y, o, y[o + S_PRESSURE] - c[C_AMBIENT], path)
+    return float(force)
 
 
 @entry_point
@@ -161,6 +181,18 @@ def rk4_step(
 
 
 @compiled
+def moving_contact(c: Any, y: Any) -> int:
+    """Contact of a moving joint; AT_REST if the torque of its muscles decides."""
+    has_friction = c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0
+    speed = y[Y_VELOCITY]
+    if speed != 0.0:
+        sign = 1 if speed > 0.0 else -1
+        return sign if has_friction else 0
+    at_stop = y[Y_POSITION] <= c[C_LOWER] or y[Y_POSITION] >= c[C_UPPER]
+    return AT_REST if has_friction or at_stop else 0
+
+
+@compiled
 def contact_of(
     c: Any,
     tables: Any,
@@ -173,18 +205,21 @@ def contact_of(
     h: float,
 ) -> int:
     """Contact of the joint in a step: LOCKED, the sign of motion that friction opposes, or 0."""
-    has_friction = c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0
-    speed = y[Y_VELOCITY]
-    at_lower = y[Y_POSITION] <= c[C_LOWER]
-    at_upper = y[Y_POSITION] >= c[C_UPPER]
-    if speed != 0.0:
-        sign = 1 if speed > 0.0 else -1
-        return sign if has_friction else 0
-    if not (has_friction or at_lower or at_upper):
-        return 0
+    contact = moving_contact(c, y)
+    if contact != AT_REST:
+        return contact
     given = (False, pressure_given)
     torque = joint_rates(c, tables, y, work[0], u0, u1, work[5], 0.0, True, given, shut, h)
-    torque += c[C_EXTERNAL] - c[C_GRAVITY] * math.sin(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
+    return contact_at_rest(c, y, torque)
+
+
+@compiled
+def contact_at_rest(c: Any, y: Any, torque: float) -> int:
+    """Contact of a joint at rest under the `torque` of its muscles [N m]."""
+    has_friction = c[C_PRESLIDING] <= 0.0 and c[C_FRICTION] > 0.0
+    at_lower = y[Y_POSITION] <= c[C_LOWER]
+    at_upper = y[Y_POSITION] >= c[C_UPPER]
+    torque += c[C_EXTERNAL] - c[C_GRAVITY] * sine(y[Y_POSITION] - c[C_GRAVITY_ANGLE])
     torque += joint_torque(c, y[Y_POSITION], 0.0)
     if has_friction and abs(torque) <= dry_friction(c, 0.0):
         return LOCKED
@@ -196,7 +231,7 @@ def contact_of(
 
 
 @compiled
-def settle_contact(c: Any, y: Any, contact: int) -> None:
+def settle_contact(c: Any, y: Any, contact: float) -> None:
     """Correct the state after a step: friction never reverses a motion, end stops are inelastic."""
     if contact * y[Y_VELOCITY] < 0.0:
         y[Y_VELOCITY] = 0.0
@@ -253,8 +288,7 @@ def run(
     """
     position_given = len(positions) > 0
     pressure_given = len(pressures) > 0
-    steps = max(1, math.ceil(sample_time / step - 1e-9))
-    steps = max(steps, min(math.ceil(sample_time * c[C_RATE]), 64 * steps))
+    steps = step_count(c[C_RATE], sample_time, step)
     h = sample_time / steps
     contact = 0
     for i in range(3):

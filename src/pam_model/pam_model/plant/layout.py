@@ -70,10 +70,12 @@ MUSCLE_NOMINAL = (
     C_FRICTION,
     C_PRESLIDING,
     C_RATE,
-) = range(20)
+    C_PER_INERTIA,
+) = range(21)
 (
     M_TABLE,
     M_B,
+    M_PER_B,
     M_SCALE,
     M_WALL,
     M_D90,
@@ -88,7 +90,7 @@ MUSCLE_NOMINAL = (
     M_CONDUCTANCE,
     M_EXHAUST,
     M_CRITICAL,
-    M_LAG,
+    M_PER_LAG,
     M_TUBE,
     M_TUBE_VOLUME,
     M_TUBE_CONDUCTANCE,
@@ -99,7 +101,7 @@ MUSCLE_NOMINAL = (
     M_THERMAL,
     M_SHUT_EXPONENT,
     M_THREAD,
-) = range(27)
+) = range(28)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +135,7 @@ def _effect_constants(of_muscle: bool, first: int) -> tuple[dict[str, EffectCons
     return found, first
 
 
-JOINT_EFFECTS, AGONIST = _effect_constants(False, C_RATE + 1)
+JOINT_EFFECTS, AGONIST = _effect_constants(False, C_PER_INERTIA + 1)
 MUSCLE_EFFECTS, N_MUSCLE_CONSTANTS = _effect_constants(True, M_THREAD + 1)
 ANTAGONIST = AGONIST + N_MUSCLE_CONSTANTS
 N_CONSTANTS = AGONIST + 2 * N_MUSCLE_CONSTANTS

@@ -20,6 +20,7 @@ from pam_model.plant.layout import (
     M_DEAD,
     M_FACTOR,
     M_LONGEST,
+    M_PER_B,
     M_REST,
     M_SCALE,
     M_SHORTEST,
@@ -79,12 +80,12 @@ def braid_force(
         area_slope = 6.0 * effective * scale
         wall = c[m + M_WALL]
         if wall > 0.0:
-            cosine = min(effective / b, 0.999999)
+            cosine = min(effective * c[m + M_PER_B], 0.999999)
             sine = math.sqrt(1.0 - cosine * cosine)
-            area += math.pi * wall * (c[m + M_D90] * (2.0 * sine - 1.0 / sine) - wall)
-            area_slope -= (
-                math.pi * wall * c[m + M_D90] * (cosine / (b * sine)) * (2.0 + 1.0 / (sine * sine))
-            )
+            cosecant = 1.0 / sine
+            slope_by_b = cosine * cosecant * (2.0 + cosecant * cosecant)
+            area += math.pi * wall * (c[m + M_D90] * (2.0 * sine - cosecant) - wall)
+            area_slope -= math.pi * wall * c[m + M_D90] * c[m + M_PER_B] * slope_by_b
         force = pressure * area
         slope = pressure * area_slope * c[m + M_FACTOR]
     if c[m + M_THREAD] > 0.0:
@@ -115,9 +116,11 @@ def gas_volume(
         wall = c[m + M_WALL]
         if wall > 0.0:
             # (pi/4)(D - 2 t)^2 L = thin - pi t L (D - t)
-            diameter = c[m + M_D90] * math.sqrt(max(square, 1e-12)) / b
+            per_root = c[m + M_D90] * c[m + M_PER_B]
+            root = math.sqrt(max(square, 1e-12))
+            diameter = per_root * root
             volume -= math.pi * wall * length * (diameter - wall)
-            diameter_slope = -c[m + M_D90] * length / (b * math.sqrt(max(square, 1e-12)))
+            diameter_slope = -per_root * length / root
             slope -= math.pi * wall * (diameter - wall + length * diameter_slope)
     if c[m + M_THREAD] > 0.0:
         stretched, b_by_pressure, b_by_length = thread(m, c, pressure, length)

@@ -1,0 +1,92 @@
+"""Batches of parameter vectors, sorted into blocks of lanes that are simulated side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_model.plant.compiled import for_kernel
+from pam_model.plant.kernel import step_count
+from pam_model.plant.lane_kernel import LaneKernel
+from pam_model.plant.lane_twins import LANES, SINGLE, Off
+from pam_model.plant.layout import C_RATE
+
+Array = npt.NDArray[np.float64]
+VECTOR = 8
+"""Lanes of one vector register; a block works on a multiple of them."""
+FEW = 3
+"""Lanes up to which one after the other is not slower than a vector."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """One block of lanes.
+
+    Attributes
+    ----------
+    members : (n,) array of int
+        Rows of the batch, at most LANES.
+    steps : int
+        Integration steps in one sample.
+    off : frozenset of str or SINGLE
+        Constants that are 0 in all lanes of the block, so that the kernel leaves them out; SINGLE
+        for the kernel of a single lane.
+    """
+
+    members: npt.NDArray[np.int64]
+    steps: int
+    off: Off
+
+    @property
+    def width(self) -> int:
+        """Number of lanes in the arrays of the block."""
+        return 1 if self.off is SINGLE else LANES
+
+    @property
+    def active(self) -> int:
+        """Number of lanes that are simulated; those beyond `members` repeat the last one."""
+        return min(-(-len(self.members) // VECTOR) * VECTOR, self.width)
+
+    def side_by_side(self, rows: Array) -> Any:
+        """Entries of the block's rows as the kernels take them: entry i of lane j at i width + j.
+
+        Parameters
+        ----------
+        rows : (n_batch, n) array
+            One row per member of the batch.
+        """
+        places = np.minimum(np.arange(self.width), len(self.members) - 1)
+        return for_kernel(rows[self.members[places]].T.ravel())
+
+
+def blocks_of_lanes(
+    constants: Array, kernels: Sequence[LaneKernel], sample_time: float, step: float
+) -> list[Lanes]:
+    """Sort a batch into blocks of lanes with equal steps, and single lanes.
+
+    Parameters
+    ----------
+    constants : (n_batch, n_constants) array
+        Of each plant.
+    kernels : sequence of LaneKernel
+        The kernels for several lanes, the fastest one first. A lane takes the first one that serves
+        it and enough others.
+    sample_time, step : float
+        Sample time and longest integration step [s].
+    """
+    steps = np.array([step_count(r, sample_time, step) for r in constants[:, C_RATE].tolist()])
+    found: list[Lanes] = []
+    alone = np.full(len(constants), True)
+    for kernel in kernels:
+        for count in np.unique(steps[kernel.serves & alone]):
+            members = np.flatnonzero(kernel.serves & alone & (steps == count))
+            for first in range(0, len(members), LANES):
+                block = members[first : first + LANES]
+                if len(block) > FEW:
+                    found.append(Lanes(block, int(count), kernel.off))
+                    alone[block] = False
+    return found + [Lanes(np.array([i]), int(steps[i]), SINGLE) for i in np.flatnonzero(alone)]

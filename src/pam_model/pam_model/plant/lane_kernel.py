@@ -1,0 +1,233 @@
+"""Time integration of several joints side by side: kernel.py for a block of lanes.
+
+Every function below with lane arrays (lane_twins.py) is written for one lane, and is called in a
+loop over the lanes. The scheme is that of kernel.py: RK4 with held commands, and a contact that is
+decided once per step. Motion and pressures are not prescribed here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from inspect import signature
+from types import FunctionType
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from pam_model.plant import layout as lay
+from pam_model.plant.compiled import compiled, compiled_loop
+from pam_model.plant.joint_stage import joint_rates
+from pam_model.plant.kernel import (
+    AT_REST,
+    LOCKED,
+    LOWEST_PRESSURE,
+    contact_at_rest,
+    held_command,
+    moving_contact,
+    settle_contact,
+)
+from pam_model.plant.lane_twins import SINGLE, Off, kernel_name, lane_loop
+from pam_model.plant.layout import (
+    AGONIST,
+    ANTAGONIST,
+    M_DELAY,
+    S_PRESSURE,
+    Y_AGONIST,
+    Y_ANTAGONIST,
+)
+
+
+@compiled
+def hold(c: Any, held: Any, commands: Any, now: float, step: float, sample_time: float) -> None:
+    """Write both commands that hold within a step."""
+    held[0] = held_command(commands, 0, now, step, sample_time, c[AGONIST + M_DELAY])
+    held[1] = held_command(commands, 1, now, step, sample_time, c[ANTAGONIST + M_DELAY])
+
+
+@compiled
+def judge_contact(c: Any, y: Any, contact: Any) -> None:
+    """Write the contact, or AT_REST."""
+    contact[0] = float(moving_contact(c, y))
+
+
+@compiled
+def judge_rest(c: Any, y: Any, contact: Any, torque: Any) -> None:
+    """Decide the contact of a joint at rest by the torque of its muscles."""
+    if contact[0] == AT_REST:
+        contact[0] = float(contact_at_rest(c, y, torque[0]))
+
+
+@compiled
+def rates(
+    c: Any,
+    tables: Any,
+    y: Any,
+    dy: Any,
+    held: Any,
+    contact: Any,
+    torque: Any,
+    drive: Any,
+    shut: bool,
+    h: float,
+) -> None:
+    """Write the rates of all states under the contact of this step, and the muscles' torque."""
+    free = contact[0] != LOCKED
+    sliding = contact[0] if abs(contact[0]) == 1.0 else 0.0
+    torque[0] = joint_rates(
+        c, tables, y, dy, held[0], held[1], drive, sliding, free, (False, False), shut, h
+    )
+
+
+@compiled
+def settle(c: Any, y: Any, contact: Any) -> None:
+    """Correct the state after a step."""
+    y[Y_AGONIST + S_PRESSURE] = max(y[Y_AGONIST + S_PRESSURE], LOWEST_PRESSURE)
+    y[Y_ANTAGONIST + S_PRESSURE] = max(y[Y_ANTAGONIST + S_PRESSURE], LOWEST_PRESSURE)
+    settle_contact(c, y, contact[0])
+
+
+# Loops over the lanes, which `with_loops` defines for each kernel.
+hold_lanes: Any = None
+judge_contact_lanes: Any = None
+judge_rest_lanes: Any = None
+rates_lanes: Any = None
+settle_lanes: Any = None
+
+
+def advance(
+    active: int,
+    c: Any,
+    tables: Any,
+    y: Any,
+    k1: Any,
+    k2: Any,
+    k3: Any,
+    k4: Any,
+    ys: Any,
+    held: Any,
+    contact: Any,
+    torque: Any,
+    drive: Any,
+    commands: Any,
+    sample: int,
+    shut: bool,
+    sample_time: float,
+    steps: int,
+) -> None:
+    """Simulate one sample of the first `active` lanes; the arrays hold LANES lanes."""
+    h = sample_time / steps
+    entries = len(y)
+    for j in range(steps):
+        now = sample * sample_time + j * h
+        hold_lanes(active, c, held, commands, now, h, sample_time)
+        judge_contact_lanes(active, c, y, contact)
+        at_rest = False
+        for lane in range(active):
+            at_rest = at_rest or contact[lane] == AT_REST
+        rates_lanes(active, c, tables, y, k1, held, contact, torque, drive, shut, h)
+        if at_rest:
+            judge_rest_lanes(active, c, y, contact, torque)
+            rates_lanes(active, c, tables, y, k1, held, contact, torque, drive, shut, h)
+        for i in range(entries):
+            ys[i] = y[i] + 0.5 * h * k1[i]
+        rates_lanes(active, c, tables, ys, k2, held, contact, torque, drive, shut, h)
+        for i in range(entries):
+            ys[i] = y[i] + 0.5 * h * k2[i]
+        rates_lanes(active, c, tables, ys, k3, held, contact, torque, drive, shut, h)
+        for i in range(entries):
+            ys[i] = y[i] + h * k3[i]
+        rates_lanes(active, c, tables, ys, k4, held, contact, torque, drive, shut, h)
+        for i in range(entries):
+            y[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+        settle_lanes(active, c, y, contact)
+
+
+@cache
+def advance_lanes(off: Off) -> Callable[..., None]:
+    """`advance` compiled for batches in which the constants in `off` are 0."""
+    loops = (hold, judge_contact, judge_rest, rates, settle)
+    made = with_loops(advance, loops, off)
+    return compiled(made) if off is SINGLE else compiled_loop(made)
+
+
+ALL_ON: Final[frozenset[str]] = frozenset()
+"""For loops that call no law of a muscle: one version serves all kernels."""
+
+
+def with_loops(
+    function: FunctionType | Callable[..., Any], loops: tuple[Any, ...], off: Off
+) -> FunctionType:
+    """A copy of a function in which `<name>_lanes` is the loop over lanes of a function."""
+    assert isinstance(function, FunctionType)
+    made = {
+        f"{loop.__name__}_lanes": lane_loop(
+            loop, off if off is SINGLE or "tables" in signature(loop).parameters else ALL_ON
+        )
+        for loop in loops
+    }
+    copied = FunctionType(function.__code__, {**function.__globals__, **made}, function.__name__)
+    copied.__qualname__ = f"{function.__qualname__}_{kernel_name(off)}"
+    copied.__module__ = function.__module__
+    return copied
+
+
+def _of_muscles(name: str) -> tuple[int, ...]:
+    place = int(getattr(lay, name))
+    return lay.AGONIST + place, lay.ANTAGONIST + place
+
+
+OF_RIG: Final = {name: _of_muscles(name) for name in ("M_TABLE", "M_REGULATOR", "M_WALL")}
+"""Switches of what all lanes of a batch have or have not, as their rig does, and their indices."""
+COSTLY: Final = {name: _of_muscles(name) for name in ("M_CABLE", "M_THERMAL", "M_THREAD")}
+"""Switches whose laws take longer than all others together, and their indices."""
+LAWS: Final = {
+    **COSTLY,
+    "M_TUBE": _of_muscles("M_TUBE"),
+    "C_DROOP": (lay.C_DROOP,),
+    **{f"{name.upper()}_IS_ON": (found.is_on,) for name, found in lay.JOINT_EFFECTS.items()},
+    **{
+        f"{name.upper()}_IS_ON": (lay.AGONIST + found.is_on, lay.ANTAGONIST + found.is_on)
+        for name, found in lay.MUSCLE_EFFECTS.items()
+    },
+}
+"""Switches of all laws of effects that the stages call, and their indices."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaneKernel:
+    """A kernel for several lanes.
+
+    Attributes
+    ----------
+    off : frozenset of str
+        Switches that the kernel takes for 0.
+    serves : (n_batch,) array of bool
+        Whether these are 0 in each lane of a batch.
+    """
+
+    off: frozenset[str]
+    serves: npt.NDArray[np.bool_]
+
+
+def lane_kernels(constants: npt.NDArray[np.float64]) -> tuple[LaneKernel, LaneKernel]:
+    """The kernels for the lanes of a batch: one without laws of effects, one without costly ones.
+
+    Each takes some ten seconds to compile, so that there is none for every combination of effects.
+
+    Parameters
+    ----------
+    constants : (n_batch, n_constants) array
+        Of each plant.
+    """
+    absent = frozenset(
+        name for name, places in OF_RIG.items() if not constants[:, list(places)].any()
+    )
+
+    def without(switches: Mapping[str, tuple[int, ...]]) -> LaneKernel:
+        places = [place for found in switches.values() for place in found]
+        return LaneKernel(absent | frozenset(switches), ~constants[:, places].any(axis=1))
+
+    return without(LAWS), without(COSTLY)

@@ -1,0 +1,174 @@
+"""Twins of the plant's functions that work on one of several lanes.
+
+A lane is one parameter vector of a batch. The arrays of several lanes lie side by side: entry i of
+lane j is at i * LANES + j. The twin of a function is made from its source: `c[i]` becomes
+`c[i * LANES + lane]` for every array of LANE_ARRAYS. So each law and each stage is written once,
+for one joint. A loop over the lanes around inlined twins has no calls, and LLVM converts it to
+vector instructions, with masks where lanes take different branches.
+
+A twin may leave out what no lane of a batch has: constants named in `off` are 0, and statements
+that depend on them alone disappear. A kernel for a single lane calls the functions as they are.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+import hashlib
+import inspect
+import textwrap
+from collections.abc import Callable
+from functools import cache
+from types import FunctionType
+from typing import Any, Final
+
+from pam_model.plant.compiled import HAVE_NUMBA, compiled, compiled_loop
+
+LANES: Final = 16
+"""Lanes side by side. LLVM does not convert loops that it knows to be shorter than 16."""
+LANE_ARRAYS: Final = frozenset(
+    {"c", "sensors", "y", "dy", "held", "contact", "torque", "shown", "history", "total"}
+)
+"""Names of the arguments that hold one array per lane, wherever they appear in the plant."""
+
+
+def _plain(function: Any) -> FunctionType:
+    """The Python function behind a compiled one."""
+    found = getattr(function, "py_func", function)
+    assert isinstance(found, FunctionType)
+    return found
+
+
+def _is_lane_function(function: Any) -> bool:
+    function = getattr(function, "py_func", function)
+    return isinstance(function, FunctionType) and not LANE_ARRAYS.isdisjoint(
+        function.__code__.co_varnames[: function.__code__.co_argcount]
+    )
+
+
+class _ToLane(ast.NodeTransformer):
+    """Rewrites a function of arrays to a function of one lane of them."""
+
+    def __init__(self, inner: frozenset[str], off: frozenset[str]) -> None:
+        self.inner = inner
+        self.off = off
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        self.generic_visit(node)
+        node.decorator_list, node.returns = [], None
+        for argument in node.args.args:
+            argument.annotation = None
+        node.args.args.insert(0, ast.arg("lane"))
+        return node
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
+        self.generic_visit(node)
+        if not (isinstance(node.value, ast.Name) and node.value.id in LANE_ARRAYS):
+            return node
+        named = {name.id for name in ast.walk(node.slice) if isinstance(name, ast.Name)}
+        if node.value.id == "c" and not named.isdisjoint(self.off):
+            return ast.Constant(0.0)
+        index = ast.BinOp(node.slice, ast.Mult(), ast.Constant(LANES))
+        node.slice = ast.BinOp(index, ast.Add(), ast.Name("lane", ast.Load()))
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.Call:
+        self.generic_visit(node)
+        if isinstance(node.func, ast.Name) and node.func.id in self.inner:
+            node.args.insert(0, ast.Name("lane", ast.Load()))
+        return node
+
+    def visit_If(self, node: ast.If) -> ast.stmt | list[ast.stmt]:
+        self.generic_visit(node)
+        test = node.test
+        if isinstance(test, ast.Compare) and isinstance(test.left, ast.Constant):
+            # Only `c[...] > 0.0` of something that is off becomes a comparison of two constants.
+            return node.orelse
+        return node
+
+    def visit_For(self, node: ast.For) -> ast.stmt | list[ast.stmt]:
+        """Repeat the body of `for i in range(2)`: only innermost loops become vector code."""
+        call = node.iter
+        if not (isinstance(call, ast.Call) and isinstance(call.args[0], ast.Constant)):
+            self.generic_visit(node)
+            return node
+        assert isinstance(node.target, ast.Name)
+        repeated: list[ast.stmt] = []
+        for number in range(int(str(call.args[0].value))):
+            once = ast.Assign([ast.Name(node.target.id, ast.Store())], ast.Constant(number))
+            for statement in (once, *copy.deepcopy(node.body)):
+                new = self.visit(statement)
+                repeated += new if isinstance(new, list) else [new]
+        return repeated
+
+
+SINGLE: Final = None
+"""In place of `off`: the kernel of a single lane, with all constants."""
+Off = frozenset[str] | None
+
+
+def kernel_name(off: Off) -> str:
+    """A short name of the kernel that leaves out `off`.
+
+    numba names files and symbols of machine code after the function. Two kernels from two
+    processes would share a symbol, and one would run the other's code, if their functions had the
+    same name.
+    """
+    if off is SINGLE:
+        return "single"
+    return hashlib.sha256(" ".join(sorted(off)).encode()).hexdigest()[:8]
+
+
+@cache
+def lane_twin(function: Any, off: frozenset[str]) -> Callable[..., Any]:
+    """The twin of a compiled function: its first argument is the lane.
+
+    Parameters
+    ----------
+    function : callable
+        A function of the plant that takes at least one of LANE_ARRAYS.
+    off : frozenset of str
+        Names of constants that are 0 in all lanes.
+    """
+    plain = _plain(function)
+    known = plain.__globals__
+    tree = ast.parse(textwrap.dedent(inspect.getsource(plain)))
+    inner = frozenset(
+        name for name in plain.__code__.co_names if _is_lane_function(known.get(name))
+    )
+    new = ast.fix_missing_locations(_ToLane(inner, off).visit(tree))
+    code = compile(new, f"<lane twin of {plain.__name__}>", "exec")
+    used = {name.id for name in ast.walk(new) if isinstance(name, ast.Name)}
+    names = {**known, **{name: lane_twin(known[name], off) for name in sorted(inner & used)}}
+    exec(code, names)
+    twin: FunctionType = names[plain.__name__]
+    twin.__qualname__ = f"{plain.__name__}_of_lane_{kernel_name(off)}"
+    return compiled(twin)
+
+
+@cache
+def lane_loop(function: Any, off: Off) -> Callable[..., None]:
+    """A loop that calls the twin of `function` for the first `active` lanes.
+
+    The loop takes `active` before the arguments of `function`. For a single lane it calls
+    `function` itself.
+    """
+    plain = _plain(function)
+    arguments = ", ".join(inspect.signature(plain).parameters)
+    if not HAVE_NUMBA:
+        return lambda active, *given: plain(*given)
+    names: dict[str, Any]
+    if off is SINGLE:
+        names = {"twin": compiled(plain)}
+        source = f"def loop(active, {arguments}):\n    twin({arguments})\n"
+    else:
+        names = {"twin": lane_twin(function, off)}
+        source = (
+            f"def loop(active, {arguments}):\n"
+            f"    for lane in range(min(active, {LANES})):\n"
+            f"        twin(lane, {arguments})\n"
+        )
+    exec(compile(source, f"<lane loop of {plain.__name__}>", "exec"), names)
+    loop: FunctionType = names["loop"]
+    loop.__name__ = loop.__qualname__ = f"{plain.__name__}_of_lanes_{kernel_name(off)}"
+    return compiled(loop) if off is SINGLE else compiled_loop(loop)

@@ -1,0 +1,110 @@
+"""Lanes of a batch give the same result as one joint alone, whatever effects the lanes have."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pam_gap.prediction.observer import observe
+from pam_model.effects import EFFECTS
+from pam_model.physics.decay import decay
+from pam_model.physics.sine import sine
+from pam_model.plant import layout as lay
+from pam_model.plant.compiled import HAVE_NUMBA
+from pam_model.plant.constants import derive_constants
+from pam_model.plant.lane_blocks import blocks_of_lanes
+from pam_model.plant.lane_kernel import lane_kernels
+from pam_model.plant.lane_twins import SINGLE
+from pam_model.plant.parameters import INDEX, PlantParameters, parameter_names
+from pam_model.plant.sensors import N_SENSORS, sensor_constants
+from pam_model.plant.simulate import initial_state, simulate
+
+SAMPLE_TIME = 2e-3
+STEP = 1e-3
+SENSING = ("pressure_gain", "pressure_bias", "pressure_lag", "position_offset", "position_delay")
+
+
+def one_lane_per_effect(parameters: PlantParameters) -> np.ndarray:
+    """The plant as written, and with each effect at the size of its portrait (n, n_parameters)."""
+    lanes = [parameters.values]
+    for name, effect in EFFECTS.items():
+        changed = parameters.values.copy()
+        for key, size in effect.portrait.sizes.items():
+            changed[[INDEX[place] for place in parameter_names(name, key)]] = size
+        lanes.append(changed)
+    return np.array(lanes)
+
+
+@pytest.fixture(scope="module")
+def both(rig):
+    """Outputs of the joint alone and predictions of the lanes, (n_lane, n, 5 channels) each."""
+    parameters = PlantParameters.from_rig(rig)
+    values = one_lane_per_effect(parameters)
+    time = np.arange(250) * SAMPLE_TIME
+    swing = 0.3 * np.sin(2 * np.pi * 1.7 * time) * (time < 0.4)  # then it comes to rest
+    commands = np.stack([swing, 0.02 - swing], axis=1)
+    state = initial_state(parameters, pressures=(2e5, 1.5e5), position=0.2)
+    alone = simulate(parameters, commands, SAMPLE_TIME, state, STEP, values=values)
+    truth = np.concatenate(
+        [alone.valve_pressures, alone.position[..., None], alone.forces], axis=-1
+    )
+    sensors = np.array([sensor_constants(v) for v in values])
+    ideal = np.tile(sensor_constants(parameters.values), (len(values), 1))
+    assert sensors.shape == ideal.shape == (len(values), N_SENSORS)
+    state = np.tile(state, (len(values), 1))
+    constants = np.array([derive_constants(v) for v in values])
+    four = np.repeat(np.arange(len(values)), 4)  # so that lanes of every number of steps are many
+    errors = observe(
+        constants[four],
+        ideal[four],
+        tuple(np.ascontiguousarray(table) for table in parameters.tables),
+        commands,
+        np.zeros((len(time), 5)),
+        np.ones((len(time), 5), dtype=bool),
+        state[four],
+        sample_time=SAMPLE_TIME,
+        step=STEP,
+        horizon=np.inf,
+        block=1,
+        catch_time=0.0,
+        kernels=lane_kernels(constants[four]) if HAVE_NUMBA else [],
+    )
+    return truth, -errors.reshape(len(values), 4, *errors.shape[1:])
+
+
+@pytest.mark.parametrize("lane", range(len(EFFECTS) + 1), ids=["nominal", *EFFECTS])
+def test_a_lane_equals_the_joint_alone(both, lane):
+    truth, shown = both
+    for channel in range(truth.shape[-1]):
+        size = np.abs(truth[lane, :, channel]).max()
+        difference = np.abs(shown[lane, ..., channel] - truth[lane, :, channel]).max()
+        assert difference <= 1e-12 * size, channel
+
+
+def test_lanes_that_need_shorter_steps_have_blocks_of_their_own(rig):
+    parameters = PlantParameters.from_rig(rig)
+    constants = np.tile(derive_constants(parameters.values), (30, 1))
+    constants[3:9, lay.C_RATE] = 5.0 / SAMPLE_TIME
+    constants[20, lay.AGONIST + lay.M_CABLE] = 1e-5  # costly
+    constants[25, lay.JOINT_EFFECTS["coulomb_friction"].is_on] = 1.0
+    bare, masked = lane_kernels(constants)
+    assert np.flatnonzero(~bare.serves).tolist() == [20, 25]
+    assert np.flatnonzero(~masked.serves).tolist() == [20]
+    blocks = blocks_of_lanes(constants, [bare, masked], SAMPLE_TIME, STEP)
+    assert {tuple(b.members): (b.steps, b.off) for b in blocks} == {
+        (0, 1, 2, *range(9, 20), 21, 22): (2, bare.off),
+        (23, 24, *range(26, 30)): (2, bare.off),
+        tuple(range(3, 9)): (5, bare.off),
+        (20,): (2, SINGLE),
+        (25,): (2, SINGLE),
+    }
+    assert all(b.off is SINGLE for b in blocks_of_lanes(constants, [], SAMPLE_TIME, STEP))
+
+
+def test_exponent_and_sine_of_the_lanes_are_those_of_the_library():
+    for x in np.linspace(0.0, 80.0, 4001).tolist():
+        assert decay(x) == pytest.approx(math.exp(-x), rel=5e-16)
+    for x in np.linspace(-10.0, 10.0, 4001).tolist():
+        assert sine(x) == pytest.approx(math.sin(x), abs=3e-16)
