@@ -26,17 +26,18 @@ class RunningEquations:
         Errors at the starting point; an entry that is not finite there is left out throughout.
     rows : ndarray of bool, shape (blocks,)
         Blocks that are fitted.
-
-    Attributes
-    ----------
-    jacobian : ndarray, shape (blocks, channels, n)
-        The present columns. Entries that are not finite have been replaced by 0.
     """
 
     def __init__(self, n: int, errors: Array, rows: npt.NDArray[np.bool_]) -> None:
-        self.jacobian: Array = np.zeros((*errors.shape, n))
-        self._used = (rows[:, None] & np.isfinite(errors)).astype(np.float64)
-        self._products: Array = np.zeros((errors.shape[1], n, n))
+        blocks, channels = errors.shape
+        self._columns: Array = np.zeros((channels, blocks, n))
+        self._used: Array = (rows[:, None] & np.isfinite(errors)).astype(np.float64)
+        self._products: Array = np.zeros((channels, n, n))
+
+    @property
+    def jacobian(self) -> Array:
+        """The present columns, shape (blocks, channels, n); 0 where they are not finite."""
+        return np.moveaxis(self._columns, 0, 1)
 
     def put(self, columns: npt.NDArray[np.intp], values: npt.NDArray[np.floating[Any]]) -> None:
         """Replace columns of the Jacobian by `values`, shape (blocks, channels, len(columns))."""
@@ -44,12 +45,15 @@ class RunningEquations:
             return
         if not np.isfinite(values.sum()):
             values = np.where(np.isfinite(values), values, 0.0)
-        self.jacobian[..., columns] = values
-        for channel, products in enumerate(self._products):
-            used = values[:, channel] * self._used[:, channel, None]
-            beside = self.jacobian[:, channel].T @ used
-            products[:, columns] = beside
-            products[columns] = beside.T
+        # neighbours are taken as a view, which numpy copies much faster than single columns
+        first, last = int(columns[0]), int(columns[-1])
+        is_slice = last - first + 1 == columns.size and (np.diff(columns) == 1).all()
+        at = slice(first, last + 1) if is_slice else columns
+        for channel, (own, products) in enumerate(zip(self._columns, self._products, strict=True)):
+            own[:, at] = values[:, channel]
+            used = own[:, at] * self._used[:, channel, None]
+            products[:, at] = own.T @ used
+            products[at] = products[:, at].T
 
     def equations(self, errors: Array, weights: Array) -> tuple[Array, Array]:
         """J'WJ and J'We at the present point.
@@ -63,6 +67,6 @@ class RunningEquations:
         """
         hessian: Array = np.tensordot(weights, self._products, axes=1)
         known = np.where(np.isfinite(errors), errors, 0.0)
-        weighted = (known * self._used * weights).ravel()
-        slope: Array = weighted @ self.jacobian.reshape(weighted.size, -1)
+        weighted = np.ascontiguousarray((known * self._used * weights).T).ravel()
+        slope: Array = weighted @ self._columns.reshape(weighted.size, -1)
         return hessian, slope
