@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pam_gap.prediction.fit import FreeParameter, fit_steps, fit_together, normal_equations
-from pam_gap.prediction.running_equations import RunningEquations
+from pam_gap.prediction.running_equations import KnownColumns, RunningEquations
 
 BLOCKS, NOMINAL = 300, 12
 ROWS = np.arange(BLOCKS) >= 20
@@ -79,10 +79,10 @@ def test_running_equations_are_those_of_all_columns_at_once() -> None:
     errors[:, 2] = np.nan
     jacobian = np.where(np.isnan(errors)[..., None], np.nan, random.random((BLOCKS, 3, 5)))
     weights = np.array([0.5, 2.0, 1.0])
-    running = RunningEquations(5, errors, ROWS)
-    running.put(np.arange(5), random.random((BLOCKS, 3, 5)))
-    running.put(np.array([0, 3]), jacobian[..., [0, 3]])
-    running.put(np.array([1, 2, 4]), jacobian[..., [1, 2, 4]])
+    running = RunningEquations(5, errors, ROWS, KnownColumns(jacobian[..., :2]))
+    running.put(np.arange(2, 5), random.random((BLOCKS, 3, 3)))
+    running.put(np.array([2, 4]), jacobian[..., [2, 4]])
+    running.put(np.array([3]), jacobian[..., [3]])
     hessian, slope = normal_equations(errors, jacobian, ROWS, weights)
     own_hessian, own_slope = running.equations(errors, weights)
     np.testing.assert_allclose(own_hessian, hessian, rtol=1e-12)

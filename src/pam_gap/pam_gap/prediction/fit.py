@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import lsq_linear
 
-from pam_gap.prediction.running_equations import RunningEquations
+from pam_gap.prediction.running_equations import KnownColumns, RunningEquations
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.prediction_rules import PredictionRules
 
@@ -303,7 +303,7 @@ def fit_steps(
     *,
     rows: npt.NDArray[np.bool_],
     floor: Array,
-    cached: Slopes | None = None,
+    cached: Slopes | KnownColumns | None = None,
     guess: Slopes | None = None,
     max_iterations: int = 8,
     tolerance: float | None = None,
@@ -326,7 +326,7 @@ def fit_steps(
         Blocks that are fitted.
     floor : ndarray, shape (channels,)
         J_c that noise alone causes; it limits the weights of the channels.
-    cached : ndarray, shape (blocks, channels, m), optional
+    cached : ndarray, shape (blocks, channels, m), or KnownColumns, optional
         Jacobian of the first m parameters, which is reused instead of computed.
     guess : ndarray, shape (blocks, channels, k), optional
         Jacobian of the next k parameters at a point near the start, with which the fit begins.
@@ -353,13 +353,13 @@ def fit_steps(
 
     best = float(objective(errors[None], at[None])[0])
     damping = rules.fit_damping
-    running = RunningEquations(n, errors, rows)
-    reused = 0 if cached is None else cached.shape[-1]
-    guessed = 0 if guess is None else guess.shape[-1]
+    if cached is None:
+        cached = np.zeros((*errors.shape, 0))
+    known = cached if isinstance(cached, KnownColumns) else KnownColumns(cached)
+    running = RunningEquations(n, errors, rows, known)
+    reused, guessed = known.count, 0 if guess is None else guess.shape[-1]
     places = np.arange(n)
     fresh, quick = places[reused:], places[reused:][scaling.weight[reused:] == 0.0]
-    if cached is not None:
-        running.put(places[:reused], cached)
     if guess is not None:
         running.put(places[reused : reused + guessed], guess)
     due = np.union1d(quick, places[reused + guessed :])
@@ -390,7 +390,7 @@ def fit_steps(
             break
         if step.is_as_promised and not is_small:
             due = quick
-    return FitResult(scaling.own(at), errors, best, running.jacobian.astype(np.float32), taken)
+    return FitResult(scaling.own(at), errors, best, running.jacobian, taken)
 
 
 def fit_together(

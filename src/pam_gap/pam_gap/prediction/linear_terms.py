@@ -8,7 +8,7 @@ columns of the Jacobian are known, so that they cost no simulation.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -23,10 +23,13 @@ from pam_gap.prediction.fit import (
     bounded_step,
     fit_steps,
     mean_squares,
-    normal_equations,
 )
+from pam_gap.prediction.running_equations import KnownColumns, RunningEquations
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.prediction_rules import PredictionRules
+
+MOST_KEPT = 2
+"""Arrays of cached columns for which the terms keep their products."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,23 @@ class LinearTerms:
 
     columns: Array
     free: tuple[FreeParameter, ...]
+    _known: dict[int, tuple[Slopes | None, KnownColumns]] = field(
+        init=False, default_factory=dict, repr=False
+    )
+
+    def known(self, cached: Slopes | None = None) -> KnownColumns:
+        """The columns for scaled amounts, followed by `cached` ones.
+
+        Fits that begin with the same `cached` array share them.
+        """
+        if id(cached) not in self._known:
+            columns: Slopes = self.columns * Scaling(self.free).size
+            if cached is not None:
+                columns = np.concatenate([columns, cached], axis=-1)
+            while len(self._known) >= MOST_KEPT:
+                del self._known[next(iter(self._known))]
+            self._known[id(cached)] = (cached, KnownColumns(columns))
+        return self._known[id(cached)][1]
 
 
 def best_amounts(
@@ -53,12 +73,12 @@ def best_amounts(
     Each round weighs the channels by what the round before left in them.
     """
     scaling = Scaling(terms.free)
-    columns = terms.columns * scaling.size
+    equations = RunningEquations(len(terms.free), errors, rows, terms.known())
     at = np.clip(scaling.centre, scaling.low, scaling.high)
     for _ in range(rounds):
-        now = errors + columns @ at
+        now = errors + terms.columns @ scaling.own(at)
         mean = np.maximum(mean_squares(now, rows), floor)
-        hessian, slope = normal_equations(now, columns, rows, 1.0 / mean)
+        hessian, slope = equations.equations(now, 1.0 / mean)
         hessian[np.diag_indices(at.size)] += scaling.weight**2 + 1e-12
         slope += scaling.weight**2 * (at - scaling.centre)
         at = at + bounded_step(hessian, slope, scaling.low - at, scaling.high - at)
@@ -102,9 +122,6 @@ def fit_steps_with_terms(
                 found: FitResult = end.value
                 return replace(found, amounts=amounts)
     k = len(terms.free)
-    known = terms.columns * Scaling(terms.free).size
-    if cached is not None:
-        known = np.concatenate([known, cached], axis=-1)
     inside = np.clip(start, [p.low for p in free], [p.high for p in free])
     amounts = best_amounts((yield inside[None])[0], terms, rows, floor)
     steps = fit_steps(
@@ -112,13 +129,13 @@ def fit_steps_with_terms(
         np.concatenate([amounts, inside]),
         rows=rows,
         floor=floor,
-        cached=known,
+        cached=terms.known(cached),
         guess=guess,
         max_iterations=max_iterations,
         tolerance=tolerance,
         rules=rules,
     )
-    del known, cached, guess  # many fits run side by side, and each would keep its copy
+    del cached, guess  # many fits run side by side, and each would keep its copy
     lanes = next(steps)
     while True:
         errors = (yield lanes[:, k:]) + np.moveaxis(terms.columns @ lanes[:, :k].T, -1, 0)

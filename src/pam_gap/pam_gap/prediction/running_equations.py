@@ -2,7 +2,7 @@
 
 A Gauss-Newton step changes few columns of the Jacobian: most are reused from an earlier point. The
 products of the columns with each other are therefore kept for each channel, and only those of the
-new columns are computed.
+new columns are computed. Columns that never change are shared by all fits that have them.
 """
 
 from __future__ import annotations
@@ -13,6 +13,40 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+
+
+class KnownColumns:
+    """Columns of a Jacobian that do not change, and their products, for any number of fits.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (blocks, channels, m)
+        The columns; entries that are not finite count as 0.
+    """
+
+    def __init__(self, columns: npt.NDArray[np.floating[Any]]) -> None:
+        if not np.isfinite(columns.sum()):
+            columns = np.where(np.isfinite(columns), columns, 0.0)
+        self.columns: Array = np.ascontiguousarray(np.moveaxis(columns, 1, 0), dtype=np.float64)
+        self.count = columns.shape[-1]
+        self._products: dict[bytes, Array] = {}
+
+    def products(self, used: npt.NDArray[np.bool_]) -> Array:
+        """Products of the columns for each channel, shape (channels, m, m).
+
+        Parameters
+        ----------
+        used : ndarray of bool, shape (blocks, channels)
+            Entries that are not left out.
+        """
+        key = used.tobytes()
+        if key not in self._products:
+            found = []
+            for columns, own in zip(self.columns, used.T, strict=True):
+                chosen = columns if own.all() else columns[own]
+                found.append(chosen.T @ chosen)
+            self._products[key] = np.stack(found)
+        return self._products[key]
 
 
 class RunningEquations:
@@ -26,33 +60,54 @@ class RunningEquations:
         Errors at the starting point; an entry that is not finite there is left out throughout.
     rows : ndarray of bool, shape (blocks,)
         Blocks that are fitted.
+    known : KnownColumns
+        The first columns of the Jacobian.
     """
 
-    def __init__(self, n: int, errors: Array, rows: npt.NDArray[np.bool_]) -> None:
+    def __init__(
+        self, n: int, errors: Array, rows: npt.NDArray[np.bool_], known: KnownColumns
+    ) -> None:
         blocks, channels = errors.shape
-        self._columns: Array = np.zeros((channels, blocks, n))
-        self._used: Array = (rows[:, None] & np.isfinite(errors)).astype(np.float64)
+        chosen = rows[:, None] & np.isfinite(errors)
+        first = known.count
+        self._known = known
+        self._own: Array = np.zeros((channels, blocks, n - first))
+        self._used: Array = chosen.astype(np.float64)
         self._products: Array = np.zeros((channels, n, n))
+        self._products[:, :first, :first] = known.products(chosen)
 
     @property
-    def jacobian(self) -> Array:
+    def jacobian(self) -> npt.NDArray[np.float32]:
         """The present columns, shape (blocks, channels, n); 0 where they are not finite."""
-        return np.moveaxis(self._columns, 0, 1)
+        parts = [np.moveaxis(part, 0, 1) for part in (self._known.columns, self._own)]
+        return np.concatenate(parts, axis=-1, dtype=np.float32, casting="same_kind")
 
     def put(self, columns: npt.NDArray[np.intp], values: npt.NDArray[np.floating[Any]]) -> None:
-        """Replace columns of the Jacobian by `values`, shape (blocks, channels, len(columns))."""
+        """Replace columns of the Jacobian after the known ones, in rising order.
+
+        Parameters
+        ----------
+        columns : ndarray of int, shape (k,)
+            Their places in the Jacobian.
+        values : ndarray, shape (blocks, channels, k)
+            What they are replaced by.
+        """
         if not columns.size:
             return
         if not np.isfinite(values.sum()):
             values = np.where(np.isfinite(values), values, 0.0)
         # neighbours are taken as a view, which numpy copies much faster than single columns
         first, last = int(columns[0]), int(columns[-1])
-        is_slice = last - first + 1 == columns.size and (np.diff(columns) == 1).all()
+        is_slice = last - first + 1 == columns.size
         at = slice(first, last + 1) if is_slice else columns
-        for channel, (own, products) in enumerate(zip(self._columns, self._products, strict=True)):
-            own[:, at] = values[:, channel]
-            used = own[:, at] * self._used[:, channel, None]
-            products[:, at] = own.T @ used
+        m = self._known.count
+        inside = slice(first - m, last + 1 - m) if is_slice else columns - m
+        for channel, products in enumerate(self._products):
+            own = self._own[channel]
+            own[:, inside] = values[:, channel]
+            used = own[:, inside] * self._used[:, channel, None]
+            products[:m, at] = self._known.columns[channel].T @ used
+            products[m:, at] = own.T @ used
             products[at] = products[:, at].T
 
     def equations(self, errors: Array, weights: Array) -> tuple[Array, Array]:
@@ -66,7 +121,10 @@ class RunningEquations:
             One weight for each channel.
         """
         hessian: Array = np.tensordot(weights, self._products, axes=1)
-        known = np.where(np.isfinite(errors), errors, 0.0)
-        weighted = np.ascontiguousarray((known * self._used * weights).T).ravel()
-        slope: Array = weighted @ self._columns.reshape(weighted.size, -1)
-        return hessian, slope
+        present = np.where(np.isfinite(errors), errors, 0.0)
+        weighted = np.ascontiguousarray((present * self._used * weights).T).ravel()
+        parts = [
+            weighted @ part.reshape(weighted.size, part.shape[-1])
+            for part in (self._known.columns, self._own)
+        ]
+        return hessian, np.concatenate(parts)
