@@ -53,6 +53,11 @@ NO_RULES = {
     "LOCKED_DECAY": "stands for at once",
     "SIDE_BY_SIDE": "memory of fits, which changes no result",
     "FEWEST_SIDE_BY_SIDE": "memory of fits, which changes no result",
+    "MOST_ACTIVE_SETS": "after which another method finds the same minimum",
+    "MOST_KEPT": "memory, which changes no result",
+    "WORTH": "work for which a kernel is compiled, which changes no result",
+    "SWITCH_INTERVAL": "time, which changes no result",
+    "K_LAG_SHARES": "layout",
 }
 
 

@@ -189,9 +189,11 @@ class HypothesisFitter:
         No more run at a time than fit into `SIDE_BY_SIDE` bytes; the results do not depend on it.
         """
         problem = self.problem
-        numbers = max((len(self.problem_parts(task.members)[0]) for task in tasks), default=0)
-        numbers += 0 if self.background is None else len(self.background.effects)
-        size = 8 * problem.n_rows * N_CHANNELS * max(numbers, 1)  # bytes of one Jacobian
+        own = max((len(self.problem_parts(task.members)[0]) for task in tasks), default=0)
+        shared = tasks[0].cached if tasks else None
+        if shared is not None and all(task.cached is shared for task in tasks):
+            own -= shared.shape[-1]
+        size = 8 * problem.n_rows * N_CHANNELS * max(own, 1)  # bytes of one Jacobian
         count = max(SIDE_BY_SIDE // size, FEWEST_SIDE_BY_SIDE)
         hypotheses = []
         for first in range(0, len(tasks), count):
