@@ -33,7 +33,7 @@ from pam_gap.prediction.compile_beside import CompileBeside
 from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
 from pam_model.plant.compiled import HAVE_NUMBA, compiled, entry_point, for_kernel
 from pam_model.plant.kernel import muscle_pull
-from pam_model.plant.lane_blocks import VECTOR, Lanes, blocks_of_lanes
+from pam_model.plant.lane_blocks import FEW, VECTOR, Lanes, blocks_of_lanes
 from pam_model.plant.lane_kernel import LaneKernel, advance_lanes, lane_kernels, with_loops
 from pam_model.plant.lane_twins import Off
 from pam_model.plant.layout import (
@@ -382,13 +382,13 @@ def observe(
         ready, left, few = [], np.full(lanes, HAVE_NUMBA), 2 * block
         for kernel in lane_kernels(constants):
             own = np.flatnonzero(kernel.serves & left)
-            some = np.repeat(own[:1], VECTOR)
+            some = np.repeat(own[:1], VECTOR)  # enough for the kernel to be used
             once = partial(
                 observe, constants[some], sensors[some], tables, commands[:few], measured[:few],
                 known[:few], initial[some], sample_time=sample_time, step=step, horizon=horizon,
                 block=block, kernels=[LaneKernel(kernel.off, np.full(VECTOR, True))],
             )  # fmt: skip
-            if own.size and _KERNELS.is_ready(kernel.off, own.size * samples, once):
+            if own.size > FEW and _KERNELS.is_ready(kernel.off, own.size * samples, once):
                 ready.append(kernel)
             left[own] = False
         return ready
