@@ -1,9 +1,10 @@
-"""Steps per second of the simulated joint: one trajectory, a batch, and a batch on two threads.
+"""Steps per second of the simulated joint: one trajectory, batches, and batches on two threads.
 
     python benchmarks/simulation_bench.py [--json]
 
-RK4 with 0.25 ms. The batch has 64 parameter vectors. Without numba, the figures are those of plain
-Python.
+RK4 with 0.25 ms; in a diagnosis with 2 ms, and with its corrections and comparisons in each step.
+The batches have 64 parameter vectors. Those of a diagnosis are simulated one after the other, and
+side by side in the vectors of the processor. Without numba, the figures are those of plain Python.
 """
 
 from __future__ import annotations
@@ -11,20 +12,54 @@ from __future__ import annotations
 import sys
 import timeit
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
+from pam_gap.prediction.channel_order import N_CHANNELS, POSITION
+from pam_gap.prediction.observer import observe
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
+from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
+from pam_model.plant.constants import derive_constants
+from pam_model.plant.lane_kernel import lane_kernels
 from pam_model.plant.parameters import PlantParameters
-from pam_model.plant.simulate import DEFAULT_STEP, simulate
+from pam_model.plant.sensors import sensor_constants
+from pam_model.plant.simulate import DEFAULT_STEP, initial_state, simulate
 from pam_model.rig import load_rig
+
+Array = npt.NDArray[np.float64]
 
 ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"
 PERIOD = 0.002  # s
 SECONDS = 4.0
 BATCH = 64
 REPEATS = 5
+STEPS_PER_SAMPLE = PERIOD / min(DEFAULT_STEP, PERIOD)
+
+
+def diagnosis_batches(
+    parameters: PlantParameters, values: Array, commands: Array
+) -> dict[str, Callable[[], object]]:
+    """Calls that compare a batch with a recording, as fits of a diagnosis do."""
+    constants = np.array([derive_constants(v) for v in values])
+    sensors = np.array([sensor_constants(v) for v in values])
+    measured = np.zeros((len(commands), N_CHANNELS))
+    known = np.zeros(measured.shape, dtype=bool)
+    known[:, : POSITION + 1] = True
+    state = np.repeat(initial_state(parameters)[None], len(values), axis=0)
+    tables = tuple(for_kernel(table) for table in parameters.tables)
+    lanes = partial(
+        observe, constants, sensors, tables, commands, measured, known, state,
+        sample_time=PERIOD, step=PERIOD, horizon=0.3,
+    )  # fmt: skip
+    side_by_side = lane_kernels(constants)[:1] if HAVE_NUMBA else ()
+    return {
+        "diagnosis, one after the other": partial(lanes, kernels=()),
+        "diagnosis, side by side": partial(lanes, kernels=side_by_side),
+        "diagnosis, side by side, two threads": partial(lanes, kernels=side_by_side, threads=2),
+    }
 
 
 def _declare(parser: Parser) -> None:
@@ -39,7 +74,7 @@ def _run(given: Arguments) -> Outcome:
     commands = np.column_stack((swing, -swing))
     values = np.repeat(parameters.values[None], BATCH, axis=0)
     steps = SECONDS / min(DEFAULT_STEP, PERIOD)
-    calls: dict[str, tuple[int, Callable[[], object]]] = {
+    calls: dict[str, tuple[float, Callable[[], object]]] = {
         "one trajectory": (1, lambda: simulate(parameters, commands, PERIOD)),
         "batch": (BATCH, lambda: simulate(parameters, commands, PERIOD, values=values)),
         "batch, two threads": (
@@ -47,11 +82,13 @@ def _run(given: Arguments) -> Outcome:
             lambda: simulate(parameters, commands, PERIOD, values=values, threads=2),
         ),
     }
+    for name, options in diagnosis_batches(parameters, values, commands).items():
+        calls[name] = (BATCH / STEPS_PER_SAMPLE, options)
     rates = {}
     for name, (lanes, call) in calls.items():
         call()  # compiles
         rates[name] = lanes * steps / min(timeit.repeat(call, number=1, repeat=REPEATS))
-        print(f"{name:20s} {1e-6 * rates[name]:7.2f} million steps/s")
+        print(f"{name:34s} {1e-6 * rates[name]:7.2f} million steps/s")
     return Outcome({"steps_per_second": rates})
 
 

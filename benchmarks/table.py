@@ -89,10 +89,13 @@ def result_of(script: str, *options: str) -> Any:
 def simulation() -> Iterator[Row]:
     """Steps of the plant."""
     rates = result_of("simulation_bench.py")["steps_per_second"]
-    one, batch, two = (1e-6 * rate for rate in rates.values())
+    one, batch, two, alone, beside, beside_two = (1e-6 * rate for rate in rates.values())
     unit = "million steps/s"
     yield Row("batch of 64, one thread", unit, batch, "one trajectory", one, 20.0, True)
     yield Row("batch of 64, two threads", unit, two, "one thread", batch, 1.8, True, True)
+    lanes = "batch of a diagnosis, side by side"
+    yield Row(f"{lanes}, one thread", unit, beside, "one after the other", alone, 20.0, True)
+    yield Row(f"{lanes}, two threads", unit, beside_two, "one thread", beside, 1.8, True, True)
 
 
 def force() -> Iterator[Row]:

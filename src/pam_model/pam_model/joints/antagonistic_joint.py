@@ -284,16 +284,19 @@ class AntagonisticJoint:
     @staticmethod
     def _line(muscle: JointMuscle, length: float) -> PressureLine:
         model, low, high = muscle.model, muscle.low_pressure, muscle.high_pressure
-        at_low, at_high = float(model.force(low, length)), float(model.force(high, length))
+        scale = passive = 0.0
+        if muscle.is_affine:
+            scale, passive = cast(AffineForceModel, model).coefficients(length)
+            at_low, at_high = low * scale + passive, high * scale + passive
+        else:
+            at_low, at_high = float(model.force(low, length)), float(model.force(high, length))
         weakest, strongest = max(0.0, at_low), max(0.0, at_high)
         if strongest <= weakest:
             # The muscle is too short to pull at any pressure, so the choice has no influence.
             rate = float(model.stiffness(low, length)) if weakest > 0.0 else 0.0
             return PressureLine(weakest, weakest, 0.0, weakest, 0.0, rate, low, high)
         if muscle.is_affine:
-            affine = cast(AffineForceModel, model)
-            scale, passive = affine.coefficients(length)
-            rise, offset = affine.coefficient_slopes(length)
+            rise, offset = cast(AffineForceModel, model).coefficient_slopes(length)
             return PressureLine(weakest, strongest, scale, passive, rise, offset, low, high)
         line = PressureLine(weakest, strongest, 0.0, 0.0, 0.0, 0.0, low, high)
         stiff = float(model.stiffness(low, length)), float(model.stiffness(high, length))
