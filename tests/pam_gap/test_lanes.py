@@ -14,6 +14,7 @@ from pam_model.physics.sine import sine
 from pam_model.plant import layout as lay
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.plant.constants import derive_constants
+from pam_model.plant.kernel import step_count
 from pam_model.plant.lane_blocks import blocks_of_lanes
 from pam_model.plant.lane_kernel import lane_kernels
 from pam_model.plant.lane_twins import SINGLE
@@ -96,11 +97,20 @@ def test_lanes_that_need_shorter_steps_have_blocks_of_their_own(rig):
     assert {tuple(b.members): (b.steps, b.off) for b in blocks} == {
         (0, 1, 2, *range(9, 20), 21, 22): (2, bare.off),
         (23, 24, *range(26, 30)): (2, bare.off),
-        tuple(range(3, 9)): (5, bare.off),
+        tuple(range(3, 9)): (6, bare.off),
         (20,): (2, SINGLE),
         (25,): (2, SINGLE),
     }
     assert all(b.off is SINGLE for b in blocks_of_lanes(constants, [], SAMPLE_TIME, STEP))
+
+
+def test_a_sample_has_enough_steps_and_few_different_numbers_of_them():
+    numbers = {step_count(rate, SAMPLE_TIME, STEP) for rate in np.linspace(0.0, 64e3, 4001)}
+    assert numbers == {2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128}
+    for rate in np.linspace(0.0, 60e3, 997).tolist():
+        steps = step_count(rate, SAMPLE_TIME, STEP)
+        assert steps >= SAMPLE_TIME * rate - 1e-9
+        assert steps <= max(2, 1.5 * SAMPLE_TIME * rate + 1.0)
 
 
 def test_exponent_and_sine_of_the_lanes_are_those_of_the_library():

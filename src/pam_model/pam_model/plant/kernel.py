@@ -96,9 +96,19 @@ def held_command(
 
 @compiled
 def step_count(rate: float, sample_time: float, step: float) -> int:
-    """Steps in one sample: none longer than `step` [s], more if the fastest `rate` needs them."""
-    steps = max(1, math.ceil(sample_time / step - 1e-9))
-    return int(max(steps, min(math.ceil(sample_time * rate), 64 * steps)))
+    """Steps in one sample: none longer than `step` [s], more if the fastest `rate` needs them.
+
+    More steps are a power of two or three quarters of one, so that many plants of a batch have the
+    same number and can be simulated side by side.
+    """
+    least = max(1, math.ceil(sample_time / step - 1e-9))
+    needed = min(math.ceil(sample_time * rate), 64 * least)
+    if needed <= least:
+        return least
+    count = 1
+    while count < needed:
+        count *= 2
+    return 3 * count // 4 if count >= 4 and 3 * count // 4 >= needed else count
 
 
 @compiled
