@@ -90,7 +90,8 @@ def repeat(rough: RoughControl, hidden: str, repetitions: int, seed: int) -> Rep
     joint, muscles = hide(rough.rig, hidden)
     errors = []
     for index in range(repetitions):
-        played, _ = play(controller, joint, muscles, rough.motions[MOTION], seed + index)
+        points = rough.motions[MOTION]
+        played, _ = play(controller, joint, muscles, points, seed + index, goes_to_start=False)
         learner.wait()
         errors.append(played.rms)
     return Repetitions(hidden, errors, learner.motion.ended)
