@@ -433,3 +433,15 @@ def test_the_balance_of_a_joint_outlives_a_gap_of_fifty_milliseconds(
     for _ in range(missing):
         plausibility.update([0.0, 0.0], UNKNOWN, [0.3], [0.0], UNKNOWN)
     assert list(plausibility.deviations()) == (before if balanced else [])
+
+
+def test_an_observer_starts_anew_once_after_a_gap_of_more_than_fifty_milliseconds(rig: Rig) -> None:
+    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility.update([0.0, 0.0], UNKNOWN, [0.0], [0.0], UNKNOWN)
+    assert plausibility.restarts == 0, "nothing was known that could be forgotten"
+    plausibility.update([0.0, 0.0], [2e5, 2e5], [0.0], [0.0], UNKNOWN)
+    seen = []
+    for _ in range(30):
+        plausibility.update([0.0, 0.0], [math.nan, 2e5], [0.0], [0.0], UNKNOWN)
+        seen.append(plausibility.restarts)
+    assert seen == [0] * 25 + [1] * 5

@@ -317,6 +317,19 @@ def test_a_supply_above_its_limit_is_a_fault_and_half_way_a_suspicion(
     assert kinds == (set() if size is None else {("supply_high", "supply")})
 
 
+def test_a_supply_exactly_at_its_warning_share_is_not_named(rig: Rig) -> None:
+    """Three quarters and five quarters of the pressure, where a half more or less is a fault."""
+    checks = SensorChecks(
+        replace(rig, plausibility=Plausibility(supply_share=0.5, supply_high_share=1.5))
+    )
+    for share in (0.75, 1.25):
+        supply = rig.gas.ambient_pressure + share * rig.supply_gauge_pressure
+        assert look(checks, 8.0, supply=(supply, supply)) == []
+    for share in (0.74, 1.26):
+        supply = rig.gas.ambient_pressure + share * rig.supply_gauge_pressure
+        assert len(look(checks, 8.0, supply=(supply, supply))) == 1
+
+
 @pytest.mark.parametrize(("above", "size"), [(0.0, None), (1e5, None), (-1.0, math.inf)])
 def test_no_loss_of_supply_at_all_may_be_asked_for(
     above: float, size: float | None, rig: Rig

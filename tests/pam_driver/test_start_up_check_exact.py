@@ -14,6 +14,7 @@ from pam_driver.safety.start_up_check import (
     LARGEST,
     OVERLAP,
     RISE,
+    SEEN_TURN,
     SMALLEST,
     Pulse,
     StartUpCheck,
@@ -55,8 +56,15 @@ def with_joint(rig: Rig, **changes: float) -> Rig:
 
 
 @pytest.mark.parametrize("muscle", [0, 1])
-def test_a_pulse_is_what_gravity_or_inertia_hold(elbow: Rig, muscle: int) -> None:
-    one = elbow.muscles[muscle]
+@pytest.mark.parametrize("limits", [(-1.0, 1.0), (-0.2, 0.9)])
+def test_a_pulse_is_what_gravity_or_inertia_hold(
+    elbow: Rig, muscle: int, limits: tuple[float, float]
+) -> None:
+    """At the angle where the muscle pulls most: the agonist at the lower limit."""
+    one, elbow = (
+        elbow.muscles[muscle],
+        replace(elbow, joints=(replace(elbow.joints[0], position_limits=limits),)),
+    )
     heavy = with_joint(elbow, gravity_torque=-30.0, inertia=1e-6)
     expected = 30.0 * math.sin(ALLOWED_ANGLE) / gain(heavy, muscle)
     assert SMALLEST < expected < LARGEST
@@ -88,8 +96,10 @@ def test_a_muscle_that_does_not_pull_at_low_pressure_has_the_largest_pulse(elbow
     assert pulse_of(slack, shorter).pressure == LARGEST
 
 
-def test_the_ramp_of_a_flow_valve_fills_the_muscle_in_time(elbow: Rig) -> None:
+@pytest.mark.parametrize("temperature", [293.15, 340.0])
+def test_the_ramp_of_a_flow_valve_fills_the_muscle_in_time(elbow: Rig, temperature: float) -> None:
     """Choked flow into the volume: m = s C p_0 rho_0 sqrt(T_0/T), dp/dt = n R T m / V."""
+    elbow = replace(elbow, gas=replace(elbow.gas, temperature=temperature))
     one, pulse = elbow.muscles[0], pulse_of(elbow, elbow.muscles[0])
     gas, valve = elbow.gas, one.valve
     assert elbow.supply_pressure * valve.critical_ratio > gas.ambient_pressure
@@ -194,6 +204,12 @@ def test_a_healthy_elbow_has_one_pulse_for_each_muscle_and_no_finding(elbow: Rig
     assert fills(ramp[-2]) < desk.check.pulses[0].pressure <= fills(ramp[-1] + ramp[0])
 
 
+def test_muscles_without_a_joint_are_tested_too(elbow: Rig) -> None:
+    desk = desk_of(replace(elbow, joints=()))
+    assert {place for told in desk.run() for place in (0, 1) if told[place] > 0.0} == {0, 1}
+    assert desk.findings == []
+
+
 @pytest.mark.parametrize(
     ("turn", "reason"),
     [
@@ -263,8 +279,9 @@ def test_a_turn_without_pressure_means_a_dead_sensor(elbow: Rig, turn: float) ->
     ]
 
 
-def test_nothing_at_all_means_valve_hose_or_sensor(elbow: Rig) -> None:
-    desk = desk_of(elbow, shows=lambda air: [air[0], 0.0], turns=lambda air: 0.009 * (air[1] > 0))
+@pytest.mark.parametrize("turn", [0.009, SEEN_TURN, -SEEN_TURN])
+def test_nothing_at_all_means_valve_hose_or_sensor(elbow: Rig, turn: float) -> None:
+    desk = desk_of(elbow, shows=lambda air: [air[0], 0.0], turns=lambda air: turn * (air[1] > 0))
     told = desk.run()
     assert desk.findings == [
         (

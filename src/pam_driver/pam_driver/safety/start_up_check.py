@@ -140,10 +140,6 @@ class StartUpCheck:
         self._still_since = now
         self._still_positions: tuple[float, ...] = ()
         self._still_pressures: tuple[float, ...] = ()
-        self._rest: tuple[float, ...] = ()
-        self._start: tuple[float, ...] = ()
-        self._highest: list[float] = []
-        self._turn = 0.0
 
     def setpoints(
         self, pressures: Sequence[float], positions: Sequence[float], now: float
