@@ -15,7 +15,7 @@ from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Encoder, Rig
 
-from .exact_bench import GOOD, NAMES, TICK, ExactBench
+from .exact_bench import GOOD, NAMES, SETTINGS, TICK, ExactBench
 
 
 @pytest.fixture
@@ -170,6 +170,16 @@ def test_a_joint_beyond_its_limits_and_margin_vents(
     bench.step(1, GOOD)
     text = f"at {side * 1.125:.3f} rad, position_limits are -1 to 1 rad"
     assert bench.driver.faults == (Condition("position_limit", "elbow", text),)
+
+
+def test_air_that_is_held_while_air_may_move_is_no_blocked_exhaust(
+    rig: Rig, codec: BoardCodec
+) -> None:
+    bench = ExactBench(rig, codec, settings=replace(SETTINGS, exhaust_timeout=0.25))
+    bench.start()
+    bench.step(256, GOOD)  # 0.5 s
+    assert bench.driver.state is SafetyState.ACTIVE
+    assert bench.driver.conditions == ()
 
 
 def two_joints(rig: Rig) -> Rig:

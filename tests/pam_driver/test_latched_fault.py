@@ -105,3 +105,12 @@ def test_a_board_with_a_latched_fault_of_the_host_ends_ready(robot: Robot) -> No
     robot.run(0.05)
     assert robot.driver.state is SafetyState.FAULT
     assert states(robot) == {BoardState.FAULT}
+
+
+def test_what_the_boards_keep_does_not_replace_the_reason_of_the_fault(robot: Robot) -> None:
+    robot.run(0.3)  # no commands
+    assert [fault.kind for fault in robot.driver.faults] == ["command_timeout"]
+    robot.run(1.0)
+    assert robot.driver.boards_keep_fault
+    assert robot.driver.state is SafetyState.FAULT
+    assert [fault.kind for fault in robot.driver.faults] == ["command_timeout"]

@@ -90,6 +90,18 @@ def test_a_released_enabling_switch_vents_and_holding_it_moves_nothing() -> None
     assert robot.driver.vent_reason == ""
 
 
+def test_a_released_enabling_switch_ends_an_activation_before_the_first_command() -> None:
+    robot = robot_with(People(enabling_switch_board=0), enabling_switch=PERMITS)
+    robot.run(0.3)
+    robot.driver.activate(robot.now)
+    robot.run(0.05)
+    assert robot.driver.state is SafetyState.READY
+    robot.sim.boards[0].misbehave(ENABLING_SWITCH, FORBIDS)
+    robot.run(0.03)
+    assert robot.driver.state in VENTS
+    assert robot.driver.vent_reason == "board 0: the enabling switch is released"
+
+
 @pytest.mark.parametrize("name", [EMERGENCY_STOP, ENABLING_SWITCH])
 def test_an_input_that_the_rig_file_names_must_exist(name: str) -> None:
     robot = robot_with(People(**{f"{name}_board": 1}))

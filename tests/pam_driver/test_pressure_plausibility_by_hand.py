@@ -103,7 +103,8 @@ def by_hand(
 
 @pytest.mark.parametrize("command", [1.0, 0.3, -0.4])
 @pytest.mark.parametrize(
-    ("position", "velocity"), [(0.0, 0.0), (0.5, 0.0), (-0.7, 1.5), (1.0, 3.0), (1.4, -2.0)]
+    ("position", "velocity"),
+    [(0.0, 0.0), (0.5, 0.0), (-0.7, 1.5), (1.0, 3.0), (-1.0, 3.0), (1.4, -2.0)],
 )
 @pytest.mark.parametrize("supply", [math.nan, 5e5])
 def test_the_observer_follows_the_gas_equations(
@@ -445,3 +446,10 @@ def test_an_observer_starts_anew_once_after_a_gap_of_more_than_fifty_millisecond
         plausibility.update([0.0, 0.0], [math.nan, 2e5], [0.0], [0.0], UNKNOWN)
         seen.append(plausibility.restarts)
     assert seen == [0] * 25 + [1] * 5
+
+
+def test_measurements_that_do_not_fit_the_rig_are_a_mistake(rig: Rig) -> None:
+    plausibility = PressurePlausibility(rig, PERIOD)
+    for positions, velocities in (([0.0], []), ([0.0], [0.0, 0.0]), ([], [0.0])):
+        with pytest.raises(ValueError, match="zip"):
+            plausibility.update([0.0] * 2, [1e5] * 2, positions, velocities, UNKNOWN)
