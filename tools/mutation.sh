@@ -25,7 +25,7 @@ mkdir "$work/tests/pam_check"
 cp tests/pam_check/test_start_up_check.py "$work/tests/pam_check"
 cp tools/mutation.cfg "$work/setup.cfg"
 if [[ -n ${MUTATION_TESTS:-} ]]; then
-  read -ra tests <<<"$MUTATION_TESTS"
+  read -ra tests <<<"${MUTATION_TESTS//$'\n'/ }"
   "$python" - "$work/setup.cfg" "${tests[@]}" <<'PYTHON'
 import configparser, sys
 
