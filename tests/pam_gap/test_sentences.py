@@ -29,6 +29,29 @@ def test_two_causes_are_named_each_at_its_own_stage() -> None:
     )
 
 
+def test_a_cause_is_told_with_the_probability_of_all_explanations_that_contain_it() -> None:
+    found = {"hysteresis": 0.5, "hysteresis + creep": 0.3, "creep": 0.1, "unknown": 0.1}
+    sure = replace(FOUND, probabilities=found)
+    assert sure.cause_probabilities == {"hysteresis": 0.8}
+    assert sure.to_json()["cause_probabilities"] == {"hysteresis": 0.8}
+    assert verdict_sentence(sure).startswith(
+        "The cause is hysteresis at the muscle stage, with a probability of 80 %. It explains"
+    )
+
+
+def test_a_cause_that_is_probably_wrong_is_not_told_as_certain() -> None:
+    found = {"hysteresis": 0.4, "creep": 0.35, "unknown": 0.25}
+    assert verdict_sentence(replace(FOUND, probabilities=found)).startswith(
+        "The most probable of several causes is hysteresis at the muscle stage, with a "
+        "probability of 40 %."
+    )
+    two = {"hysteresis + coulomb_friction": 0.3, "hysteresis": 0.6, "none": 0.1}
+    both = replace(FOUND, effects=("hysteresis", "coulomb_friction"), probabilities=two)
+    assert verdict_sentence(both).startswith(
+        "The causes are hysteresis (muscle stage, 90 %) and coulomb friction (joint stage, 30 %)."
+    )
+
+
 @pytest.mark.parametrize(
     ("groups", "words"),
     [

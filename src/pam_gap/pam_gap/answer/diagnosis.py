@@ -154,6 +154,16 @@ class Diagnosis:
     closest_values: Any = None
     facts: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def cause_probabilities(self) -> dict[str, float]:
+        """Of each effect that the answer names: the sum over all explanations that contain it."""
+        named = {*self.effects, *(one for group in self.indistinguishable for one in group)}
+        found: dict[str, float] = {}
+        for explanation, probability in self.probabilities.items():
+            for effect in named.intersection(explanation.split(" + ")):
+                found[effect] = found.get(effect, 0.0) + probability
+        return dict(sorted(found.items(), key=lambda item: -item[1]))
+
     def to_json(self) -> dict[str, Any]:
         """The mapping that diagnosis.json holds."""
         return {
@@ -180,6 +190,7 @@ class Diagnosis:
             },
             "closed": None if self.closed is None else _interval(self.closed),
             "probabilities": dict(self.probabilities),
+            "cause_probabilities": self.cause_probabilities,
             "next_experiment": self.next_experiment,
             "sentence": self.sentence,
             "joint": self.joint,

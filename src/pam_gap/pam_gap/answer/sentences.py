@@ -11,6 +11,9 @@ from pam_model.effects import EFFECTS
 
 MOST_PARAMETERS = 3
 """Of an effect, in a sentence; the table of the report has all of them."""
+LIKELY = 0.5
+"""Probability below which a cause is more likely wrong than right."""
+_DOUBTFUL = "The most probable of several causes"
 VISIBLE = 0.66
 """Error without noise, over the floor, from which a gap can be seen (1.2 floors with noise)."""
 
@@ -23,9 +26,16 @@ def _words(effect: str) -> str:
     return effect.replace("_", " ")
 
 
-def _with_stages(effects: Sequence[str]) -> str:
-    """The effects, each with its own stage: those of one verdict can act at several stages."""
-    return _listed([f"{_words(effect)} ({EFFECTS[effect].stage} stage)" for effect in effects])
+def _with_stages(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
+    """The effects, each with its stage and, where it is known, its probability."""
+    probable = diagnosis.cause_probabilities
+    return _listed(
+        [
+            f"{_words(effect)} ({EFFECTS[effect].stage} stage"
+            + (f", {percent(probable[effect])})" if effect in probable else ")")
+            for effect in effects
+        ]
+    )
 
 
 def best_left(diagnosis: Diagnosis) -> str:
@@ -178,8 +188,10 @@ def _closes(diagnosis: Diagnosis, subject: str) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     open_effects = {effect for group in diagnosis.indistinguishable for effect in group}
     sure = [effect for effect in diagnosis.effects if effect not in open_effects]
-    groups = ", or between ".join(map(_with_stages, diagnosis.indistinguishable))
-    also = f" A further cause is {_with_stages(sure)}." if sure else ""
+    groups = ", or between ".join(
+        _with_stages(diagnosis, group) for group in diagnosis.indistinguishable
+    )
+    also = f" A further cause is {_with_stages(diagnosis, sure)}." if sure else ""
     return (
         "The gap has a known cause, but this recording cannot distinguish between "
         f"{groups}.{also}{_closes(diagnosis, 'The best hypothesis explains')}"
@@ -191,8 +203,11 @@ def _named(diagnosis: Diagnosis) -> str:
     if len(effects) == 1:
         numbers = with_parameters(diagnosis, effects[0])
         size = f": {numbers}" if numbers else ""
+        probability = diagnosis.cause_probabilities.get(effects[0])
+        likely = "" if probability is None else f", with a probability of {percent(probability)}"
+        subject = "The cause" if probability is None or probability >= LIKELY else _DOUBTFUL
         return (
-            f"The cause is {_words(effects[0])} at the {diagnosis.stage} stage{size}."
+            f"{subject} is {_words(effects[0])} at the {diagnosis.stage} stage{likely}{size}."
             f"{_ordinary(diagnosis, 'Beside it there is')}{_closes(diagnosis, 'It explains')}"
         )
     numbers = "; ".join(
@@ -203,5 +218,6 @@ def _named(diagnosis: Diagnosis) -> str:
     size = f" ({numbers})" if numbers else ""
     beside = _ordinary(diagnosis, "Beside them there is")
     return (
-        f"The causes are {_with_stages(effects)}{size}.{beside}{_closes(diagnosis, 'They explain')}"
+        f"The causes are {_with_stages(diagnosis, effects)}{size}.{beside}"
+        f"{_closes(diagnosis, 'They explain')}"
     )
