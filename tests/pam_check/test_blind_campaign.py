@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pam_check.blind.campaign import run_campaign
-from pam_check.blind.score import reliability
+from pam_check.blind.score import reliability, reliability_of_causes
 from pam_model.errors import PamError
 
 CAMPAIGN = "pam_check.blind.campaign"
@@ -37,6 +37,27 @@ def test_reliability_compares_the_stated_probability_with_what_was_hidden() -> N
     table = reliability(labels, answers)
     assert [(row["right"]["hits"], row["right"]["of"]) for row in table] == [
         (0, 0), (1, 1), (1, 2), (1, 1),
+    ]  # fmt: skip
+    assert table[2]["stated_mean"] == pytest.approx(0.875)
+
+
+def test_a_cause_counts_with_all_explanations_that_contain_it() -> None:
+    labels = [label("one", ["leakage"], "000"), label("outside", ["backlash"], "001")]
+    answers = {
+        "000": {
+            "verdict": "named",
+            "effects": ["leakage", "creep"],
+            "probabilities": {"leakage": 0.6, "creep + leakage": 0.3, "unknown": 0.1},
+        },
+        "001": {
+            "verdict": "named",
+            "effects": ["creep"],
+            "probabilities": {"creep": 0.85, "unknown": 0.15},
+        },
+    }
+    table = reliability_of_causes(labels, answers)
+    assert [(row["right"]["hits"], row["right"]["of"]) for row in table] == [
+        (0, 1), (0, 0), (1, 2), (0, 0),
     ]  # fmt: skip
     assert table[2]["stated_mean"] == pytest.approx(0.875)
 

@@ -260,13 +260,14 @@ def run(given: Arguments) -> Outcome:
                 f"{name:24s} {entry['value']:6.1%}  ({entry['hits']}/{entry['of']}; "
                 f"90 % interval {low:.0%} to {high:.0%})"
             )
-    for entry in result["reliability"]:
-        right = entry["right"]
-        if right["of"]:
-            print(
-                f"stated {entry['from']:.2f} to {entry['to']:.2f}      {right['value']:6.1%} right "
-                f"({right['hits']}/{right['of']}; mean {entry['stated_mean']:.2f})"
-            )
+    for of, key in (("stated", "reliability"), ("a cause", "reliability_of_causes")):
+        for entry in result[key]:
+            right = entry["right"]
+            if right["of"]:
+                print(
+                    f"{of:8s}{entry['from']:.2f} to {entry['to']:.2f}     {right['value']:6.1%} "
+                    f"right ({right['hits']}/{right['of']}; mean {entry['stated_mean']:.2f})"
+                )
     if result["closed_median"] is not None:
         print(f"{'gap closed, median':24s} {result['closed_median']:6.1%}")
     if result["untouched_median"] is not None:

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
+from pam_gap.answer.diagnosis import cause_probabilities
+
 CLEAR_GAP = 3.0
 """In multiples of the noise: a weaker hidden effect need not be in the answer."""
 BY_STRENGTH = ("weak", "medium", "strong")
@@ -113,6 +115,29 @@ def reliability(
         if probabilities:
             best = max(probabilities, key=probabilities.__getitem__)
             stated.append((float(probabilities[best]), best == hidden_explanation(label)))
+    return _by_stated(stated)
+
+
+def reliability_of_causes(
+    labels: Sequence[Mapping[str, Any]], answers: Mapping[str, Mapping[str, Any]]
+) -> list[dict[str, Any]]:
+    """How often a cause that a `named` answer tells is hidden, by the probability it states for it.
+
+    Parameters
+    ----------
+    labels, answers
+        As for `score`.
+    """
+    stated: list[tuple[float, bool]] = []
+    for label in labels:
+        answer = answers.get(str(label["case"])) or CRASHED
+        if answer["verdict"] == "named":
+            causes = cause_probabilities(answer.get("probabilities") or {}, {*answer["effects"]})
+            stated += [(p, effect in label["effects"]) for effect, p in causes.items()]
+    return _by_stated(stated)
+
+
+def _by_stated(stated: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
     table: list[dict[str, Any]] = []
     for low, high in pairwise(BINS):
         inside = [(p, right) for p, right in stated if low <= p < high or p == high == BINS[-1]]
@@ -248,6 +273,7 @@ def score(
             for name, outcomes in (rows | by_strength(labels, answers)).items()
         },
         "reliability": reliability(labels, answers),
+        "reliability_of_causes": reliability_of_causes(labels, answers),
         "closed_median": float(np.median(closed)) if closed else None,
         "untouched_median": float(np.median(untouched)) if untouched else None,
         "closed_error_median": float(np.median(closed_error)) if closed_error else None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -66,6 +66,28 @@ class ScoredCandidate:
     level: float = 0.0
     over_floor: tuple[float, ...] = ()
     label: str = ""
+
+
+def cause_probabilities(probabilities: Mapping[str, float], named: Set[str]) -> dict[str, float]:
+    """The probability that each of the named effects is a cause, largest first.
+
+    Parameters
+    ----------
+    probabilities : mapping
+        Explanation (effects joined by " + ", `unknown` or `none`) -> probability.
+    named : set of str
+        Effects.
+
+    Returns
+    -------
+    dict of str to float
+        Of each of them the sum over all explanations that contain it.
+    """
+    found: dict[str, float] = {}
+    for explanation, probability in probabilities.items():
+        for effect in named & {*explanation.split(" + ")}:
+            found[effect] = found.get(effect, 0.0) + probability
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
 @dataclass(slots=True)
@@ -156,13 +178,9 @@ class Diagnosis:
 
     @property
     def cause_probabilities(self) -> dict[str, float]:
-        """Of each effect that the answer names: the sum over all explanations that contain it."""
+        """Of each effect that the answer names, see `cause_probabilities`."""
         named = {*self.effects, *(one for group in self.indistinguishable for one in group)}
-        found: dict[str, float] = {}
-        for explanation, probability in self.probabilities.items():
-            for effect in named.intersection(explanation.split(" + ")):
-                found[effect] = found.get(effect, 0.0) + probability
-        return dict(sorted(found.items(), key=lambda item: -item[1]))
+        return cause_probabilities(self.probabilities, named)
 
     def to_json(self) -> dict[str, Any]:
         """The mapping that diagnosis.json holds."""
