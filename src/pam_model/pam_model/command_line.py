@@ -193,9 +193,8 @@ def _declare(command: Command, parser: Parser) -> None:
         help="print the result as one JSON document, and nothing else, on standard output",
     )
     if command.bad_news:
-        parser.add_argument(
-            "--check", action="store_true", help=f"exit code {BAD_NEWS} {command.bad_news}"
-        )
+        words = command.bad_news.replace("%", "%%")  # argparse formats help texts
+        parser.add_argument("--check", action="store_true", help=f"exit code {BAD_NEWS} {words}")
 
 
 def run_command(command: Command, program: str, arguments: Sequence[str] | None = None) -> int:
