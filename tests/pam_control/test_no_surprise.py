@@ -115,7 +115,7 @@ def test_45_mrad_in_20_ms_does_not_become_a_swing_of_123_mrad(controller, closed
     here = controller.references.sample("elbow", loop.time).position
     points = [TrajectoryPoint(0.02, [here + 0.045], [0.0], [0.0])]
     note = controller.references.follow(["elbow"], points, start=None, now=loop.time)
-    assert "times the flow of its valves" in note
+    assert "times what its valves can drive" in note
     position = loop.run(1.0).column(2)
     assert position.max() < here + 0.045 + 0.01
     assert position[-1] == pytest.approx(here + 0.045, abs=2e-3)

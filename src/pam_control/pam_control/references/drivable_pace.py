@@ -14,8 +14,11 @@ import numpy as np
 from pam_control.references.motion_limiter import SUDDEN, MotionLimits
 from pam_control.references.spline import Array, Waypoints
 
-VALVE_SHARE = 0.95  # of the valves' flow that a planned trajectory may need
-WAYPOINT_SHARE = 0.85  # the same in a waypoint, so that there is a way to it
+VALVE_SHARE = 0.95  # of the valves' flow that a planned trajectory may need for longer
+SHORT = 0.1  # s; the chambers and the joint even out what a valve lacks for less
+# What it may need for a moment: in 0.1 s, a quarter of the flow is some percent of the pressures.
+PEAK_SHARE = 1.25
+WAYPOINT_SHARE = 1.1  # the same in a waypoint, so that there is a way to it
 MOST_SAMPLES = 25  # of a segment
 FEWEST_SAMPLES = 3
 SAMPLES = 20000  # of a trajectory, where its segments have more than the fewest
@@ -25,7 +28,10 @@ MOST_STEPS = 40
 
 
 def valve_share(times: Array, coefficients: Array, factor: float, limits: MotionLimits) -> float:
-    """Largest share of the valves' flow that a trajectory needs [-]; 0 if nothing is known.
+    """Largest share of what the valves can drive that a trajectory needs [-]; 0 if unknown.
+
+    It is `VALVE_SHARE` where the trajectory just may be played: with a mean over `SHORT` of that
+    share of the flow, or a peak of `PEAK_SHARE`.
 
     Parameters
     ----------
@@ -56,7 +62,14 @@ def valve_share(times: Array, coefficients: Array, factor: float, limits: Motion
     found = limits.valve_share(
         position.ravel(), speed.ravel() / factor, push.ravel() / factor**2, jerk / factor**3
     )
-    return float(found.max())
+    return max(_longer(at * factor, found), float(found.max()) / PEAK_SHARE * VALVE_SHARE)
+
+
+def _longer(times: Array, shares: Array) -> float:
+    """Largest mean over `SHORT` of shares [-] at increasing times [s]."""
+    moved = np.concatenate([[0.0], np.cumsum(0.5 * (shares[1:] + shares[:-1]) * np.diff(times))])
+    begin, end = (np.interp(times + side * SHORT, times, moved) for side in (-0.5, 0.5))
+    return float((end - begin).max()) / SHORT
 
 
 def _acceleration(times: Array, coefficients: Array, at: Array) -> Array:
@@ -93,7 +106,7 @@ def drivable_factor(
     Returns
     -------
     found, needed : float
-        This factor [-], and the share of the valves that the trajectory would need without it [-].
+        This factor [-], and the share that the trajectory would need without it, see `valve_share`.
     """
 
     def share_at(pace: float) -> float:

@@ -158,7 +158,7 @@ def _excess(name: str, speed: float, acceleration: float, limits: MotionLimits) 
 
 
 def _too_much_air(name: str, share: float) -> str:
-    return f"{name} would need {share:.3g} times the flow of its valves"
+    return f"{name} would need {share / VALVE_SHARE:.3g} times what its valves can drive"
 
 
 def _stopping_factor(
