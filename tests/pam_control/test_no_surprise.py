@@ -15,6 +15,7 @@ from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
+from pam_demo.motions import HOLD_STIFFNESS, arm_motion, chirp
 
 DRAWS = 2  # of each kind; a draw takes about 0.4 s
 MOST_BEYOND = 0.015  # rad past the range of the reference
@@ -146,3 +147,16 @@ def test_an_end_in_motion_that_cannot_be_stopped_inside_the_range_is_refused(con
     with pytest.raises(CommandError, match="elbow ends at 1 rad with 2 rad/s"):
         controller.references.follow(["elbow"], points, start=None, now=0.0)
     assert controller.references.following("elbow") == "hold"
+
+
+@pytest.mark.parametrize("motion", [arm_motion(), chirp()], ids=lambda motion: motion.name)
+def test_motions_that_the_valves_just_follow_are_played_as_they_are(
+    controller, closed_loop, motion
+):
+    """They need a few percent more than the valves' flow for some hundredths of a second."""
+    loop = closed_loop(controller)
+    controller.set_stiffness([HOLD_STIFFNESS])
+    loop.run(1.0)
+    rows = zip(motion.times, motion.positions, motion.velocities, motion.accelerations, strict=True)
+    points = [TrajectoryPoint(2.0 + t, [q], [qd], [qdd]) for t, q, qd, qdd in rows]
+    assert not controller.references.follow(["elbow"], points, start=None, now=loop.time)

@@ -235,7 +235,7 @@ def joined(
             for name, waypoints in moved.items()
         }
     end = max(spline.end_time for spline in splines.values())
-    if end - planned.end <= TOLD_FROM * max(planned.end - at, 0.0) + 1e-6:
+    if not excess or end - planned.end <= TOLD_FROM * max(planned.end - at, 0.0) + 1e-6:
         return splines, ""
     asked = max(planned.end - at, 0.0)
     return splines, (
