@@ -18,7 +18,7 @@ ARM_RATE = 20.0  # 1/s, assumed: the data source gives no rate
 ARM_EPISODE = "episode_4.csv"
 ARM_JOINT = "angle_0"
 WAYPOINT_RATE = 50.0  # 1/s
-APPROACH = 1.0  # s, to the first waypoint
+APPROACH = 3.0  # s, to the first waypoint; what the valves of the slowest example rig need
 HOLD_STIFFNESS = 14.0  # N m/rad
 
 
