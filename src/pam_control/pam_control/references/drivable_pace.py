@@ -15,9 +15,9 @@ from pam_control.references.motion_limiter import SUDDEN, MotionLimits
 from pam_control.references.spline import Array, Waypoints
 
 VALVE_SHARE = 0.95  # of the valves' flow that a planned trajectory may need for longer
-SHORT = 0.1  # s; the chambers and the joint even out what a valve lacks for less
-# What it may need for a moment: in 0.1 s, a quarter of the flow is some percent of the pressures.
-PEAK_SHARE = 1.25
+SHORT = 0.15  # s; a quarter period of a joint on its air: what is shorter hardly moves it
+PEAK_SHARE = 3.0  # what a trajectory may need for a moment: such peaks alternate and even out
+STEP_SHARE = 1.25  # the same on the way to its first waypoint, which may be a step
 WAYPOINT_SHARE = 1.1  # the same in a waypoint, so that there is a way to it
 MOST_SAMPLES = 25  # of a segment
 FEWEST_SAMPLES = 3
@@ -27,11 +27,17 @@ LARGEST_STEP = 2.0
 MOST_STEPS = 40
 
 
-def valve_share(times: Array, coefficients: Array, factor: float, limits: MotionLimits) -> float:
+def valve_share(
+    times: Array,
+    coefficients: Array,
+    factor: float,
+    limits: MotionLimits,
+    peak: float = PEAK_SHARE,
+) -> float:
     """Largest share of what the valves can drive that a trajectory needs [-]; 0 if unknown.
 
     It is `VALVE_SHARE` where the trajectory just may be played: with a mean over `SHORT` of that
-    share of the flow, or a peak of `PEAK_SHARE`.
+    share of the flow, or a peak of `peak`.
 
     Parameters
     ----------
@@ -43,6 +49,8 @@ def valve_share(times: Array, coefficients: Array, factor: float, limits: Motion
         How much more slowly it is played [-].
     limits : MotionLimits
         Of the joint.
+    peak : float, optional
+        Share of the flow that it may need for a moment [-].
     """
     if limits.valve_share is None or not len(coefficients):
         return 0.0
@@ -62,7 +70,7 @@ def valve_share(times: Array, coefficients: Array, factor: float, limits: Motion
     found = limits.valve_share(
         position.ravel(), speed.ravel() / factor, push.ravel() / factor**2, jerk / factor**3
     )
-    return max(_longer(at * factor, found), float(found.max()) / PEAK_SHARE * VALVE_SHARE)
+    return max(_longer(at * factor, found), float(found.max()) / peak * VALVE_SHARE)
 
 
 def _longer(times: Array, shares: Array) -> float:

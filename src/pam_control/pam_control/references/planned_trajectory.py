@@ -18,7 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pam_control.references.drivable_pace import VALVE_SHARE, drivable_factor, valve_share
+from pam_control.references.drivable_pace import (
+    STEP_SHARE,
+    VALVE_SHARE,
+    drivable_factor,
+    valve_share,
+)
 from pam_control.references.evened_spline import EvenedSpline, largest_jump
 from pam_control.references.motion_limiter import AT_ONCE, SUDDEN, MotionLimits
 from pam_control.references.spline import (
@@ -318,7 +323,7 @@ def _first_delay(
         share = 0.0
         if wanted <= RESERVE:
             # the whole way in one piece: its own ends are judged with what is before and behind it
-            share = valve_share(*_with(ends, waypoints, duration), 1.0, limits)
+            share = valve_share(*_with(ends, waypoints, duration), 1.0, limits, STEP_SHARE)
             wanted = max((share / VALVE_SHARE) ** 0.5, wanted)
         if wanted <= RESERVE:
             break
