@@ -23,7 +23,7 @@ setup(
     entry_points={
         "console_scripts": [
             "viewer = pam_bringup.__main__:main",
-            "markers = pam_bringup.viewer.markers_node:main",
+            "markers = pam_bringup.__main__:markers",
         ]
     },
     zip_safe=False,

@@ -25,7 +25,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "controller_node = pam_control.controller_node:main",
+            "controller_node = pam_control.__main__:controller_node",
         ]
     },
 )

@@ -26,7 +26,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "driver_node = pam_driver.driver_node:main",
+            "driver_node = pam_driver.__main__:driver_node",
         ]
     },
 )

@@ -26,8 +26,8 @@ setup(
     entry_points={
         "console_scripts": [
             "diagnose = pam_gap.__main__:diagnose",
-            "monitor = pam_gap.live.monitor_node:main",
-            "play = pam_gap.experiments.play_node:main",
+            "monitor = pam_gap.__main__:monitor",
+            "play = pam_gap.__main__:play",
         ]
     },
 )

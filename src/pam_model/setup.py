@@ -25,7 +25,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "model_node = pam_model.model_node:main",
+            "model_node = pam_model.__main__:model_node",
         ]
     },
 )

@@ -25,7 +25,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "rig = pam_sim.rig_node:main",
+            "rig = pam_sim.__main__:rig_node",
         ]
     },
 )

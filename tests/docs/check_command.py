@@ -13,6 +13,7 @@ import itertools
 import re
 import shlex
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -175,8 +176,15 @@ def _node(module: str, words: list[str]) -> None:
 
 
 def _executables(package: str) -> dict[str, str]:
+    """Every program of a package, and the module of its `HELP` or of its `COMMANDS`."""
     text = (ROOT / "src" / package / "setup.py").read_text(encoding="utf-8")
-    return dict(re.findall(r'"(\w+) = ([\w.]+):\w+"', text))
+    found = {}
+    for program, module, function in re.findall(r'"(\w+) = ([\w.]+):(\w+)"', text):
+        path = ROOT / "src" / package / Path(*module.split(".")).with_suffix(".py")
+        body = path.read_text(encoding="utf-8").partition(f"def {function}(")[2].split("\ndef ")[0]
+        node = re.search(r"from ([\w.]+_node) import main", body)
+        found[program] = node[1] if node else module
+    return found
 
 
 def _ros2(words: list[str]) -> None:

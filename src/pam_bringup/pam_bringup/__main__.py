@@ -4,6 +4,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +23,7 @@ from pam_model.command_line import (
     chosen_rig,
     run_program,
 )
+from pam_model.program_signals import end_at_signals
 
 
 def _declare(parser: Parser) -> None:
@@ -104,6 +110,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return the exit code."""
     description = "Tools for a robot that has been brought up."
     return run_program("python -m pam_bringup", description, COMMANDS, arguments, default="viewer")
+
+
+def markers() -> int:
+    """Entry point of `ros2 run pam_bringup markers`."""
+    end_at_signals()
+    from pam_bringup.viewer.markers_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run()
 
 
 if __name__ == "__main__":

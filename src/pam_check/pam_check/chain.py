@@ -169,8 +169,13 @@ class Chain:
         Without its controller the driver would report a fault at every end.
         """
         names = list(self.processes)[::-1]
-        for name in sorted(names, key=lambda name: name != "driver"):
-            self.stop(name)
+        try:
+            for name in sorted(names, key=lambda name: name != "driver"):
+                self.stop(name)
+        except KeyboardInterrupt:  # asked again: nothing is waited for, and nothing is left behind
+            for process in self.processes.values():
+                process.kill()
+            raise
 
     def __enter__(self) -> Self:
         return self

@@ -188,6 +188,9 @@ class NodeProcess:
         except ProcessError:
             self.kill()
             return self.wait(5.0)
+        except KeyboardInterrupt:
+            self.kill()
+            raise
 
     def kill(self) -> None:
         """Kill the process and all processes that it has started."""

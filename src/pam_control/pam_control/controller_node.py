@@ -8,6 +8,11 @@ takes longer than the permitted age of a measurement.
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import contextlib
 import gc
 import sys

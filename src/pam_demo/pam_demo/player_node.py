@@ -14,6 +14,7 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from std_srvs.srv import Trigger
@@ -27,6 +28,7 @@ from pam_model.errors import PamError
 Progress = Callable[[float], None]
 ANSWER_TIMEOUT = 10.0  # s, for the driver's services
 RETRY_AFTER = 0.3  # s
+TURN = 0.1  # s; a signal is seen between two turns
 
 
 class PlayerNode(Node):  # type: ignore[misc]
@@ -158,9 +160,8 @@ class PlayerNode(Node):  # type: ignore[misc]
             check()
             rclpy.spin_once(self, timeout_sec=0.05)
         future = client.call_async(request)
-        rclpy.spin_until_future_complete(
-            self, future, timeout_sec=max(deadline - time.monotonic(), 0.1)
-        )
+        while not future.done() and time.monotonic() < deadline:
+            rclpy.spin_once(self, timeout_sec=TURN)
         self.destroy_client(client)
         if not future.done():
             raise PamError(f"{name}: no answer within {ANSWER_TIMEOUT:g} s")
@@ -252,7 +253,8 @@ class PlayerNode(Node):  # type: ignore[misc]
 def open_player(joints: tuple[str, ...], environment: Mapping[str, str]) -> Iterator[PlayerNode]:
     """A player of these joints in the ROS domain of this environment; it ends with the context."""
     with set_environment(environment):
-        rclpy.init(args=[])
+        # its handlers close the context in the middle of a call; KeyboardInterrupt ends the demo
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     player = PlayerNode(joints)
     try:
         yield player

@@ -7,6 +7,11 @@ last second is lost when the recorder is killed.
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import importlib
 import signal
 import sys

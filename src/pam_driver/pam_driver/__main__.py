@@ -4,11 +4,17 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import sys
 from collections.abc import Sequence
 
 from pam_model.argument_types import count, input_file, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_program
+from pam_model.program_signals import end_at_signals
 
 
 def _check_rig(given: Arguments) -> Outcome:
@@ -169,6 +175,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
     description = "Tools for the buses and boards of a robot. The node is: ros2 run pam_driver"
     return run_program("python -m pam_driver", description, COMMANDS, arguments)
+
+
+def driver_node() -> int:
+    """Entry point of `ros2 run pam_driver driver_node`."""
+    end_at_signals()
+    from pam_driver.driver_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run()
 
 
 if __name__ == "__main__":

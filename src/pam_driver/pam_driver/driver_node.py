@@ -7,6 +7,11 @@ A fault vents, is latched, and returns the node to inactive. See docs/driver.md.
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import gc
 import logging
 import sys

@@ -4,6 +4,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import os
 import sys
 from collections.abc import Sequence
@@ -27,6 +32,7 @@ from pam_model.command_line import (
     run_command,
     run_program,
 )
+from pam_model.program_signals import end_at_signals
 
 MOVED = {
     "blind": "python -m pam_check blind",
@@ -242,16 +248,16 @@ def _record(given: Arguments) -> Outcome:
     return Outcome({"bag": given.out, "missing": missing}, missing)
 
 
-def _monitor(arguments: Sequence[str]) -> int:
-    from pam_gap.live.monitor_node import main as monitor  # noqa: PLC0415  (rclpy)
+def _monitor(arguments: Sequence[str] | None) -> int:
+    from pam_gap.live.monitor_node import main as run  # noqa: PLC0415  (rclpy)
 
-    return monitor(arguments)
+    return run(arguments)
 
 
-def _play(arguments: Sequence[str]) -> int:
-    from pam_gap.experiments.play_node import main as play  # noqa: PLC0415  (rclpy)
+def _play(arguments: Sequence[str] | None) -> int:
+    from pam_gap.experiments.play_node import main as run  # noqa: PLC0415  (rclpy)
 
-    return play(arguments)
+    return run(arguments)
 
 
 DIAGNOSE = Command(
@@ -321,6 +327,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def diagnose(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `ros2 run pam_gap diagnose`."""
     return run_command(DIAGNOSE, "ros2 run pam_gap diagnose", arguments)
+
+
+def monitor() -> int:
+    """Entry point of `ros2 run pam_gap monitor`."""
+    end_at_signals()
+    return _monitor(None)
+
+
+def play() -> int:
+    """Entry point of `ros2 run pam_gap play`."""
+    end_at_signals()
+    return _play(None)
 
 
 if __name__ == "__main__":

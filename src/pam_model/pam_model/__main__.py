@@ -4,11 +4,17 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import sys
 from collections.abc import Sequence
 
 from pam_model.command_line import run_program
 from pam_model.commands import catalogue, identify, new_rig, rig_sections, size
+from pam_model.program_signals import end_at_signals
 
 COMMANDS = (
     *catalogue.COMMANDS,
@@ -26,6 +32,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "or a joint; new rig files, their sections and URDF."
     )
     return run_program("python -m pam_model", description, COMMANDS, arguments)
+
+
+def model_node() -> int:
+    """Entry point of `ros2 run pam_model model_node`."""
+    end_at_signals()
+    from pam_model.model_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run()
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ import io
 import json
 import math
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
@@ -29,14 +30,23 @@ from typing import Any, Final
 
 from pam_model.argument_types import input_file
 from pam_model.errors import PamError
+from pam_model.program_signals import (
+    STOPPED,
+    Terminated,
+    end_at_signals,
+    exit_code,
+    interruptible,
+)
 
 DONE: Final = 0
 BAD_NEWS: Final = 1
 """The result is bad news, and the option --check was given."""
 MISTAKE: Final = 2
 """A user's mistake: an option, a file or a number that cannot be used."""
-INTERRUPTED: Final = 130
-"""Interrupted with Ctrl-C: 128 plus the number of the signal."""
+INTERRUPTED: Final = exit_code(signal.SIGINT)
+"""Interrupted with Ctrl-C."""
+TERMINATED: Final = exit_code(signal.SIGTERM)
+"""Ended by SIGTERM."""
 READER_GONE: Final = 141
 """Standard output was closed, for example by `head`: 128 plus the number of the signal."""
 
@@ -142,6 +152,8 @@ def run_program(
     """
     if "_ARGCOMPLETE" in os.environ:
         _complete(program, commands)
+    if arguments is None:  # the program itself, not a caller within another one
+        end_at_signals()
     given = list(sys.argv[1:] if arguments is None else arguments)
     names = [command.name for command in commands]
     if default and (not given or (given[0].startswith("-") and given[0] not in ("-h", "--help"))):
@@ -209,6 +221,8 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
     arguments : sequence of str, optional
         Words of the command line; those of the process by default.
     """
+    if arguments is None:  # the program itself, not a caller within another one
+        end_at_signals()
     parser = _OneLineParser(
         prog=program,
         description=f"{command.summary[0].upper()}{command.summary[1:]}.",
@@ -224,7 +238,8 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
     except SystemExit as end:
         return _code_of(end)
     try:
-        outcome = _carry_out(command, chosen)
+        with interruptible():
+            outcome = _carry_out(command, chosen)
     except (PamError, OSError, KeyboardInterrupt) as error:
         return _code_after(error)
     if outcome.interrupted:
@@ -252,7 +267,8 @@ def _code_after(error: BaseException) -> int:
     """Report a user's mistake in one line, or an interruption; return the exit code."""
     code, text = MISTAKE, f"error: {error}"
     if isinstance(error, KeyboardInterrupt):
-        code, text = INTERRUPTED, "stopped"
+        code = TERMINATED if isinstance(error, Terminated) else INTERRUPTED
+        text = STOPPED
     elif isinstance(error, BrokenPipeError):
         # prevents the interpreter from flushing into the closed pipe at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -4,12 +4,18 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import sys
 from collections.abc import Sequence
 
 from pam_model.argument_types import count, input_file, named_number, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, run_program
 from pam_model.errors import PamError
+from pam_model.program_signals import end_at_signals
 
 
 def _rig(given: Arguments) -> Outcome:
@@ -123,6 +129,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
     description = "A simulated rig with valve boards. The ROS node is: ros2 run pam_sim rig"
     return run_program("python -m pam_sim", description, COMMANDS, arguments)
+
+
+def rig_node() -> int:
+    """Entry point of `ros2 run pam_sim rig`."""
+    end_at_signals()
+    from pam_sim.rig_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run()
 
 
 if __name__ == "__main__":

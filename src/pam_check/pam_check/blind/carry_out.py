@@ -6,6 +6,11 @@ and prints nothing, so that the caller gets no more information than a test benc
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import json
 import math
 from typing import Any

@@ -7,6 +7,11 @@ that the opened labels are the drawn ones.
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import hashlib
 import json
 import sys

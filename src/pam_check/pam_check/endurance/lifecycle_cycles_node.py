@@ -26,6 +26,7 @@ import rclpy
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -175,7 +176,7 @@ class LifecycleCycler(Node):  # type: ignore[misc]
 def _chain(rig: Path, plug: Path) -> Iterator[tuple[LifecycleCycler, Chain, NodeProcess]]:
     environment = private_domain()
     with set_environment(environment):
-        rclpy.init(args=[])
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = LifecycleCycler()
     bus = multicast_bus()
     try:

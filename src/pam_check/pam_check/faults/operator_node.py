@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -207,7 +208,7 @@ def open_operator(
 ) -> Iterator[FaultOperator]:
     """An operator of these joints in the ROS domain of this environment; ends with the context."""
     with set_environment(environment):
-        rclpy.init(args=[])
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     operator = FaultOperator(joints, port)
     try:
         yield operator

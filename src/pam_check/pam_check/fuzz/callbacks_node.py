@@ -20,6 +20,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.logging import LoggingSeverity
 from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -138,7 +139,10 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
         for key, value in (("interface", "virtual"), ("channel", f"{CHANNEL}_{name}")):
             arguments += ["-p", f"{name}:bus.{key}:={value}"]
     with set_environment(private_domain()):
-        rclpy.init(args=[*arguments, "-p", "pam_driver:autostart:=false"])
+        rclpy.init(
+            args=[*arguments, "-p", "pam_driver:autostart:=false"],
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
     nodes: list[Any] = []
     try:
         for kind in kinds:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import rclpy
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_check.programs import MODULES
@@ -43,7 +44,7 @@ def differences(rig_path: Path) -> list[str]:
     environment = private_domain()
     rig = load_rig(rig_path)
     with set_environment(environment):
-        rclpy.init(args=[])
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("security_check")
     try:
         with Chain([rig_path], multicast_bus(), environment) as chain:
