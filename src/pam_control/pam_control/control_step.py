@@ -11,7 +11,7 @@ from pam_control.references.spline import JointReference
 from pam_model.rig import Rig
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Measurement:
     """Measured values, in the rig's order.
 
@@ -48,7 +48,7 @@ class ControlOutput:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PlanRequest:
     """Input of a control law for the pressures of one joint.
 
@@ -100,7 +100,7 @@ class PlanRequest:
     pressures: Pair
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PressurePlan:
     """Desired pressures of one joint, the input of its pressure loops.
 

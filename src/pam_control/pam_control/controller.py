@@ -11,7 +11,6 @@ no tracking error.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -28,6 +27,7 @@ from pam_control.drivable_limits import DrivableLimits
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
 from pam_control.joint_channel import JointChannel, Pair, acting_delays
+from pam_control.limited import limited
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
 from pam_control.loop_guard import LoopGuard, Verdict
 from pam_control.lowering import Lowering, LoweringPhase
@@ -273,10 +273,11 @@ class Controller(LoopDesign):
         if reason:
             self.active = False
             return ControlOutput(None, reason)
-        measurement = dataclasses.replace(
-            measurement,
-            positions=self.correction.positions(measurement.positions),
-            pressures=self.correction.pressures(measurement.pressures),
+        measurement = Measurement(
+            self.correction.positions(measurement.positions),
+            self.correction.pressures(measurement.pressures),
+            measurement.position_time,
+            measurement.pressure_time,
         )
         if not self.active or time < self._time:
             self._take_over(time, measurement)
@@ -360,8 +361,8 @@ class Controller(LoopDesign):
     ) -> None:
         settings, channel = self.settings, self.channels[index]
         name = channel.joint.name
-        position = float(measurement.positions[index])
-        pressures = [float(measurement.pressures[i]) for i in channel.indices]
+        position = measurement.positions[index]
+        pressures = [measurement.pressures[i] for i in channel.indices]
         gains = settings.gains[name]
         measured_at = measurement.pressure_time - settings.measurement_delay
         now_at = measured_at - channel.late_pressures
@@ -404,7 +405,7 @@ class Controller(LoopDesign):
         reach = settings.pressure_rate * step
         desired = []
         for wanted, before in zip(plan.reference, channel.desired, strict=True):
-            allowed = max(before - reach, min(before + reach, wanted))
+            allowed = limited(wanted, before - reach, before + reach)
             desired.append(allowed)
             if allowed != wanted and "pressure_rate" not in clipped:
                 clipped.append("pressure_rate")

@@ -16,6 +16,7 @@ from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
 from pam_control.feedback.stuck_integral import StuckIntegral
 from pam_control.learning.motion_learner import MotionLearner
+from pam_control.limited import limited
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.effects import adjusted
@@ -29,7 +30,7 @@ Pair = tuple[float, float]
 KEPT_BEFORE_MEASUREMENT = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Plan:
     """Desired pressures of the feedforward at one time.
 
@@ -187,13 +188,14 @@ class JointChannel:
 
         A late sensor of the pressure makes the valve seem late.
         """
-        first, second = (max(loop.late - self.late_pressures, 0.0) for loop in self.loops)
-        return first, second
+        pressures = self.late_pressures
+        first, second = self.loops
+        return max(first.late - pressures, 0.0), max(second.late - pressures, 0.0)
 
     def inside(self, position: float) -> float:
         """The position [rad] limited to the range of the muscles' models."""
         low, high = self.model.position_range
-        return max(low, min(high, position))
+        return limited(position, low, high)
 
     def measure(self, position: float, time: float, velocity_filter: float) -> float:
         """Store a measured position; return the time since the last new sample [s], 0 if none."""
@@ -229,15 +231,22 @@ class JointChannel:
         span = self.plans[-1].time - self.plans[-2].time
         if span <= 0.0:
             return 0.0, 0.0
-        rates = [
-            (self.plan_at(time).pressures[side] - self.plan_at(time - span).pressures[side]) / span
-            for side, time in enumerate(times)
-        ]
-        return rates[0], rates[1]
+        now, before = self.pressures_at(times), self.pressures_at((times[0] - span, times[1] - span))
+        return (now[0] - before[0]) / span, (now[1] - before[1]) / span
+
+    def pressures_at(self, times: Pair) -> Pair:
+        """Planned pressures [Pa] at the time [s] of each muscle."""
+        first, second = times
+        pressures = self.plan_at(first).pressures
+        if second == first:
+            return pressures
+        return pressures[0], self.plan_at(second).pressures[1]
 
     def plan_at(self, time: float) -> Plan:
         """Plan for `time` [s]: linear interpolation between the plans, constant outside them."""
         later = self.plans[-1]
+        if later.time <= time:
+            return later
         for earlier in reversed(self.plans):
             if earlier.time <= time:
                 span = later.time - earlier.time

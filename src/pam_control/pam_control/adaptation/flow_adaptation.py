@@ -26,7 +26,8 @@ from typing import Final
 
 import numpy as np
 
-from pam_control.adaptation.recursive_fit import Array, RecursiveFit
+from pam_control.adaptation.recursive_fit import RecursiveFit
+from pam_control.limited import limited
 
 FILTER: Final = 0.06  # s
 EVERY: Final = 0.02  # s between two updates of the fit
@@ -46,7 +47,7 @@ LEARNT_EDGE: Final = 0.03  # h, of the full flow
 USED_EDGE: Final = 0.01  # the same for the command: an overlap is not filled within it, for calm
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class FlowSample:
     """One control cycle of a valve.
 
@@ -102,7 +103,7 @@ class FlowAdaptation:
 
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
-        self._smooth: Array | None = None
+        self._smooth: list[float] = []
         self._late = self._taken = 0.0
         self._since = 0.0
 
@@ -120,13 +121,13 @@ class FlowAdaptation:
     @property
     def least_share(self) -> float:
         """Flow over promised flow in the worse direction, at most 1 [-]."""
-        a, b, *_ = self.weights
+        a, b, *_ = self._weights
         return max(1.0 + min(a - self._droop, b, 0.0), LEAST_SHARE)
 
     @property
     def _droop(self) -> float:
         """Share of the flow that the supply lacks now [-]."""
-        return min(self.weights[5] * self._taken, MOST_DROOP)
+        return min(self._weights[5] * self._taken, MOST_DROOP)
 
     def corrected(self, flow: float, moved: float, capacity: float) -> float:
         """The flow to ask the valve's data for, so that the valve gives `flow` [kg/s].
@@ -140,7 +141,7 @@ class FlowAdaptation:
         capacity : float
             Full flow in its direction [kg/s].
         """
-        a, b, o, e, z, *_ = self.weights
+        a, b, o, e, z, *_ = self._weights
         left = flow - o * capacity - e * moved
         left -= z * capacity * _saturated(left / (USED_EDGE * capacity))
         return left / max(1.0 + (a - self._droop if left > 0.0 else b), LEAST_SHARE)
@@ -155,25 +156,27 @@ class FlowAdaptation:
         up = max(u, 0.0)
         self._taken += step / LATELY * (up / self._full - self._taken)
         drooped = -up * self._taken
-        raw = np.array((sample.pressure, up, min(u, 0.0), c, sample.moved, overlap, drooped))
-        if self._smooth is None:
-            self._smooth = raw
-        self._smooth = self._smooth + step / (FILTER + step) * (raw - self._smooth)
+        raw = (sample.pressure, up, min(u, 0.0), c, sample.moved, overlap, drooped)
+        weight = step / (FILTER + step)
+        self._smooth = [
+            smooth + weight * (now - smooth)
+            for smooth, now in zip(self._smooth or raw, raw, strict=True)
+        ]
         self._since += step
         wanted = min(self._fit.weights[-1], LONGEST_DELAY)
         wanted = wanted if wanted > LEAST_DELAY else 0.0
         reach = DELAY_RATE * step
-        self.delay += max(-reach, min(reach, wanted - self.delay))
+        self.delay += limited(wanted - self.delay, -reach, reach)
         if self._since < EVERY:
             return
-        slow, up, down = self._smooth[:3].tolist()
+        slow, up, down = self._smooth[:3]
         if up - down > LEAST_WORK * self._full:
-            seen = sample.per_rate * (sample.pressure - slow) / FILTER + float(self._smooth[4])
-            functions = np.append(self._smooth[1:], (up + down - u) / FILTER) / self._full
+            seen = sample.per_rate * (sample.pressure - slow) / FILTER + self._smooth[4]
+            functions = np.array((*self._smooth[1:], (up + down - u) / FILTER)) / self._full
             self._fit.update(functions, (seen - up - down) / self._full, self._since)
             self._bound()
         self._since = 0.0
 
 
 def _saturated(value: float) -> float:
-    return max(-1.0, min(1.0, value))
+    return limited(value, -1.0, 1.0)

@@ -44,13 +44,13 @@ class MotionMemory:
         moved = position - self._position
         self._position = position
         if moved != 0.0:
-            sign = math.copysign(1.0, moved)
+            sign, back = math.copysign(1.0, moved), -abs(moved)
             self._slips = [
-                sign - (sign - z) * math.exp(-abs(moved) / length)
-                for z, length in zip(self._slips, SLIP_LENGTHS, strict=True)
+                sign - (sign - z) * math.exp(back / length)
+                for z, length in zip(self._slips, SLIP_LENGTHS)  # noqa: B905  (twice as fast)
             ]
         self._relaxed = [
             relaxed + step / (time + step) * (position - relaxed)
-            for relaxed, time in zip(self._relaxed, CREEP_TIMES, strict=True)
+            for relaxed, time in zip(self._relaxed, CREEP_TIMES)  # noqa: B905
         ]
-        return [*self._slips, *(position - relaxed for relaxed in self._relaxed)]
+        return self._slips + [position - relaxed for relaxed in self._relaxed]

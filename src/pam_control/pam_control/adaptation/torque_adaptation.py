@@ -29,12 +29,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import mul
 from typing import Final
 
 import numpy as np
 
 from pam_control.adaptation.motion_functions import DEVIATIONS, SLIP_LENGTHS, MotionMemory
 from pam_control.adaptation.recursive_fit import Array, RecursiveFit, Suspect
+from pam_control.limited import limited
 from pam_control.references.spline import JointReference
 
 FILTER: Final = 0.03  # s, T
@@ -52,7 +54,7 @@ DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint 
 SLOW_FUNCTIONS: Final = 3  # 1, q and q^3: what the integral of the feedback carries meanwhile
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class TorqueSample:
     """One control cycle of a joint.
 
@@ -185,9 +187,9 @@ class TorqueAdaptation:
         return learnt
 
     def _move_delay(self, step: float) -> None:
-        wanted = max(-LONGEST_DELAY, min(LONGEST_DELAY, self._fit.weights[-1]))
+        wanted = limited(self._fit.weights[-1], -LONGEST_DELAY, LONGEST_DELAY)
         reach = DELAY_RATE * step
-        self.delay += max(-reach, min(reach, wanted - self.delay))
+        self.delay += limited(wanted - self.delay, -reach, reach)
 
     def _slow_part(self) -> float:
         q = self._reference
@@ -212,5 +214,4 @@ class TorqueAdaptation:
     ) -> float:
         q = reference.position
         functions = (1.0, q, q**3, reference.velocity, reference.acceleration, *memory)
-        found = float(sum(w * f for w, f in zip(self._fit.weights, functions, strict=False)))
-        return max(-limit, min(limit, found))
+        return limited(float(sum(map(mul, self._fit.weights, functions))), -limit, limit)

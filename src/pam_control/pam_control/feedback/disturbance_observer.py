@@ -25,10 +25,12 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from pam_control.limited import limited
+
 Pair = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ObserverSettings:
     """Settings of an observer.
 
@@ -153,5 +155,5 @@ class DisturbanceObserver:
         self._state += share * (unexplained + momentum - self._state)
         found = self._state - momentum
         self._smooth += step / (settings.speed_filter + step) * (found - self._smooth)
-        self.lost = max(-settings.limit, min(settings.limit, self._smooth))
+        self.lost = limited(self._smooth, -settings.limit, settings.limit)
         return self.lost

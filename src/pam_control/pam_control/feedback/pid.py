@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from pam_control.limited import limited
+
 SHRINKING_TIME = 2.0  # s, of an integral above its limit
 
 
@@ -107,9 +109,9 @@ class Pid:
             not show.
         """
         change = gains.integral * error * step
-        if math.isfinite(gains.tracking_time):
+        if missed != 0.0 and math.isfinite(gains.tracking_time):
             change += missed * min(step / gains.tracking_time, 1.0)
         if frozen and change * self.integral > 0.0:
             return
         limit = max(limit, abs(self.integral) * (1.0 - min(step / SHRINKING_TIME, 1.0)))
-        self.integral = max(-limit, min(limit, self.integral + change))
+        self.integral = limited(self.integral + change, -limit, limit)

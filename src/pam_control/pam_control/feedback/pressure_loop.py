@@ -17,13 +17,14 @@ from typing import Protocol
 from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
 from pam_control.compensation.valve_inverse import ValveInverse
 from pam_control.feedback.pressure_watch import PressureWatch
+from pam_control.limited import limited
 from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import Leak
 from pam_model.gas import (
     GAS_CONSTANT,
     flow_for_pressure_rate,
     reference_density,
-    valve_flow,
+    reference_flow,
     valve_opening,
 )
 from pam_model.joints.joint_muscle import JointMuscle
@@ -33,7 +34,7 @@ LEAST_CAPACITY = 0.01  # of the full flow
 LENGTH_EDGE = 1e-6  # m, distance from the ends of the force model's range
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PressureDemand:
     """Input of the pressure loop of one muscle; all pressures are gauge pressures.
 
@@ -58,7 +59,7 @@ class PressureDemand:
     length_rate: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class PressureLoopSettings:
     """Gain, lead compensation and limit, the same for every muscle.
 
@@ -158,7 +159,7 @@ class FlowValveLoop:
         self._temperature = rig.gas.temperature
         self._density = reference_density(rig.gas.temperature)
         self._exponent = rig.gas.polytropic_exponent
-        self._full = self._flow(1.0, self._ambient)
+        self._full = self._full_flow(True, self._ambient)
         self.adaptation = FlowAdaptation(self._full)
         self._opening = math.nan
         self._lagged = 0.0
@@ -173,19 +174,14 @@ class FlowValveLoop:
         """Forget what was learnt of the valve."""
         self.adaptation.forget()
 
-    def _flow(self, opening: float, absolute: float) -> float:
-        """Flow into the muscle by the valve's data [kg/s]."""
-        return float(
-            valve_flow(
-                opening,
-                absolute,
-                supply_pressure=self._supply,
-                ambient_pressure=self._ambient,
-                conductance=self._valve.sonic_conductance,
-                critical_ratio=self._valve.critical_ratio,
-                temperature=self._temperature,
-            )
+    def _full_flow(self, filling: bool, absolute: float) -> float:
+        """Flow of the open valve into the muscle by its data [kg/s]."""
+        valve = self._valve
+        first, second = (self._supply, absolute) if filling else (absolute, self._ambient)
+        flow = self._density * reference_flow(
+            valve.sonic_conductance, valve.critical_ratio, first, second
         )
+        return flow if filling else -flow
 
     @property
     def gain_factor(self) -> float:
@@ -212,7 +208,7 @@ class FlowValveLoop:
             self.adaptation.forget()
         rate = demand.rate + gain * error
         absolute = max(pressure + demand.ahead + self._ambient, self._ambient)
-        length = max(self._lengths[0], min(self._lengths[1], demand.length))
+        length = limited(demand.length, *self._lengths)
         volume = self._model.volume(length) + self._dead_volume
         volume_rate = self._model.volume_slope(length) * demand.length_rate
         flow = flow_for_pressure_rate(
@@ -233,7 +229,7 @@ class FlowValveLoop:
         capacity = 1.0
         if adapts:
             # none at the supply's pressure, or in an empty muscle
-            capacity = abs(self._flow(math.copysign(1.0, flow), absolute))
+            capacity = abs(self._full_flow(math.copysign(1.0, flow) > 0.0, absolute))
             capacity = max(capacity, LEAST_CAPACITY * self._full)
             flow = self.adaptation.corrected(flow, absolute * volume_rate * per_pressure, capacity)
         opening = valve_opening(
@@ -259,9 +255,9 @@ class FlowValveLoop:
             )
             self.adaptation.learn(step, sample)
         opening = self._inverse.opening(opening)
-        wanted = self._inverse.spool(max(-limit, min(limit, opening)))
+        wanted = self._inverse.spool(limited(opening, -limit, limit))
         command = self._lead(wanted, settings.lead_ratio, step)
-        return max(-limit, min(limit, command)), abs(opening) >= limit
+        return limited(command, -limit, limit), abs(opening) >= limit
 
     def _lead(self, opening: float, ratio: float, step: float) -> float:
         """(tau s + 1)/(ratio tau s + 1) on the opening, backward Euler."""

@@ -24,6 +24,7 @@ from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
 from pam_control.joint_channel import JointChannel, Pair, Plan
+from pam_control.limited import limited
 from pam_control.settings import ControlSettings
 
 CORRECTED_EVERY: Final = 0.2  # s
@@ -116,9 +117,9 @@ class PositionStiffnessController(Controller):
         inside = channel.inside(position)
         # as the rig file tells, without the delay that was learnt
         seen_at = request.seen_at + channel.late_position
-        muscles, before = (
-            channel.model.torque(*channel.aligned.at(at), inside)
-            for at in (seen_at, seen_at - RATE_SPAN)
+        aligned = channel.aligned.at(seen_at)
+        muscles, before = channel.model.torques(
+            (aligned, channel.aligned.at(seen_at - RATE_SPAN)), inside
         )
         model = channel.dynamics.static_torque(position, speed, request.seen.velocity)
         sample = TorqueSample(
@@ -128,7 +129,7 @@ class PositionStiffnessController(Controller):
             speed=speed,
             speed_filter=self.settings.derivative_filter,
         )
-        channel.stiffness.learn(request.fresh, channel.aligned.at(seen_at), inside)
+        channel.stiffness.learn(request.fresh, aligned, inside)
         channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
         channel.pid.integral -= channel.stuck.update(
             request.seen, position, channel.pid.integral, channel.adaptation.friction
@@ -151,7 +152,7 @@ class PositionStiffnessController(Controller):
         limit = self.settings.adaptation_limit
         error = request.seen.position - channel.position
         channel.learner.record(at, error, base, request.seen.position)
-        return base, max(-limit, min(limit, correction))
+        return base, limited(correction, -limit, limit)
 
     def _wanted_stiffness(self, request: PlanRequest) -> float:
         """Stiffness of the model [N m/rad] at which the joint has the commanded one."""
@@ -185,7 +186,7 @@ class PositionStiffnessController(Controller):
         rate_limit = min(settings.stiffness_rate, channel.joint.max_stiffness_rate)
         reach = rate_limit * request.step
         change = self._wanted_stiffness(request) - telemetry.stiffness
-        stiffness = telemetry.stiffness + max(-reach, min(reach, change))
+        stiffness = telemetry.stiffness + limited(change, -reach, reach)
         rate = ahead = (0.0, 0.0)
         if settings.feedforward:
             now, then = request.now, request.then
@@ -202,10 +203,8 @@ class PositionStiffnessController(Controller):
             channel.remember(Plan(request.acts_at, goal, stiffness, added), request.measured_at)
             rate = channel.planned_rates(request.side_acts_at)
             past = channel.plan_at(request.now_at)
-            ahead = (
-                channel.plan_at(request.side_acts_at[0]).pressures[0] - past.pressures[0],
-                channel.plan_at(request.side_acts_at[1]).pressures[1] - past.pressures[1],
-            )
+            coming = channel.pressures_at(request.side_acts_at)
+            ahead = (coming[0] - past.pressures[0], coming[1] - past.pressures[1])
             wanted_stiffness, added = past.stiffness, past.memory_torque
             torque = channel.dynamics.torque(now) - added + request.output + correction
             torque += self._lost(request, added)

@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 PEAK_SHARES = np.linspace(0.0, 1.0, 25)  # where a segment is searched for its peaks
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class JointReference:
     """Reference of one joint: position [rad], velocity [rad/s], acceleration [rad/s^2]."""
 

@@ -15,7 +15,7 @@ Artificial Muscle".
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import cast
 
 from pam_model.effects import adjusted
@@ -62,7 +62,12 @@ class AntagonisticJoint:
         self.pulley_radius = pulley_radius
         self.ambient_pressure = ambient_pressure
         self.exponent = exponent
-        self._affine = agonist.is_affine and antagonist.is_affine
+        self._affine: tuple[AffineForceModel, AffineForceModel] | None = None
+        if agonist.is_affine and antagonist.is_affine:
+            self._affine = (
+                cast(AffineForceModel, agonist.model),
+                cast(AffineForceModel, antagonist.model),
+            )
         ends = []
         for muscle, sign in ((agonist, -1.0), (antagonist, 1.0)):
             low, high = muscle.model.length_bounds
@@ -169,6 +174,19 @@ class AntagonisticJoint:
         first, second = self.tensions(agonist, antagonist, position, velocity)
         return self.pulley_radius * (first - second)
 
+    def torques(self, pressures: Sequence[tuple[float, float]], position: float) -> list[float]:
+        """Torques [N m] of several pairs of pressures at one position, at rest; see `tensions`."""
+        if self._affine is None:
+            return [self.torque(*pair, position) for pair in pressures]
+        first, second = self.lengths(position)
+        scale_a, passive_a = self._affine[0].coefficients(first)
+        scale_b, passive_b = self._affine[1].coefficients(second)
+        return [
+            self.pulley_radius
+            * (max(0.0, a * scale_a + passive_a) - max(0.0, b * scale_b + passive_b))
+            for a, b in pressures
+        ]
+
     def stiffness(self, agonist: float, antagonist: float, position: float) -> float:
         """Stiffness at constant pressures [N m/rad]; a slack muscle adds nothing."""
         return self._stiffness(
@@ -254,7 +272,7 @@ class AntagonisticJoint:
                 "rad: all must be finite numbers"
             )
         low, high = self.position_range
-        inside = min(max(position, low), high)
+        inside = low if position < low else min(position, high)
         first, second = self.lengths(inside)
         a, b = self._line(self.agonist, first), self._line(self.antagonist, second)
         radius = self.pulley_radius
@@ -262,7 +280,7 @@ class AntagonisticJoint:
         rate = stiffness / (radius * radius)
         pull = self._antagonist_pull(a, b, difference, rate)
         pressures = a.pressure(pull + difference), b.pressure(pull)
-        if self._affine:
+        if self._affine is not None:
             reached = (
                 radius * difference,
                 radius * radius * (a.stiffness(pull + difference) + b.stiffness(pull)),

@@ -37,7 +37,7 @@ class JointMuscle:
         object.__setattr__(self, "is_affine", isinstance(self.model, AffineForceModel))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class JointPressures:
     """Two pressures, the achieved torque and stiffness, and which requests were limited.
 

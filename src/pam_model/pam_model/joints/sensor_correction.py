@@ -32,6 +32,7 @@ class SensorCorrection:
         self._biases = [
             adjusted("pressure_sensor.bias", None, muscle.effects) for muscle in rig.muscles
         ]
+        self._reads_true = set(self._gains) <= {1.0} and set(self._biases) <= {0.0}
 
     def position(self, joint: int, measured: float) -> float:
         """True position [rad] of a joint, by its number in the rig."""
@@ -49,7 +50,10 @@ class SensorCorrection:
 
     def pressures(self, measured: Sequence[float]) -> list[float]:
         """True gauge pressures [Pa], in the rig's order."""
+        values = [float(value) for value in measured]
+        if self._reads_true:
+            return values
         return [
-            float(true_pressure(float(value), gain, bias))
-            for value, gain, bias in zip(measured, self._gains, self._biases, strict=True)
+            true_pressure(value, gain, bias)
+            for value, gain, bias in zip(values, self._gains, self._biases, strict=True)
         ]

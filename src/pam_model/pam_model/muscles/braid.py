@@ -153,6 +153,8 @@ class ThinCylinder(AffineMuscle):
         return 0.0, self.thread_length
 
     def _check(self, length: Any) -> Any:
+        if isinstance(length, float) and 0.0 < length < self.thread_length:
+            return length
         return require_length(length, 0.0, self.thread_length, "the thread length")
 
     def coefficients(self, length: Any) -> tuple[Any, Any]:

@@ -81,6 +81,8 @@ class ChouHannaford(ThinCylinder):
         return 0.0, self._longest
 
     def _check(self, length: Any) -> Any:
+        if isinstance(length, float) and 0.0 < length < self._longest:
+            return length
         return require_length(length, 0.0, self._longest, "where the wall fills the braid")
 
     def _angle(self, length: Any) -> tuple[Any, Any]:
