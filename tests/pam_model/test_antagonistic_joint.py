@@ -64,6 +64,16 @@ def test_against_the_oracle(vector: int) -> None:
 
 @pytest.mark.parametrize("name", JOINTS)
 @given(agonist=pressures, antagonist=pressures, position=positions)
+def test_torques_of_several_pairs_are_those_of_each_pair(
+    name: str, agonist: float, antagonist: float, position: float
+) -> None:
+    joint, pairs = JOINTS[name], ((agonist, antagonist), (antagonist, 0.5 * agonist))
+    alone = [joint.torque(*pair, position) for pair in pairs]
+    assert joint.torques(pairs, position) == pytest.approx(alone, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", JOINTS)
+@given(agonist=pressures, antagonist=pressures, position=positions)
 def test_inverse_finds_the_pressures_back(
     name: str, agonist: float, antagonist: float, position: float
 ) -> None:

@@ -156,6 +156,10 @@ def missing_measurement(
         age = time - stamp
         if not age <= oldest:
             return f"{what}s are {age * 1e3:.0f} ms old, limit {oldest * 1e3:.0f} ms"
+    if all(map(math.isfinite, measurement.positions)) and all(
+        map(math.isfinite, measurement.pressures)
+    ):
+        return ""
     for channel, position in zip(channels, measurement.positions, strict=True):
         if not math.isfinite(position):
             return f"position of {channel.joint.name} is not available"

@@ -117,12 +117,13 @@ class Controller(LoopDesign):
         session = None if loops.soft else self.prepared.learning
         for channel in self.channels:
             channel.learner = session.learners[channel.joint.name] if session else None
+            channel.acting_delays = acting_delays(channel, settings)
         self.references.stream_timeout = settings.stream_timeout
         self.references.stream_bandwidth = settings.stream_bandwidth
         self.references.allow_nonzero_end_velocity = settings.allow_nonzero_end_velocity
         # the reference is needed until the slowest valve acts, and back to the oldest measurement
         self._told_horizon = max(
-            (max(acting_delays(channel, settings)) for channel in self.channels), default=0.0
+            (max(channel.acting_delays) for channel in self.channels), default=0.0
         )
         self.references.horizon = max(self.references.horizon, self._told_horizon)
         self.references.keep(
@@ -368,15 +369,13 @@ class Controller(LoopDesign):
         now_at = measured_at - channel.late_pressures
         seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
         seen_at -= channel.late_position
-        told = acting_delays(channel, settings)
-        acts = [
-            time + delay + late for delay, late in zip(told, channel.late_commands, strict=True)
-        ]
+        told, late, sample = channel.acting_delays, channel.late_commands, self.references.sample
+        acts = (time + told[0] + late[0], time + told[1] + late[1])
         acts_at = max(acts)
-        now = self.references.sample(name, now_at)
-        seen = now if seen_at == now_at else self.references.sample(name, seen_at)
-        then = self.references.sample(name, acts_at)
-        thens = [then if at == acts_at else self.references.sample(name, at) for at in acts]
+        now = sample(name, now_at)
+        seen = now if seen_at == now_at else sample(name, seen_at)
+        then = sample(name, acts_at)
+        thens = [then if at == acts_at else sample(name, at) for at in acts]
         if channel.learner is not None:
             channel.learner.follow(self.references.spline(name))
         fresh = channel.measure(position, measurement.position_time, settings.derivative_filter)
@@ -392,7 +391,7 @@ class Controller(LoopDesign):
                 measured_at,
                 acts_at,
                 now_at,
-                (acts[0], acts[1]),
+                acts,
                 (thens[0].velocity, thens[1].velocity),
                 step,
                 seen,

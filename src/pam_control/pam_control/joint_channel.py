@@ -132,6 +132,7 @@ class JointChannel:
         self.adapted = 0.0  # learnt torque of the newest plan [N m]
         self.telemetry = JointTelemetry()
         self.margins: list[Margins] = []
+        self.acting_delays: Pair = (0.0, 0.0)  # see the function below; of the present settings
         self.plans: deque[Plan] = deque()  # oldest first
         self.desired: Pair = (math.nan, math.nan)
         self.position = math.nan
@@ -231,7 +232,8 @@ class JointChannel:
         span = self.plans[-1].time - self.plans[-2].time
         if span <= 0.0:
             return 0.0, 0.0
-        now, before = self.pressures_at(times), self.pressures_at((times[0] - span, times[1] - span))
+        now = self.pressures_at(times)
+        before = self.pressures_at((times[0] - span, times[1] - span))
         return (now[0] - before[0]) / span, (now[1] - before[1]) / span
 
     def pressures_at(self, times: Pair) -> Pair:
@@ -243,7 +245,10 @@ class JointChannel:
         return pressures[0], self.plan_at(second).pressures[1]
 
     def plan_at(self, time: float) -> Plan:
-        """Plan for `time` [s]: linear interpolation between the plans, constant outside them."""
+        """Plan for `time` [s]: linear interpolation between the plans, constant outside them.
+
+        After the last plan it is that plan itself, with its own time.
+        """
         later = self.plans[-1]
         if later.time <= time:
             return later

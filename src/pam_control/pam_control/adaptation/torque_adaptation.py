@@ -93,6 +93,8 @@ class TorqueAdaptation:
     delay : float
         By which the position is later than the pressures, beside what the rig file tells; negative
         if the pressures are later [s].
+    friction : float
+        Dry friction that was learnt, and that changes its side within some 10 mrad [N m].
     """
 
     def __init__(self, inertia: float, damping: float, largest: float) -> None:
@@ -112,7 +114,7 @@ class TorqueAdaptation:
         self._fit.forget()
         self._fit.doubt(SLIPS, True)
         self._forth = self._back = 0.0
-        self.delay = 0.0
+        self.delay = self.friction = 0.0
 
     @property
     def knows(self) -> bool:
@@ -124,12 +126,9 @@ class TorqueAdaptation:
         """Of the functions in the order of `motion_functions`, and of the delay."""
         return self._fit.weights
 
-    @property
-    def friction(self) -> float:
-        """Dry friction that was learnt, and that changes its side within some 10 mrad [N m]."""
+    def _dry_friction(self) -> float:
         slips = zip(self._fit.weights[SLIPS], SLIP_LENGTHS, strict=True)
-        short = (weight for weight, length in slips if length < DRY)
-        return abs(sum(short))
+        return abs(sum(weight for weight, length in slips if length < DRY))
 
     def restart(self) -> None:
         """Begin with a joint at rest; what was learnt is kept."""
@@ -183,6 +182,7 @@ class TorqueAdaptation:
             self._fit.doubt(SLIPS, min(self._forth, self._back) < BOTH_WAYS)
             self._fit.update(functions, float(smooth[0]) - model, self._since)
             learnt += self._slow_part()
+            self.friction = self._dry_friction()
         self._since = 0.0
         return learnt
 

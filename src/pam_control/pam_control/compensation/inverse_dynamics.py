@@ -70,6 +70,13 @@ class InverseDynamics:
         """Derivative of `gravity` [N m/rad]; positive where gravity acts as a restoring spring."""
         return self.gravity_torque * math.cos(position - self.gravity_angle)
 
+    def _added(self, position: float, velocity: float) -> float:
+        """Sum of the smooth torques [N m]."""
+        added = 0.0
+        for law in self.smooth_torques:
+            added += law(position, velocity)
+        return added
+
     def static_torque(self, position: float, velocity: float, planned_velocity: float) -> float:
         """Torque [N m] for a measured motion, without inertia and viscous friction.
 
@@ -80,12 +87,12 @@ class InverseDynamics:
         planned_velocity : float
             Velocity of the reference, whose sign is that of the dry friction [rad/s].
         """
-        added = sum(law(position, velocity) for law in self.smooth_torques)
+        added = self._added(position, velocity)
         return self.gravity(position) + self.dry_friction.torque(planned_velocity) - added
 
     def torque(self, reference: JointReference) -> float:
         """Torque [N m] for the motion `reference`."""
-        added = sum(law(reference.position, reference.velocity) for law in self.smooth_torques)
+        added = self._added(reference.position, reference.velocity)
         return (
             self.inertia * reference.acceleration
             + self.viscous_friction * reference.velocity

@@ -16,10 +16,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from pam_control.limited import limited
 from pam_control.references.jerk_limited_stop import rest_position
 from pam_control.references.spline import Array, JointReference
 
@@ -54,6 +55,9 @@ class MotionLimits:
     own_velocity, own_acceleration, own_jerk : float
         Limits of the motions that the limiter makes itself, which the valves can drive anywhere in
         the joint's range, see `pam_control.valve_limits` [rad/s], [rad/s^2], [rad/s^3].
+    own_speed, own_push : float
+        Largest speed and acceleration of the limiter's own motions, by all limits [rad/s],
+        [rad/s^2].
     jerk : float
         What the valves can drive of a planned trajectory's jerk, at rest [rad/s^3].
     valve_share : ValveShare or None
@@ -67,16 +71,13 @@ class MotionLimits:
     own_jerk: float = LARGEST_JERK
     jerk: float = math.inf
     valve_share: ValveShare | None = None
+    own_speed: float = field(init=False)
+    own_push: float = field(init=False)
 
-    @property
-    def own_speed(self) -> float:
-        """Largest speed of the limiter's own motions [rad/s]."""
-        return min(self.velocity, self.own_velocity)
-
-    @property
-    def own_push(self) -> float:
-        """Largest acceleration of the limiter's own motions [rad/s^2]."""
-        return min(self.acceleration, self.own_acceleration)
+    def __post_init__(self) -> None:
+        # computed once, because they are needed ten times in each control cycle
+        object.__setattr__(self, "own_speed", min(self.velocity, self.own_velocity))
+        object.__setattr__(self, "own_push", min(self.acceleration, self.own_acceleration))
 
     def rest(self, state: JointReference) -> float:
         """Where the limiter brings a reference to rest [rad]."""
@@ -154,20 +155,27 @@ class MotionLimiter:
         now = self.state
         low, high = self._accelerations(step)
         acceleration = self._towards(target, step, low, high)
+        lower, upper = self.bounds
+        if not lower <= self.limits.rest(_moved(now, acceleration, step)) <= upper:
+            acceleration = self._before_the_ends(acceleration, step, low, high)
+        # the limits of the rig file come last, because they hold whatever was asked for
+        fastest = (self.limits.velocity - now.velocity) / step
+        slowest = (-self.limits.velocity - now.velocity) / step
+        acceleration = limited(acceleration, slowest, fastest)
+        most = self.limits.acceleration
+        moved = _moved(now, limited(acceleration, -most, most), step)
+        if not lower <= moved.position <= upper:
+            return JointReference(limited(moved.position, lower, upper))
+        return moved
+
+    def _before_the_ends(self, acceleration: float, step: float, low: float, high: float) -> float:
+        """The acceleration [rad/s^2] with which the motion can stop before the range ends."""
+        now = self.state
         for bound, sign in zip(self.bounds, (-1.0, 1.0), strict=True):
             if sign * (self.limits.rest(_moved(now, acceleration, step)) - bound) > 0.0:
                 wall = JointReference(bound)
                 acceleration = _landing(now, wall, step, low, high, self.limits)
-        # the limits of the rig file come last, because they hold whatever was asked for
-        fastest = (self.limits.velocity - now.velocity) / step
-        slowest = (-self.limits.velocity - now.velocity) / step
-        acceleration = max(slowest, min(fastest, acceleration))
-        most = self.limits.acceleration
-        moved = _moved(now, max(-most, min(most, acceleration)), step)
-        lower, upper = self.bounds
-        if not lower <= moved.position <= upper:
-            return JointReference(max(lower, min(upper, moved.position)))
-        return moved
+        return acceleration
 
     def _accelerations(self, step: float) -> tuple[float, float]:
         """The range of accelerations that the limits leave for the next step [rad/s^2]."""
@@ -185,14 +193,14 @@ class MotionLimiter:
         """The acceleration [rad/s^2] of the next step towards a target at its end."""
         now, limits = self.state, self.limits
         pole = min(POLE, LONGEST_POLE_STEP / step)
-        at = max(-limits.own_push, min(limits.own_push, target.acceleration))
+        at = limited(target.acceleration, -limits.own_push, limits.own_push)
         gap = now.position + step * (now.velocity + 0.5 * step * now.acceleration)
         gap -= target.position
         speed = now.velocity + step * now.acceleration - target.velocity
         push = now.acceleration - at
         pulls = (pole**3 * gap, 3.0 * pole**2 * speed, 3.0 * pole * push)
-        if sum(abs(pull) for pull in pulls) <= min(limits.own_jerk, pole * limits.own_push):
-            return max(low, min(high, now.acceleration - step * sum(pulls)))
+        if sum(map(abs, pulls)) <= min(limits.own_jerk, pole * limits.own_push):
+            return limited(now.acceleration - step * sum(pulls), low, high)
         aim = JointReference(target.position, target.velocity, at)
         return _landing(now, aim, step, low, high, limits)
 

@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
+from pam_control.limited import limited
 from pam_control.references.motion_limiter import MotionLimiter, MotionLimits
 from pam_control.references.planned_trajectory import PlannedTrajectory, joined, plan
 from pam_control.references.spline import JointReference, JointSpline
@@ -342,7 +343,7 @@ class ReferenceGenerator:
             most = motion.own_push
             highest = min(most, (motion.velocity - qd) / step)
             lowest = max(-most, (-motion.velocity - qd) / step)
-            allowed = max(min(lowest, most), min(max(highest, -most), qdd))
+            allowed = limited(qdd, min(lowest, most), max(highest, -most))
             stream.limited, qdd = allowed != qdd, allowed
         qd += qdd * step
         stream.state = JointReference(q + qd * step, qd, qdd)
