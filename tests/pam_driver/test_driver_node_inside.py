@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import State
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import serialize_message
@@ -31,7 +32,13 @@ from pam_driver.boards.protocol import EMERGENCY_STOP
 from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_driver.can_bus.bus_opening import BusError
 from pam_driver.driver_node import DriverNode
+from pam_driver.safety.people_inputs import FULL_SPEED
 from pam_driver.safety.states import SafetyState
+from pam_ros.driver_state import (
+    driver_state_message,
+    permits_full_speed,
+    reason_against_commands,
+)
 from pam_ros.errors import ParameterError
 
 from .fake_board import FakeBoard
@@ -425,3 +432,31 @@ def test_every_change_of_state_is_published_with_its_reason(
         "vented: a call of ~/vent",
         "unconfigured",
     ]
+
+
+def test_the_state_tells_the_controller_whether_full_speed_is_permitted(
+    monkeypatch: pytest.MonkeyPatch, codec: BoardCodec
+) -> None:
+    wanted = ("people.full_speed_topic", "true"), ("people.deadline", 5.0)
+    inside = Inside(monkeypatch, codec, *wanted)
+    try:
+        node = inside.node
+        assert node.count_subscribers("/pam_driver/full_speed_permitted") == 1
+        assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        assert "at reduced speed" in node._published_state
+        node._on_people(FULL_SPEED, Bool(data=True))
+        node._publish_state()
+        assert "at reduced speed" not in node._published_state
+        node._on_people(FULL_SPEED, Bool(data=False))
+        node._publish_state()
+        assert "at reduced speed" in node._published_state
+    finally:
+        inside.close()
+
+
+@pytest.mark.parametrize("reduced", [True, False])
+def test_a_state_without_a_word_about_the_speed_permits_no_full_speed(reduced: bool) -> None:
+    told = driver_state_message("pam_driver", "active", "", reduced=reduced)
+    assert permits_full_speed(serialize_message(told)) is not reduced
+    assert reason_against_commands(serialize_message(told)) == ""
+    assert not permits_full_speed(serialize_message(DiagnosticStatus()))

@@ -64,10 +64,14 @@ class Controller(LoopDesign):
     ) -> None:
         super().__init__(rig, settings, designs)
         self._limits = DrivableLimits(rig)
+        self.reduced_speed = rig.people.full_speed_topic
+        self._slow = self.reduced_speed  # what the references keep
         self.references = ReferenceGenerator(
             {joint.name: joint.position_limits for joint in rig.joints},
             {
-                channel.joint.name: self._limits.at(channel, settings.default_stiffness)
+                channel.joint.name: self._limits.at(
+                    channel, settings.default_stiffness, reduced=self._slow
+                )
                 for channel in self.channels
             },
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
@@ -184,7 +188,8 @@ class Controller(LoopDesign):
     def _drive(self) -> None:
         """Limit the references to what the valves can drive at the commanded stiffnesses."""
         for channel, stiffness in zip(self.channels, self.stiffness_commands, strict=True):
-            self.references.limit(channel.joint.name, self._limits.at(channel, stiffness))
+            limits = self._limits.at(channel, stiffness, reduced=self._slow)
+            self.references.limit(channel.joint.name, limits)
 
     def stiffness_range(self, index: int) -> Pair:
         """Least and greatest stiffness [N m/rad] of joint `index` at its present reference."""
@@ -237,8 +242,40 @@ class Controller(LoopDesign):
         self.references.stop([], now)
         self.lowering.start()
 
+    def reduce_speed(self, reduced: bool, now: float) -> None:
+        """Keep the joints' `reduced_velocity`, or no longer.
+
+        Either change brakes the joints and holds them (stop category 2), so that no reference
+        becomes faster by itself.
+
+        Parameters
+        ----------
+        reduced : bool
+            Whether full speed is not permitted.
+        now : float
+            Present time [s].
+        """
+        if reduced != self.reduced_speed:
+            self.reduced_speed = reduced
+            self.references.stop([], now)
+
+    def _change_speed(self) -> None:
+        """Use the other limit of speed as soon as all references have braked below it."""
+        limits = [
+            self._limits.at(channel, stiffness, reduced=self.reduced_speed)
+            for channel, stiffness in zip(self.channels, self.stiffness_commands, strict=True)
+        ]
+        if all(
+            self.references.speed(channel.joint.name) <= limit.velocity
+            for channel, limit in zip(self.channels, limits, strict=True)
+        ):
+            self._slow = self.reduced_speed
+            self._drive()
+
     def reason_against_references(self) -> str:
         """Why no references are taken now; empty if they are."""
+        if self._slow != self.reduced_speed:
+            return "the joints brake, because another speed is permitted now"
         if self.lowering.phase is not LoweringPhase.OFF:
             return "the joints are being lowered"
         return self.guard.stopped
@@ -286,6 +323,8 @@ class Controller(LoopDesign):
         self._time = time
         self._look_ahead(step)
         self.references.advance(time)
+        if self._slow != self.reduced_speed:
+            self._change_speed()
         commands = [math.nan] * len(self.rig.muscles)
         for index in range(len(self.channels)):
             self._joint_step(index, time, step, measurement, commands)

@@ -48,7 +48,7 @@ from pam_control.trajectory_message import TrajectoryMessage
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros import diagnostics as health
-from pam_ros.driver_state import reason_against_commands
+from pam_ros.driver_state import permits_full_speed, reason_against_commands
 from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
@@ -228,6 +228,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         When it takes commands again, the next cycle takes over the joints where they are.
         """
         with self._lock:
+            if self.rig.people.full_speed_topic:
+                self._controller.reduce_speed(not permits_full_speed(data), self._now())
             self._driver_reason = reason_against_commands(data)
             if self._driver_reason:
                 self._controller.drop_commands()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from pam_control.joint_channel import JointChannel
 from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
@@ -27,8 +28,15 @@ class DrivableLimits:
         self._rig = rig
         self._known: dict[tuple[str, int], MotionLimits] = {}
 
-    def at(self, channel: JointChannel, stiffness: float) -> MotionLimits:
-        """The limits of a joint at about this stiffness [N m/rad]."""
+    def at(self, channel: JointChannel, stiffness: float, *, reduced: bool = False) -> MotionLimits:
+        """The limits of a joint at about this stiffness [N m/rad], perhaps at reduced speed."""
+        limits = self._at(channel, stiffness)
+        if not reduced:
+            return limits
+        velocity = REFERENCE_SHARE * channel.joint.reduced_velocity
+        return replace(limits, velocity=min(velocity, limits.velocity))
+
+    def _at(self, channel: JointChannel, stiffness: float) -> MotionLimits:
         step = round(math.log(max(stiffness, LEAST_STIFFNESS)) / STIFFNESS_STEP)
         key = (channel.joint.name, step)
         if key not in self._known:

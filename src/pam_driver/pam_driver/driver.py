@@ -275,7 +275,9 @@ class Driver:
             oldest = now - self._settings.sensor_timeout
             snapshot = take_snapshot(self.state, self._boards, self._velocity, oldest)
             self._readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)
-            self._judge.watch_motion(self._readings, self._command_age, now)
+            # the start-up check and the lowering have limits of their own
+            slow = self.state is SafetyState.ACTIVE and self.people.must_be_slow(now)
+            self._judge.watch_motion(self._readings, self._command_age, now, slow)
             self._judge.judge(self._setpoints(), self._readings, now)
             output = OUTPUTS[self.state]
             self._exhausts.update(snapshot.pressures, not (output.enable or output.lower), now)

@@ -243,7 +243,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             reason = "; ".join(str(fault) for fault in driver.faults)
         elif self._start_up.latched:
             reason = f"a fault is latched from before the clean-up: {self._start_up.latched}"
-        message = driver_state_message(self.get_name(), state.value, reason)
+        reduced = self._rig.people.full_speed_topic and (
+            driver is None or driver.people.reduced_speed(time.monotonic())
+        )
+        message = driver_state_message(self.get_name(), state.value, reason, reduced=reduced)
         if message.message != self._published_state:
             self._published_state = message.message
             self._state_topic.publish(message)

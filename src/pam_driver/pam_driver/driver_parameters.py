@@ -7,6 +7,7 @@ from typing import Any, Final
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
 from pam_driver.can_bus.bus_opening import DEFAULT_BITRATE
 from pam_driver.driver_settings import DriverSettings
+from pam_driver.safety.people_inputs import FULL_SPEED
 from pam_model.errors import PamError
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
@@ -109,8 +110,9 @@ TABLE: Final = (
 PEOPLE_TOPICS: Final = {
     EMERGENCY_STOP: "~/emergency_stop_released",
     ENABLING_SWITCH: "~/enabling_switch_held",
+    FULL_SPEED: "~/full_speed_permitted",
 }
-"""By input for people, the topic that can take its place: true permits motion."""
+"""By input for people, its topic: true permits motion, or full speed."""
 
 HELP: Final = NodeHelp(
     program="ros2 run pam_driver driver_node",
@@ -135,6 +137,11 @@ HELP: Final = NodeHelp(
             PEOPLE_TOPICS[ENABLING_SWITCH],
             "std_msgs/Bool",
             "true permits motion; only with people.enabling_switch_topic in the rig file",
+        ),
+        Endpoint(
+            PEOPLE_TOPICS[FULL_SPEED],
+            "std_msgs/Bool",
+            "true permits full speed; only with people.full_speed_topic in the rig file",
         ),
     ),
     publishes=(

@@ -128,7 +128,9 @@ class FaultJudge:
             muscle.max_pressure + settings.over_pressure_margin for muscle in rig.muscles
         )
 
-    def watch_motion(self, readings: Readings, command_age: float, now: float) -> None:
+    def watch_motion(
+        self, readings: Readings, command_age: float, now: float, slow: bool = False
+    ) -> None:
         """Take the motion and the delays of one cycle.
 
         Parameters
@@ -139,10 +141,12 @@ class FaultJudge:
             Age with which the command in use arrived [s]; 0 while none is in use.
         now : float
             Monotonic time [s].
+        slow : bool, optional
+            Whether the joints must keep their `reduced_velocity`.
         """
         boards = self._boards
         times = [samples[channel].time for samples, channel in boards.angles]
-        self._speeds.update(*readings, times, now)
+        self._speeds.update(*readings, times, now, slow)
         oldest = min(
             (samples[channel].time for samples, channel in (*boards.pressures, *boards.angles)),
             default=now,

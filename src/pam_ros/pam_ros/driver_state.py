@@ -2,7 +2,8 @@
 
 The driver publishes a DiagnosticStatus on `~/state` whenever its state changes, and once when it
 starts. The topic is latched (transient local), so that a node that starts later hears the present
-state at once. `values` holds `state` and `reason` for programs, `message` both for people.
+state at once. `values` holds `state`, `reason` and `speed` (full or reduced) for programs,
+`message` all of them for people.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ LATCHED: Final = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 """Quality of service of the topic, for publisher and subscriber."""
+FULL: Final = "full"
 COMMANDABLE: Final = frozenset({"ready", "active"})
 """States in which the driver takes commands; the first command leads from ready to active."""
 
 
-def driver_state_message(name: str, state: str, reason: str) -> Any:
+def driver_state_message(name: str, state: str, reason: str, *, reduced: bool = False) -> Any:
     """A message for the topic.
 
     Parameters
@@ -34,13 +36,20 @@ def driver_state_message(name: str, state: str, reason: str) -> Any:
         One of the states on the driver's page.
     reason : str
         What brought it there; may be empty.
+    reduced : bool, optional
+        Whether full speed is not permitted.
     """
+    told = f"{state} at reduced speed" if reduced else state
     level = DiagnosticStatus.ERROR if state.startswith("fault") else DiagnosticStatus.OK
     return DiagnosticStatus(
         level=level,
         name=f"{name}: state",
-        message=f"{state}: {reason}" if reason else state,
-        values=[KeyValue(key="state", value=state), KeyValue(key="reason", value=reason)],
+        message=f"{told}: {reason}" if reason else told,
+        values=[
+            KeyValue(key="state", value=state),
+            KeyValue(key="reason", value=reason),
+            KeyValue(key="speed", value="reduced" if reduced else FULL),
+        ],
     )
 
 
@@ -52,9 +61,24 @@ def reason_against_commands(data: bytes) -> str:
     data : bytes
         The message as it was received.
     """
-    message = deserialize_message(data, DiagnosticStatus)
-    values = {pair.key: pair.value for pair in message.values}
+    values = _values(data)
     state, reason = values.get("state", ""), values.get("reason", "")
     if state in COMMANDABLE:
         return ""
     return f"the driver is {state or 'in an unknown state'}" + (f" ({reason})" if reason else "")
+
+
+def permits_full_speed(data: bytes) -> bool:
+    """Whether the message says that full speed is permitted; one that does not say it, does not.
+
+    Parameters
+    ----------
+    data : bytes
+        The message as it was received.
+    """
+    return _values(data).get("speed") == FULL
+
+
+def _values(data: bytes) -> dict[str, str]:
+    message = deserialize_message(data, DiagnosticStatus)
+    return {pair.key: pair.value for pair in message.values}

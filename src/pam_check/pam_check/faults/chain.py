@@ -38,6 +38,7 @@ from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
 STEP: Final = 1e-3
 MODEL_STEPS: Final = 10  # between two estimates
+STATE_STEPS: Final = 50  # between two messages of the driver's state
 AMPLITUDE, FREQUENCY = 0.35, 0.6  # amplitude and frequency of the motion [rad], [Hz]
 START_UP = 0.5
 # Time of a message from process to process: least, mean beyond it, and most [s].
@@ -94,6 +95,8 @@ class FaultChain:
         The rules of the driver's process, which decide whether it may activate.
     unstamped : bool
         Whether the controller's commands carry no stamp.
+    obeys_speed : bool
+        Whether the controller keeps the reduced speed when full speed is not permitted.
     lowered_at : float
         When the driver last lowered the joints [s].
     noticed : Counter
@@ -139,6 +142,7 @@ class FaultChain:
         self.noticed: Counter[str] = Counter()
         self.start_up = StartUp()
         self.unstamped = False
+        self.obeys_speed = True
         self.lowered_at = -math.inf
         self.reason = ""
         self.reference = 0.0
@@ -296,6 +300,9 @@ class FaultChain:
         if self.driver.state not in COMMANDABLE:  # the node follows the driver's state
             self.controller.drop_commands()
             return
+        if self._tick % STATE_STEPS == 1:
+            reduced = self.driver.people.reduced_speed(self.now)
+            self.controller.reduce_speed(reduced and self.obeys_speed, self.now)
         references = self.controller.references
         if self.controller.active and self.motion is not None:
             angle, speed = self.motion(self.now)

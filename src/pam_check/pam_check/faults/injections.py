@@ -10,6 +10,7 @@ from pam_check.faults import (
     hidden_effects,
     host_faults,
     operator_faults,
+    people_faults,
     random_acts,
     reference_faults,
     time_faults,
@@ -30,6 +31,7 @@ _PLAIN: Mapping[str, Injection] = {
     **time_faults.INJECTIONS,
     **reference_faults.INJECTIONS,
     **operator_faults.INJECTIONS,
+    **people_faults.INJECTIONS,
     **random_acts.INJECTIONS,
     **hidden_effects.INJECTIONS,
 }

@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
 from pam_driver.driver_parameters import PEOPLE_TOPICS
+from pam_driver.safety.people_inputs import FULL_SPEED
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import Rig, load_rig
@@ -96,6 +97,7 @@ def rights_of(node: str, rig: Rig) -> dict[str, set[str]]:
         wanted = {
             EMERGENCY_STOP: rig.people.emergency_stop_topic,
             ENABLING_SWITCH: rig.people.enabling_switch_topic,
+            FULL_SPEED: rig.people.full_speed_topic,
         }
         subscribes |= {topic for name, topic in PEOPLE_TOPICS.items() if wanted[name]}
     publishes = {*rights.publishes, *_COMMON_PUBLISHES, "parameter_events"}

@@ -122,6 +122,11 @@ class ReferenceGenerator:
             if name in self._limiters:
                 self._limiters[name].reset(held)
 
+    def speed(self, name: str) -> float:
+        """The speed of a joint's newest reference [rad/s]; 0 for a joint without limits."""
+        limiter = self._limiters.get(name)
+        return 0.0 if limiter is None else abs(limiter.state.velocity)
+
     def lead(self, name: str, position: float) -> None:
         """Hold a joint at a position [rad] that its law moves from cycle to cycle."""
         lower, upper = self.limits[name]

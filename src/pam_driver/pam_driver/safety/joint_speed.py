@@ -130,6 +130,7 @@ class JointSpeedWatch:
         velocities: Sequence[float],
         times: Sequence[float],
         now: float,
+        slow: bool = False,
     ) -> None:
         """Take the measurements of one cycle; NaN where unknown.
 
@@ -141,6 +142,9 @@ class JointSpeedWatch:
             By joint: angle [rad], speed [rad/s], and when the angle was measured, monotonic [s].
         now : float
             Monotonic time [s].
+        slow : bool, optional
+            Whether the joints must keep their `reduced_velocity`. Only the measured speed is
+            compared with it: the air cannot drive a joint above `max_velocity` in any case.
         """
         pressures = self._correction.pressures(pressures)
         positions = self._correction.positions(positions)
@@ -148,13 +152,21 @@ class JointSpeedWatch:
             acceleration = joint.accelerates(velocity, times[index])
             driven = joint.driven_speed(acceleration, pressures, positions[index])
             limit = joint.joint.max_velocity
-            if abs(velocity) > limit:
-                sign, text = math.copysign(1.0, velocity), f"at {abs(velocity):.2f} rad/s"
+            reduced = min(joint.joint.reduced_velocity, limit) if slow else limit
+            if abs(velocity) > reduced:
+                sign = math.copysign(1.0, velocity)
+                text = f"at {abs(velocity):.2f} rad/s, max_velocity is {limit:g} rad/s"
+                if reduced < limit:
+                    text = (
+                        f"at {abs(velocity):.2f} rad/s, reduced_velocity is {reduced:g} rad/s and "
+                        "full speed is not permitted"
+                    )
             elif math.hypot(velocity, driven) > limit:
                 sign = math.copysign(2.0, acceleration)
                 text = (
                     f"at {velocity:+.2f} rad/s and {acceleration:+.0f} rad/s^2, from where the air "
-                    f"in the muscles can drive it to {math.hypot(velocity, driven):.2f} rad/s"
+                    f"in the muscles can drive it to {math.hypot(velocity, driven):.2f} rad/s, "
+                    f"max_velocity is {limit:g} rad/s"
                 )
             else:
                 sign, text = 0.0, ""
@@ -168,5 +180,4 @@ class JointSpeedWatch:
         """One condition for each joint that has been too fast for `LASTS`."""
         for joint, since, text in zip(self._joints, self._since, self._texts, strict=True):
             if now - since >= LASTS - 1e-9:
-                limit = f"max_velocity is {joint.joint.max_velocity:g} rad/s"
-                yield Condition("joint_too_fast", joint.joint.name, f"{text}, {limit}")
+                yield Condition("joint_too_fast", joint.joint.name, text)

@@ -1,16 +1,21 @@
-"""Emergency stop and enabling switch: inputs of the boards and topics, which can forbid motion.
+"""Emergency stop, enabling switch and permission of full speed: inputs by which people stop.
+
+The first two are inputs of the boards and topics, which can forbid motion; the third is a topic.
 
 Every input is fail-safe: motion needs a value that permits it, and a value that is younger than the
 deadline. An emergency stop that is pressed is a latched fault in every state. A silent one is a
 fault while air may move, and prevents activation otherwise. A released enabling switch vents and
-is no fault: holding it again does not move anything before someone activates the driver.
+is no fault: holding it again does not move anything before someone activates the driver. Without
+permission of full speed the joints must be slow, after the time in which the controller brakes.
 
-Sources: ISO 10218-1 (emergency stop, three-position enabling device), IEC 60204-1 section 9.2
+Sources: ISO 10218-1 (emergency stop, three-position enabling device, reduced speed), IEC 60204-1
+section 9.2
 (a reset must not itself start motion).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Final
 
@@ -26,6 +31,8 @@ from pam_driver.boards.protocol import (
 from pam_model.errors import RigError
 from pam_model.rig import People
 
+FULL_SPEED: Final = "full_speed"
+"""The name of the input that permits full speed."""
 _WORDS: Final = {
     EMERGENCY_STOP: ("the emergency stop is pressed", "emergency stop"),
     ENABLING_SWITCH: ("the enabling switch is released", "enabling switch"),
@@ -60,6 +67,9 @@ class PeopleInputs:
             ENABLING_SWITCH: people.enabling_switch_topic,
         }
         self._topics = {name: Sample() for name, wanted in topics.items() if wanted}
+        self._slowing_time = people.slowing_time
+        # until when full speed is permitted [s]
+        self._full_speed_until = NEVER if people.full_speed_topic else math.inf
         for name, address in self._wanted.items():
             if address is not None and address not in boards:
                 names = ", ".join(map(str, boards))
@@ -74,6 +84,11 @@ class PeopleInputs:
 
     def hear_topic(self, name: str, permits: bool, now: float) -> None:
         """Take a message of the topic of an input, received at a monotonic time [s]."""
+        if name == FULL_SPEED and self._full_speed_until < math.inf:
+            if permits:
+                self._full_speed_until = now + self._deadline
+            else:
+                self._full_speed_until = min(self._full_speed_until, now)
         if name in self._topics:
             self._topics[name] = Sample(float(permits), now)
 
@@ -90,6 +105,14 @@ class PeopleInputs:
         """Why the enabling switch forbids motion; "" if it permits it or there is none."""
         found = (*self._forbidding(ENABLING_SWITCH), *self._silent(ENABLING_SWITCH, now))
         return "; ".join(str(condition) for condition in found)
+
+    def reduced_speed(self, now: float) -> bool:
+        """Whether full speed is not permitted: the controller keeps the reduced speed."""
+        return now >= self._full_speed_until
+
+    def must_be_slow(self, now: float) -> bool:
+        """Whether the joints must be at the reduced speed, since they had time to brake."""
+        return now >= self._full_speed_until + self._slowing_time
 
     def _forbidding(self, name: str) -> Iterator[Condition]:
         """The sources whose last value forbids motion."""

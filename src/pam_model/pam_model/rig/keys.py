@@ -53,6 +53,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "gravity_torque": Key("N m", -1e4, 1e4, 0.0),
         "gravity_angle": Key("rad", -TURN, TURN, 0.0),
         "max_velocity": Key("rad/s", 0.01, 100.0, 6.0),
+        "reduced_velocity": Key("rad/s", 0.01, 100.0, 0.5),
         "max_acceleration": Key("rad/s^2", 0.1, 1e5, 200.0),
         "max_tracking_error": Key("rad", 1e-3, 10.0, 0.5),
         "max_stiffness_rate": Key("N m/(rad s)", 1e-2, 1e5, 50.0),
@@ -74,6 +75,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
     },
     "people": {
         "deadline": Key("s", 0.05, 5.0, 0.2),
+        "slowing_time": Key("s", 0.1, 5.0, 0.5),
         "dump_valve_fill_time": Key("s", 0.0, 30.0, 0.0),
         "brake_release_delay": Key("s", 0.0, 5.0, 0.0),
     },

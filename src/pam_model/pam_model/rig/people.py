@@ -22,8 +22,14 @@ class People:
         The board that has this input.
     emergency_stop_topic, enabling_switch_topic : bool
         Whether the driver's topic of this input must permit motion.
+    full_speed_topic : bool
+        Whether the driver's topic of this input must permit full speed; without permission the
+        joints keep their `reduced_velocity`.
     deadline : float
-        An input that is silent for longer forbids motion [s].
+        An input that is silent for longer forbids motion, or full speed [s].
+    slowing_time : float
+        Time in which the controller brakes after full speed is no longer permitted; then the driver
+        stops a joint that is faster than its `reduced_velocity` [s].
     dump_valve_fill_time : float
         Time that the supply needs after the dump valve was closed [s]; 0 without dump valve.
     brake_release_delay : float
@@ -37,6 +43,8 @@ class People:
     deadline: float = 0.2
     dump_valve_fill_time: float = 0.0
     brake_release_delay: float = 0.0
+    full_speed_topic: bool = False
+    slowing_time: float = 0.5
 
 
 def read_people(section: Section) -> People:
@@ -44,6 +52,7 @@ def read_people(section: Section) -> People:
     numbers = {key: section.number(key, entry) for key, entry in NUMBERS["people"].items()}
     stop, enabling = (section.place(f"{name}_board") for name in _INPUTS)
     stop_topic, enabling_topic = (section.flag(f"{name}_topic") for name in _INPUTS)
+    full_speed = section.flag("full_speed_topic")
     section.finish()
     known = {key: value for key, value in numbers.items() if value is not None}
-    return People(stop, enabling, stop_topic, enabling_topic, **known)
+    return People(stop, enabling, stop_topic, enabling_topic, full_speed_topic=full_speed, **known)

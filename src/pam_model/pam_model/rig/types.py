@@ -157,6 +157,9 @@ class Joint:
     max_velocity : float
         Largest speed of the joint [rad/s]. References stay below it, and the driver stops a joint
         that is measured to be faster.
+    reduced_velocity : float
+        Largest speed of the joint while full speed is not permitted, if the rig file has that
+        input, see `People` [rad/s].
     max_acceleration : float
         Largest acceleration of a reference [rad/s^2].
     max_tracking_error : float
@@ -178,6 +181,7 @@ class Joint:
     gravity_torque: float = 0.0
     gravity_angle: float = 0.0
     max_velocity: float = 6.0
+    reduced_velocity: float = 0.5
     max_acceleration: float = 200.0
     max_tracking_error: float = 0.5
     max_stiffness_rate: float = 50.0

@@ -19,6 +19,7 @@ from pam_sim.faults.device_kinds import DEVICE_KINDS, FOR_ALL_BOARDS
 from pam_sim.faults.fault_kind import STOPS, FaultKind
 from pam_sim.faults.host_and_command_kinds import HOST_AND_COMMAND_KINDS
 from pam_sim.faults.operator_kinds import HIDDEN_KINDS, OPERATOR_KINDS, while_held
+from pam_sim.faults.people_kinds import PEOPLE_KINDS
 from pam_sim.faults.reference_kinds import REFERENCE_KINDS
 from pam_sim.faults.sensor_and_valve_kinds import SENSOR_AND_VALVE_KINDS
 from pam_sim.faults.time_kinds import TIME_KINDS
@@ -35,6 +36,7 @@ ALL_KINDS: Final = (
     *TIME_KINDS,
     *REFERENCE_KINDS,
     *OPERATOR_KINDS,
+    *PEOPLE_KINDS,
     *while_held(_PLAIN, HELD),
     *HIDDEN_KINDS,
     *DEVICE_KINDS,

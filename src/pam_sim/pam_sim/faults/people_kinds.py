@@ -1,0 +1,33 @@
+"""The inputs of people, pressed, released or silent while a joint moves, as data."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from pam_model.rig import People
+from pam_sim.faults.fault_kind import BRAKING, VENT, FaultKind, Reaction
+
+_K = FaultKind
+_R = Reaction
+_P: Final = People()
+_SILENT: Final = "people.deadline"
+HALF_TURN: Final = 0.84  # s, half a period of the campaign's motion
+
+PEOPLE_KINDS: Final = (
+    _K("emergency_stop_pressed", "people", "the emergency stop is pressed (topic)", {},
+       ("emergency_stop",), _R.VENT, VENT, "the next cycle of the driver"),
+    _K("emergency_stop_silent", "people", "the emergency stop's topic ends", {},
+       ("emergency_stop",), _R.VENT, _P.deadline + VENT, _SILENT),
+    _K("enabling_switch_released", "people", "the enabling switch is released (topic)", {}, (),
+       _R.VENT, VENT, "the next cycle of the driver; no fault"),
+    _K("enabling_switch_silent", "people", "the enabling switch's topic ends", {}, (), _R.VENT,
+       _P.deadline + VENT, _SILENT),
+    _K("full_speed_ended", "people", "full speed is no longer permitted (topic)", {},
+       ("refused references",), _R.RIDE, 3.0, "the controller brakes and holds, then keeps "
+       "reduced_velocity"),
+    _K("full_speed_silent", "people", "the topic that permits full speed ends", {},
+       ("refused references",), _R.RIDE, 3.0, "as before, after people.deadline"),
+    _K("reduced_speed_ignored", "people", "the same, and the controller goes on as before", {},
+       ("joint_too_fast",), _R.VENT, _P.deadline + _P.slowing_time + HALF_TURN + BRAKING,
+       "slowing_time, and until the motion is fast again"),
+)  # fmt: skip
