@@ -32,6 +32,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from pam_control.actions.follow_trajectory import FollowTrajectory
+from pam_control.adapted_rig import learnt_of, save_adapted_rig
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller_health import ControllerHealth
@@ -126,6 +127,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.create_subscription(Float64MultiArray, "~/torque_commands", self._on_torque, latest)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/lower", self._on_lower)
+        self.create_service(Trigger, "~/save_adapted_rig", self._on_save)
         self._vent = self.create_client(Trigger, "pam_driver/vent")
         self.create_timer(1.0, self._report)
         self._inputs = ControllerInputs(
@@ -210,6 +212,21 @@ class ControllerNode(Node):  # type: ignore[misc]
             if response.success:
                 act(self._now())
         self.get_logger().warning(response.message)
+        return response
+
+    def _on_save(self, _: Any, response: Any) -> Any:
+        """Write a copy of the rig file with what was learnt."""
+        try:
+            if not self._controller.adapts:
+                raise PamError("nothing is learnt: adaptation.enabled is false, or the law is "
+                               "not model_based")  # fmt: skip
+            with self._lock:
+                learnt = [learnt_of(channel) for channel in self._controller.channels]
+            file = str(self._values["adaptation.rig_file"])
+            response.message, response.success = save_adapted_rig(self.rig, learnt, file), True
+        except PamError as error:
+            response.message, response.success = str(error), False
+        self.get_logger().info(f"save_adapted_rig: {response.message}")
         return response
 
     def _vent_driver(self, reason: str) -> None:

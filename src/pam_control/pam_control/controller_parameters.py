@@ -178,6 +178,10 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "largest torque that is learnt",
         ),
         Parameter(
+            "adaptation.rig_file", "", "-", 0, 0,
+            "new rig file that ~/save_adapted_rig writes, with what was learnt", changeable=True,
+        ),
+        Parameter(
             "learning.motion", d.learning_motion, "-", 0, 0,
             "name under which the trajectories that follow are learnt as repetitions of one "
             "motion (law model_based); empty: none are",
@@ -383,6 +387,11 @@ HELP = NodeHelp(
         ),
         Endpoint("~/stop", "std_srvs/Trigger", "brake within the limits and hold (category 2)"),
         Endpoint("~/lower", "std_srvs/Trigger", "brake, let the air out slowly, vent (category 1)"),
+        Endpoint(
+            "~/save_adapted_rig",
+            "std_srvs/Trigger",
+            "write a copy of the rig file with what was learnt to adaptation.rig_file",
+        ),
     ),
     publishes=(
         Endpoint(

@@ -97,6 +97,20 @@ def _stiffness(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_adapted_rig(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+    parser.add_argument(
+        "--draws", type=count(1), default=12, metavar="N", help="(default: %(default)s)"
+    )
+
+
+def _adapted_rig(given: Arguments) -> Outcome:
+    from pam_check.control.adapted_rigs import run  # noqa: PLC0415  (numba)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "rough-control",
@@ -125,5 +139,14 @@ COMMANDS = (
         _declare_stiffness,
         _stiffness,
         bad_news="if a stiffness is more than 5 % off, or fewer than 85 % of the intervals hold it",
+    ),
+    Command(
+        "adapted-rig",
+        "draw rigs with loads and friction, let the controller learn them, and compare its error "
+        "with the rig file that is written from what it has learnt",
+        _declare_adapted_rig,
+        _adapted_rig,
+        bad_news="if an error grows with the written file, or fewer than 85 % of the intervals "
+        "hold the true number",
     ),
 )

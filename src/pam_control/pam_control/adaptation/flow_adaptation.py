@@ -37,6 +37,8 @@ LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells
 DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 3.0, 0.02)  # the last one in s
 LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, 0.0, -math.inf)
 HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf, math.inf)
+OPENED: Final = 2  # index of o
+QUANTILE: Final = 1.645  # of the normal distribution, for an interval of 90 %
 LATELY: Final = 10.0  # s, time constant of r
 MOST_DROOP: Final = 0.5  # of the flow
 LEAST_SHARE: Final = 0.4  # of the promised flow
@@ -117,6 +119,11 @@ class FlowAdaptation:
             max(low, min(high, weight))
             for low, high, weight in zip(LOWEST, HIGHEST, self._fit.weights, strict=True)
         ]
+
+    @property
+    def opened(self) -> tuple[float, float]:
+        """Opening that nobody commanded [-], and half of its interval of 90 %."""
+        return self._weights[OPENED], QUANTILE * self._fit.deviation(OPENED)
 
     @property
     def least_share(self) -> float:

@@ -115,6 +115,12 @@ class RecursiveFit:
         else:
             self.weights = ((1.0 - self._threshold**2 / explained) * weights).tolist()
 
+    def deviation(self, index: int) -> float:
+        """Standard deviation of one weight, in its unit."""
+        regular = self._products + self._size * self._doubt * self._penalty
+        inverse = np.linalg.inv(regular)
+        return self._noise * math.sqrt(self._size * max(float(inverse[index, index]), 0.0))
+
     def _solved(self) -> Array:
         regular = self._products + self._size * self._doubt * self._penalty
         with_all: Array = np.linalg.solve(regular, self._wanted)

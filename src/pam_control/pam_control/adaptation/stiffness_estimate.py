@@ -13,6 +13,8 @@ corrected numbers give the stiffness, and what is left uncertain of them gives i
 If these numbers do not explain the difference, something else is wrong with the rig, such as
 friction or a load. Then the stiffness of the model is kept, with the interval of the tolerance.
 
+The same data tell, when somebody asks, which load and friction the rig has (`rig_numbers`).
+
 Source: Bayesian linear regression, C. M. Bishop, Pattern Recognition and Machine Learning, Springer
 2006, section 3.3; forgetting as in `recursive_fit`.
 """
@@ -25,8 +27,20 @@ from typing import Final
 
 import numpy as np
 
-from pam_control.adaptation.recursive_fit import CORRELATED, MEMORY, Array
+from pam_control.adaptation.motion_functions import MotionMemory
+from pam_control.adaptation.recursive_fit import CORRELATED, Array
+from pam_control.adaptation.rig_numbers import (
+    DRY_FRICTION,
+    NOISE,
+    QUANTILE,
+    UNEXPLAINED,
+    FadingSums,
+    Place,
+    RigNumbers,
+    fitted_numbers,
+)
 from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_model.effects import effect_value
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Joint, Rig
@@ -36,14 +50,11 @@ SETTLING: Final = 0.3  # s, until they have forgotten how they began
 EVERY: Final = 0.02  # s between two updates
 LONGEST_STEP: Final = 0.1  # s; after a longer pause the filters begin anew
 SLOWEST: Final = 0.04  # rad/s; friction may be anything in a joint that stands still
-NOISE: Final = 5e-4  # of the largest torque; the fit cannot be better
-UNEXPLAINED: Final = 3e-3  # of the largest torque; more is something else than dimensions
 LINEAR_FOR: Final = 0.7  # s of motion, after which the derivatives are taken anew
 LINEAR_WITHIN: Final = 1e-3  # relative; so near to where they were taken they hold
 BENT: Final = 1.5  # of the noise; the fit leaves more where the derivatives do not hold
 OLD_SHARE: Final = 0.1  # of what was seen with other derivatives
 DIFFERENCE: Final = 1e-3  # relative step of the derivatives
-QUANTILE: Final = 1.645  # of the normal distribution, for an interval of 90 %
 MOST: Final = 1.15  # by which a stiffness command is corrected
 ENOUGH: Final = 1.0  # s of motion
 OF_MUSCLES: Final = ("thread_length", "turns", "neutral_length")
@@ -103,40 +114,37 @@ class StiffnessEstimate:
         deviation = rig.parameter_tolerance / math.sqrt(3.0)
         size = len(self._numbers) + 3  # with inertia, friction and gravity
         self._prior = np.eye(size) / max(deviation, 1e-6) ** 2
+        self._slip = MotionMemory()
         self.forget()
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known but the rig file."""
         size = len(self._prior)
-        self._products, self._targets = np.zeros((size, size)), np.zeros(size)
-        self._squares = self._weight = 0.0
+        self._tolerance = FadingSums(size)
+        self._load = FadingSums(size + 1)  # with dry friction, and with what was seen elsewhere
         self._found, self._covariance = np.zeros(size), np.linalg.inv(self._prior)
         self._linearise()
 
     def restart(self) -> None:
         """Begin the filters anew; what was learnt is kept."""
         self._filtered: tuple[Array, Array, Array] | None = None
+        self._slip.reset()
         self._since, self._settling = 0.0, SETTLING
 
     @property
     def explains(self) -> bool:
         """Whether the tolerance explains what was seen, and enough was seen."""
-        return self._weight >= ENOUGH and self.unexplained <= UNEXPLAINED * self._largest
+        return self._tolerance.seconds >= ENOUGH and self.unexplained <= UNEXPLAINED * self._largest
 
     @property
     def unexplained(self) -> float:
         """RMS torque that the fit leaves [N m]."""
-        if self._weight <= 0.0:
-            return 0.0
-        left = (
-            self._squares
-            - 2.0 * self._found @ self._targets
-            + self._found @ self._products @ self._found
-        )
-        return math.sqrt(max(float(left), 0.0) / self._weight)
+        return self._tolerance.left(self._found)
 
-    def learn(self, step: float, pressures: tuple[float, float], position: float) -> None:
+    def learn(
+        self, step: float, pressures: tuple[float, float], position: float, known: float = 0.0
+    ) -> None:
         """Take a measurement.
 
         Parameters
@@ -147,6 +155,9 @@ class StiffnessEstimate:
             Of the muscles at the time of the position [Pa].
         position : float
             [rad].
+        known : float
+            Torque beside that of the muscles' force, inertia, damping and gravity, which the rig
+            file tells, such as friction [N m].
         """
         self._since += max(step, 0.0)
         if self._since < EVERY or not all(map(math.isfinite, (*pressures, position))):
@@ -156,8 +167,9 @@ class StiffnessEstimate:
         parts = np.array([each.torque(*pressures, position) - torque for each in self._changed])
         parts /= DIFFERENCE
         # as if the model were that of the rig file, so that the changes are counted from it
-        torque -= float(parts @ self._about)
-        raw = np.array([torque, *parts, self._dynamics.gravity(position), position])
+        torque += known - float(parts @ self._about)
+        dry = self._slip.advance(position, elapsed)[0]
+        raw = np.array([torque, *parts, dry, self._dynamics.gravity(position), position])
         if self._filtered is None or elapsed > LONGEST_STEP:
             self._filtered, self._settling = (raw, raw, raw), SETTLING
             return
@@ -176,17 +188,15 @@ class StiffnessEstimate:
         damping = self._dynamics.viscous_friction * speed
         gravity = now[-2]
         # muscles + parts * changes = (1 + change) inertia + ... ; what lacks is on the left
-        parts = np.concatenate((-now[1:-2], [inertia, damping, gravity]))
+        parts = np.concatenate((-now[1:-3], [inertia, damping, gravity, now[-3]]))
         target = float(now[0]) - inertia - damping - gravity
-        fading = math.exp(-elapsed / MEMORY)
-        self._products = fading * self._products + elapsed * np.outer(parts, parts)
-        self._targets = fading * self._targets + elapsed * target * parts
-        self._squares = fading * self._squares + elapsed * target * target
-        self._weight = fading * self._weight + elapsed
+        self._load.add(parts, target, elapsed)
+        sums = self._tolerance
+        sums.add(parts[:-1], target, elapsed)
         noise = max(NOISE * self._largest, self.unexplained)
         gain = 1.0 / (CORRELATED * noise * noise)
-        self._covariance = np.linalg.inv(self._prior + gain * self._products)
-        self._found = self._covariance @ (gain * self._targets)
+        self._covariance = np.linalg.inv(self._prior + gain * sums.products)
+        self._found = self._covariance @ (gain * sums.targets)
         self._moved += elapsed
         change = np.abs(self._found[: len(self._about)] - self._about).max()
         bent = self.unexplained > BENT * NOISE * self._largest
@@ -204,10 +214,7 @@ class StiffnessEstimate:
             self._about = np.zeros(len(self._numbers))
             self._model = self._written
             self._changed = [self._with(DIFFERENCE * unit) for unit in self._units]
-        self._products = OLD_SHARE * self._products
-        self._targets = OLD_SHARE * self._targets
-        self._squares *= OLD_SHARE
-        self._weight *= OLD_SHARE
+        self._tolerance.fade(OLD_SHARE)
 
     @property
     def _units(self) -> Array:
@@ -225,6 +232,25 @@ class StiffnessEstimate:
                 muscle = rig.muscle(owner)
                 rig = rig.with_muscle(replace(muscle, **{key: factor * getattr(muscle, key)}))
         return AntagonisticJoint.from_rig(rig, self._joint.name)
+
+    def numbers(self) -> RigNumbers:
+        """The numbers that the rig file of this joint should have, a load and friction included."""
+        return fitted_numbers(self._load, self._prior, self._places, self._largest)
+
+    @property
+    def _places(self) -> list[Place]:
+        """Where the number of each part of the fit is written."""
+        joint, dynamics = self._joint, self._dynamics
+        places = []
+        for owner, key in self._numbers:
+            part = joint if owner == joint.name else self._rig.muscle(owner)
+            written = float(getattr(part, key))
+            places.append(Place(owner, key, written, written))
+        for key in ("inertia", "viscous_friction", "gravity_torque"):
+            # with effects such as a payload, which stay as they are
+            places.append(Place(joint.name, key, getattr(joint, key), getattr(dynamics, key)))
+        dry = effect_value(joint.effects, *DRY_FRICTION.split("."))
+        return [*places, Place(joint.name, DRY_FRICTION, dry, 1.0)]
 
     def factor(self, pressures: tuple[float, float], position: float, present: float) -> float:
         """The estimated stiffness over that of the model, within bounds; 1 if nothing is known.

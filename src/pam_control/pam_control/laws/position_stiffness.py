@@ -129,7 +129,8 @@ class PositionStiffnessController(Controller):
             speed=speed,
             speed_filter=self.settings.derivative_filter,
         )
-        channel.stiffness.learn(request.fresh, aligned, inside)
+        beside = known - model + channel.dynamics.gravity(position)
+        channel.stiffness.learn(request.fresh, aligned, inside, beside)
         channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
         channel.pid.integral -= channel.stuck.update(
             request.seen, position, channel.pid.integral, channel.adaptation.friction

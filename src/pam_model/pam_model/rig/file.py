@@ -159,8 +159,17 @@ def _parameter_file_folders() -> list[Path]:
     return [path.parent for path in reversed(named)]
 
 
-def save_rig(rig: Rig, path: str | Path) -> None:
+def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
     """Write a rig file that `load_rig` reads back to an equal rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is written.
+    path : str or Path
+        The file.
+    notes : sequence of str, optional
+        Lines of comment at the beginning of the file, such as where its numbers come from.
 
     Raises
     ------
@@ -178,6 +187,7 @@ def save_rig(rig: Rig, path: str | Path) -> None:
         {"/**": {"ros__parameters": tree}}, Dumper=_Dumper, sort_keys=False, allow_unicode=True
     )
     heading = "# Units: SI; pressures gauge unless named absolute. Keys: docs/rig_file.md\n"
+    heading += "".join(f"# {' '.join(note.split())}\n" for note in notes)
     draft = path.with_name(path.name + ".part")
     try:
         draft.write_text(heading + text, encoding="utf-8")

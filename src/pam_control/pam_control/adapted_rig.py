@@ -1,0 +1,238 @@
+"""A rig file with the numbers that the controller has learnt of its rig, written on request.
+
+What was learnt serves the controller as it is, whatever its cause. A rig file states causes, so
+only those numbers are written that the measurements tell apart:
+
+- of a joint, what the torques of its motion tell about its load (inertia and gravity), viscous and
+  dry friction, and about the dimensions of its muscles within the tolerance of the rig file, if
+  these explain the torques (`rig_numbers`);
+- of a flow valve, the opening that nobody commanded.
+
+The rest is named and left to the diagnosis of a recording: whether a valve, its silencer, a tube or
+the gas volume is the cause of a wrong flow cannot be told from the flows alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from pam_control.adaptation.flow_adaptation import FlowAdaptation
+from pam_control.adaptation.rig_numbers import DRY_FRICTION, LearntNumber, RigNumbers
+from pam_control.feedback.pressure_loop import FlowValveLoop
+from pam_control.joint_channel import JointChannel
+from pam_model.effects import effect_value
+from pam_model.errors import PamError
+from pam_model.rig import Muscle, Rig, save_rig
+
+LEAST_SECONDS: Final = 3.0  # s of motion
+LEAST_OPENING: Final = 0.005  # of the full stroke
+LARGE_SHARE: Final = 0.1  # of a flow; less is within what a valve's data promise
+LONG_DELAY: Final = 5e-3  # s
+NULL_OFFSET: Final = "valve_null_offset.offset"
+ONLY_POSITIVE: Final = frozenset({"viscous_friction", "gravity_torque", DRY_FRICTION})
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptedRig:
+    """A rig with learnt numbers, and what a person should read about them.
+
+    Attributes
+    ----------
+    rig : Rig
+        As its file should be.
+    changes : tuple of str
+        Every changed number with its interval, one line each.
+    left : tuple of str
+        What was learnt and is not written, and why.
+    """
+
+    rig: Rig
+    changes: tuple[str, ...]
+    left: tuple[str, ...]
+
+    @property
+    def notes(self) -> list[str]:
+        """Lines for the beginning of the file."""
+        told = "intervals contain the true value in 90 % of cases"
+        return [f"Learnt by the controller while it moved; {told}:", *self.changes, *self.left]
+
+
+@dataclass(frozen=True, slots=True)
+class LearntOfJoint:
+    """What the controller knows of one joint at one moment.
+
+    Attributes
+    ----------
+    joint : str
+        Its name.
+    numbers : RigNumbers
+        Of the joint and the dimensions of its muscles.
+    openings : mapping of str to (float, float)
+        By muscle with a flow valve, the opening that nobody commanded [-] and half of its interval.
+    left : tuple of str
+        What is not written, and why.
+    """
+
+    joint: str
+    numbers: RigNumbers
+    openings: Mapping[str, tuple[float, float]]
+    left: tuple[str, ...]
+
+
+def learnt_of(channel: JointChannel) -> LearntOfJoint:
+    """What was learnt of a joint until now; takes less than a millisecond."""
+    openings, left = {}, _of_sensors(channel)
+    for muscle, loop in zip(channel.muscles, channel.loops, strict=True):
+        if isinstance(loop, FlowValveLoop):
+            openings[muscle.name] = loop.adaptation.opened
+            left += _of_flow(muscle.name, loop.adaptation)
+    return LearntOfJoint(channel.joint.name, channel.stiffness.numbers(), openings, tuple(left))
+
+
+def adapted_rig(rig: Rig, learnt: Sequence[LearntOfJoint]) -> AdaptedRig:
+    """The rig with what was learnt of its joints and valves.
+
+    Parameters
+    ----------
+    rig : Rig
+        As its file describes it.
+    learnt : sequence of LearntOfJoint
+        What is known.
+
+    Raises
+    ------
+    PamError
+        When nothing was learnt that can be written; the text says why.
+    """
+    changes: list[str] = []
+    left: list[str] = []
+    for each in learnt:
+        reason = _against(each.numbers)
+        if reason:
+            left.append(f"{each.joint}: nothing is written, because {reason}")
+        else:
+            for number in each.numbers.numbers:
+                rig, line = _with_number(rig, number)
+                changes.append(line)
+        for name, (opening, half) in each.openings.items():
+            if abs(opening) >= max(half, LEAST_OPENING):
+                rig, line = _with_opening(rig, rig.muscle(name), opening, half)
+                changes.append(line)
+        left += each.left
+    if not changes:
+        raise PamError(f"nothing was learnt that can be written: {'; '.join(left)}")
+    return AdaptedRig(rig, tuple(changes), tuple(left))
+
+
+def save_adapted_rig(rig: Rig, learnt: Sequence[LearntOfJoint], file: str) -> str:
+    """Write a new rig file with what was learnt; return a line for the person who asked.
+
+    Parameters
+    ----------
+    rig : Rig
+        As its file describes it.
+    learnt : sequence of LearntOfJoint
+        What is known.
+    file : str
+        It must not exist.
+
+    Raises
+    ------
+    PamError
+        When there is nothing to write, or no place for it.
+    """
+    if not file:
+        raise PamError("set the parameter adaptation.rig_file to the file to be written")
+    path = Path(file).absolute()
+    if path.exists():
+        raise PamError(f"{path}: exists, and is not overwritten; set another adaptation.rig_file")
+    if not path.parent.is_dir():
+        raise PamError(f"{path}: the folder {path.parent} does not exist")
+    made = adapted_rig(rig, learnt)
+    save_rig(made.rig, path, made.notes)
+    return f"written: {path}; {len(made.changes)} numbers, which are listed at its beginning"
+
+
+def _against(found: RigNumbers) -> str:
+    """Why the numbers of a joint are not to be written; empty if they are."""
+    if found.seconds < LEAST_SECONDS:
+        return (
+            f"it moved for {found.seconds:.1f} s within the last 15 s of motion, and "
+            f"{LEAST_SECONDS:g} s are needed"
+        )
+    if found.unexplained > found.limit:
+        return (
+            f"load, friction and dimensions leave {found.unexplained:.2g} N m of the torque "
+            f"unexplained, and {found.limit:.2g} N m are permitted: record a motion and diagnose it"
+        )
+    if not found.certain:
+        return "the rig file explains its motion already"
+    return ""
+
+
+def _with_number(rig: Rig, number: LearntNumber) -> tuple[Rig, str]:
+    """The rig with one number changed, and the line about it."""
+    value = max(number.value, 0.0) if number.key in ONLY_POSITIVE else number.value
+    line = (
+        f"{number.owner}.{number.key}: {number.written:.5g} -> {value:.5g} "
+        f"({number.low:.5g} to {number.high:.5g})"
+    )
+    if number.owner not in rig.joint_names:
+        return rig.with_muscle(replace(rig.muscle(number.owner), **{number.key: value})), line
+    joint = rig.joint(number.owner)
+    if number.key != DRY_FRICTION:
+        return rig.with_joint(replace(joint, **{number.key: value})), line
+    if number.low <= number.written:
+        return rig, line.replace(f"-> {value:.5g}", "kept")
+    effects = _merged(joint.effects, number.key, value)
+    return rig.with_joint(replace(joint, effects=effects)), line
+
+
+def _merged(
+    effects: Mapping[str, Mapping[str, float]], place: str, value: float
+) -> dict[str, dict[str, float]]:
+    effect, key = place.split(".")
+    merged = {name: dict(values) for name, values in effects.items()}
+    merged.setdefault(effect, {})[key] = value
+    return merged
+
+
+def _with_opening(rig: Rig, muscle: Muscle, opening: float, half: float) -> tuple[Rig, str]:
+    """The rig with an opening that nobody commanded, and the line about it."""
+    before = effect_value(muscle.effects, *NULL_OFFSET.split("."))
+    value = before + opening
+    muscle = replace(muscle, effects=_merged(muscle.effects, NULL_OFFSET, value))
+    low, high = value - half, value + half
+    line = f"{muscle.name}.{NULL_OFFSET}: {before:.3g} -> {value:.3g} ({low:.3g} to {high:.3g})"
+    return rig.with_muscle(muscle), line
+
+
+def _of_flow(name: str, flow: FlowAdaptation) -> list[str]:
+    """What was learnt of a valve's flow and is not written."""
+    supply, exhaust, _, _, overlap, *_ = flow.weights
+    told = []
+    for what, share in (("supply path", supply), ("exhaust path", exhaust)):
+        if abs(share) > LARGE_SHARE:
+            told.append(f"{what} {share:+.0%} of its flow")
+    if overlap < -LEAST_OPENING:
+        told.append(f"an overlap of about {-overlap:.1%} of the stroke")
+    if flow.delay > LONG_DELAY:
+        told.append(f"commands {1e3 * flow.delay:.0f} ms late")
+    return [f"{name}: not written, because its cause is open: {', '.join(told)}"] if told else []
+
+
+def _of_sensors(channel: JointChannel) -> list[str]:
+    """What was learnt of the delays of a joint's sensors, which are not written."""
+    told = [
+        f"{what} {1e3 * late:.0f} ms late"
+        for what, late in (
+            ("position", channel.late_position),
+            ("pressures", channel.late_pressures),
+        )
+        if late > LONG_DELAY
+    ]
+    name = channel.joint.name
+    return [f"{name}: not written, because its cause is open: {', '.join(told)}"] if told else []
