@@ -325,6 +325,31 @@ def test_stop_brakes_and_holds(bench, controller):
     assert held < 0.55
 
 
+@pytest.mark.rerun_because(HOST_STALLS)
+def test_a_joint_that_rests_is_moved_a_little_when_its_stiffness_is_to_be_tested(bench, controller):
+    bench.wait(bench.controls, "control")
+    bench.send([0.1], 1.0)
+    bench.wait(lambda: abs(bench.references[-1].position[0] - 0.1) < 1e-6, "the place")
+    bench.references.clear()
+    assert bench.set_parameter("stiffness_test.amplitude", 0.05).successful
+    try:
+        bench.wait(
+            lambda: any(abs(r.position[0] - 0.1) > 0.04 for r in list(bench.references)),
+            "the test motion",
+        )
+        bench.wait(lambda: abs(bench.references[-1].velocity[0]) < 1e-9, "its end")
+    finally:
+        bench.set_parameter("stiffness_test.amplitude", 0.0)
+    assert max(abs(r.position[0] - 0.1) for r in bench.references) < 0.06
+
+
+def test_a_rig_file_is_saved_on_request_alone_and_says_why_not(bench, controller):
+    bench.wait(bench.controls, "control")
+    answer = bench.call(Trigger, "pam_controller/save_adapted_rig", Trigger.Request())
+    assert not answer.success
+    assert "set the parameter adaptation.rig_file" in answer.message
+
+
 def test_lowering_ends_in_a_vent_by_the_driver_and_silence(bench, controller):
     vents = []
 

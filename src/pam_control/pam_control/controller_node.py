@@ -45,6 +45,8 @@ from pam_control.controller_parameters import (
 )
 from pam_control.controller_topics import ControllerTopics
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
+from pam_control.references.stiffness_test import StiffnessTest
+from pam_control.references.test_motion import test_motion
 from pam_control.trajectory_message import TrajectoryMessage
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
@@ -56,6 +58,7 @@ from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.spin import spin_node
 
+TEST_EVERY = 0.25  # s
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
 
 
@@ -130,6 +133,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.create_service(Trigger, "~/save_adapted_rig", self._on_save)
         self._vent = self.create_client(Trigger, "pam_driver/vent")
         self.create_timer(1.0, self._report)
+        self._stiffness_test = StiffnessTest(self._controller.references)
+        self.create_timer(TEST_EVERY, self._test_stiffness)
         self._inputs = ControllerInputs(
             self, self.rig, self._now, self.intake.rejecting, self._on_driver_state
         )
@@ -311,6 +316,25 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._vent_driver(stopped)
         elif softened:
             self.get_logger().error(f"soft gains from now on, until the next vent: {softened}")
+
+    def _test_stiffness(self) -> None:
+        """Move a joint that rests a little, if that was asked for."""
+        amplitude = float(self._values["stiffness_test.amplitude"])
+        if amplitude == 0.0:
+            self._stiffness_test.forget()
+            return
+        with self._lock:
+            named = self._controller.settings.learning_motion  # another motion is learnt
+            if named or self._action.active or self._reason_against_references():
+                return
+            stiffnesses = self._controller.stiffness_commands
+            due = self._stiffness_test.due(self._now(), stiffnesses, amplitude)
+        if due is not None:
+            name, position = due
+            frequency = float(self._values["stiffness_test.frequency"])
+            with self.intake.rejecting("stiffness_test"):
+                points = test_motion(position, amplitude, frequency)
+                self.intake.follow([name], points, None)
 
     # --- health ---------------------------------------------------------------------------------
 

@@ -154,6 +154,14 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "correct commands of the stiffness by what was learnt of the muscles' dimensions",
             changeable=True,
         ),
+        _number(
+            "stiffness_test.amplitude", 0.0, "rad", 0.0, 0.2,
+            "amplitude of a small motion of a joint that rests, by which its stiffness is "
+            "estimated (law model_based with adaptation); 0: none",
+        ),
+        _number(
+            "stiffness_test.frequency", 1.5, "Hz", 0.2, 2.0, "frequency of this motion",
+        ),
         Parameter(
             "disturbance_observer.enabled", d.observer, "-", 0, 0,
             "compensate the torque that the model does not explain (law model_based)",
@@ -254,7 +262,8 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
     Raises
     ------
     PamError
-        For a design range whose lower end is above its upper end.
+        For a design range whose lower end is above its upper end, or a stiffness test without
+        anything that would learn from it.
     """
 
     def number(name: str) -> float:
@@ -265,6 +274,13 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         raise PamError(
             f"design.least_stiffness = {low:g} N m/rad must not be above "
             f"design.greatest_stiffness = {high:g} N m/rad"
+        )
+    law = str(values["law"])
+    learns = values["adaptation.enabled"] and law in LAWS and LAWS[law].has_adaptation
+    if number("stiffness_test.amplitude") > 0.0 and not learns:
+        raise PamError(
+            "stiffness_test.amplitude: must be 0 unless law is model_based and adaptation.enabled "
+            "is true, because only then a stiffness is estimated"
         )
     gain = number("pressure_loop.gain")
     partial = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pam_check.commands.common_arguments import add_seed
-from pam_model.argument_types import count, output_file
+from pam_model.argument_types import count, number, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
 
 
@@ -88,6 +88,14 @@ def _declare_stiffness(parser: Parser) -> None:
     add_seed(parser, 1)
     parser.add_argument(
         "--draws", type=count(1), default=20, metavar="N", help="(default: %(default)s)"
+    )
+    parser.add_argument(
+        "--test-motion",
+        type=number("rad", least=0.0, most=0.2),
+        default=0.0,
+        metavar="RAD",
+        help="play the small test motion of this amplitude at a drawn position in place of the arm "
+        "motion (default: the arm motion)",
     )
 
 

@@ -131,13 +131,13 @@ def play(
     muscles: Muscles,
     points: Sequence[TrajectoryPoint],
     seed: int,
-    goes_to_start: bool = True,
+    goes_to: float | None = MOTIONS_BEGIN_AT,
 ) -> tuple[Played, Trace]:
     """Hold, go to where motions begin, follow one, hold; return the figures and what happened.
 
     The joint goes to the beginning because an encoder with a wrong zero shows another angle at
     first: without it, the motion would begin with a jump that no effect of the rig explains. A
-    motion that is learnt by repetitions has to be the only one under its name (`goes_to_start`).
+    motion that is learnt by repetitions has to be the only one under its name (`goes_to` None).
     """
     motion = points[-1].time_from_start
     count = round((SETTLED + motion + RESTS) / PERIOD)
@@ -160,8 +160,8 @@ def play(
     for k in range(count):
         now = k * PERIOD
         shown = plant.advance(commands)
-        if k == approach and goes_to_start:
-            start = [TrajectoryPoint(APPROACH[1], [MOTIONS_BEGIN_AT], [0.0], [0.0])]
+        if k == approach and goes_to is not None:
+            start = [TrajectoryPoint(APPROACH[1], [goes_to], [0.0], [0.0])]
             controller.references.follow([name], start, start=None, now=now)
         if k == begin:
             controller.references.follow([name], points, start=None, now=now)

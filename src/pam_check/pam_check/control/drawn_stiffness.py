@@ -1,7 +1,8 @@
 """How well the controller knows the stiffness of a joint whose dimensions are a little off.
 
 `python -m pam_check stiffness` draws rigs whose numbers differ from the rig file within its
-tolerance, in the independent plant of the blind check, and plays the arm motion. The true stiffness
+tolerance, in the independent plant of the blind check, and plays the arm motion, or the small test
+motion of a joint that rests (`stiffness_test.amplitude`), at a drawn position. The true stiffness
 at the true pressures and angle is the derivative of the ideal braided muscle (Chou and Hannaford,
 1996, equation 8) with the drawn numbers: r^2 times the sum of 6 p L/(4 pi n^2).
 """
@@ -16,8 +17,9 @@ from typing import Final
 import numpy as np
 
 from pam_check.blind.truth_plant import TruthJoint
-from pam_check.control.closed_loop import TOLD, Muscles, play, true_rig
+from pam_check.control.closed_loop import MOTIONS_BEGIN_AT, TOLD, Muscles, play, true_rig
 from pam_check.control.rough_control import RoughControl
+from pam_control.references.test_motion import test_motion
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import load_rig
 
@@ -25,6 +27,7 @@ JOINT_FIELDS: Final = ("pulley_radius", "inertia", "viscous_friction", "gravity_
 MUSCLE_FIELDS: Final = ("thread_length", "turns", "neutral_length", "dead_volume")
 PLACES: Final = (0.45, 0.55, 0.65, 0.75, 0.85)  # of the run, where the stiffness is compared
 MOTION: Final = "arm"
+TEST_FREQUENCY: Final = 1.5  # Hz
 MOST: Final = 0.05  # relative error
 LEAST_COVERED: Final = 0.85  # of the intervals of 90 %, of few draws
 
@@ -79,12 +82,27 @@ def true_stiffness(
     return joint.pulley_radius**2 * found
 
 
-def run_draw(rough: RoughControl, seed: int) -> DrawnStiffness:
-    """Draw a rig, play the motion, and compare the stiffness at some places of the run."""
+def run_draw(rough: RoughControl, seed: int, amplitude: float = 0.0) -> DrawnStiffness:
+    """Draw a rig, play the motion, and compare the stiffness at some places of the run.
+
+    Parameters
+    ----------
+    rough : RoughControl
+        The controller.
+    seed : int
+        Of what is drawn.
+    amplitude : float
+        Of the test motion that is played in place of the arm motion [rad]; 0: the arm motion.
+    """
     tolerance = rough.rig.parameter_tolerance
-    joint, muscles = drawn(*true_rig(rough.rig), tolerance, np.random.default_rng(seed))
+    random = np.random.default_rng(seed)
+    joint, muscles = drawn(*true_rig(rough.rig), tolerance, random)
     rough.controller.forget_adaptation()
-    _, trace = play(rough.controller, joint, muscles, rough.motions[MOTION], seed)
+    points, goes_to = rough.motions[MOTION], MOTIONS_BEGIN_AT
+    if amplitude > 0.0:
+        goes_to = float(random.uniform(-0.6, 0.6))
+        points = test_motion(goes_to, amplitude, TEST_FREQUENCY)
+    _, trace = play(rough.controller, joint, muscles, points, seed, goes_to)
     channel = rough.controller.channels[0]
     model_error = error = covered = width = 0.0
     for place in PLACES:
@@ -110,7 +128,7 @@ def run(given: Arguments) -> Outcome:
     print("relative errors of the stiffness [%]: model, corrected; half width; intervals that hold")
     with progress(given.draws, "draws") as bar:
         for number in range(given.draws):
-            found = run_draw(rough, 1000 * given.seed + number)
+            found = run_draw(rough, 1000 * given.seed + number, given.test_motion)
             results.append(found)
             print(
                 f"{100 * found.model_error:6.2f} {100 * found.error:6.2f} {100 * found.width:6.2f} "

@@ -91,7 +91,7 @@ def repeat(rough: RoughControl, hidden: str, repetitions: int, seed: int) -> Rep
     errors = []
     for index in range(repetitions):
         points = rough.motions[MOTION]
-        played, _ = play(controller, joint, muscles, points, seed + index, goes_to_start=False)
+        played, _ = play(controller, joint, muscles, points, seed + index, goes_to=None)
         learner.wait()
         errors.append(played.rms)
     return Repetitions(hidden, errors, learner.motion.ended)

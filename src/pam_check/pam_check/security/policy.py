@@ -70,7 +70,7 @@ POLICY: Mapping[str, Rights] = {
             "~/joint_trajectory", "~/commands", "~/stiffness_commands", "~/torque_commands",
             "joint_states", "pressure_states", "pam_driver/state",
         ),
-        serves=("~/stop", "~/lower"),
+        serves=("~/stop", "~/lower", "~/save_adapted_rig"),
         actions=("~/follow_joint_trajectory",),
         calls=("pam_driver/vent",),
     ),

@@ -85,6 +85,11 @@ class FollowTrajectory:
         self._timer = node.create_timer(period, self._monitor)
         self._timer.cancel()
 
+    @property
+    def active(self) -> bool:
+        """Whether a goal is being followed."""
+        return self._goal is not None
+
     def observe(self, now: float) -> None:
         """Judge the active goal after a control cycle at `now` [s]; the lock must be held."""
         if self._goal is not None:
