@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from pam_control.adaptation.flow_adaptation import FlowAdaptation
 from pam_control.adaptation.rig_numbers import DRY_FRICTION, LearntNumber, RigNumbers
@@ -180,11 +180,12 @@ def _with_number(rig: Rig, number: LearntNumber) -> tuple[Rig, str]:
         f"{number.owner}.{number.key}: {number.written:.5g} -> {value:.5g} "
         f"({number.low:.5g} to {number.high:.5g})"
     )
+    changed: dict[str, Any] = {number.key: value}
     if number.owner not in rig.joint_names:
-        return rig.with_muscle(replace(rig.muscle(number.owner), **{number.key: value})), line
+        return rig.with_muscle(replace(rig.muscle(number.owner), **changed)), line
     joint = rig.joint(number.owner)
     if number.key != DRY_FRICTION:
-        return rig.with_joint(replace(joint, **{number.key: value})), line
+        return rig.with_joint(replace(joint, **changed)), line
     if number.low <= number.written:
         return rig, line.replace(f"-> {value:.5g}", "kept")
     effects = _merged(joint.effects, number.key, value)
