@@ -441,32 +441,32 @@ class Controller(LoopDesign):
         )
         clipped = list(channel.telemetry.clipped)
         reach = settings.pressure_rate * step
-        desired = []
-        for wanted, before in zip(plan.reference, channel.desired, strict=True):
-            allowed = limited(wanted, before - reach, before + reach)
-            desired.append(allowed)
-            if allowed != wanted and "pressure_rate" not in clipped:
-                clipped.append("pressure_rate")
-        channel.desired = (desired[0], desired[1])
+        (first, second), (wanted, other) = channel.desired, plan.reference
+        channel.desired = (
+            limited(wanted, first - reach, first + reach),
+            limited(other, second - reach, second + reach),
+        )
+        if channel.desired != (wanted, other):
+            clipped.append("pressure_rate")
         loop_settings = PressureLoopSettings(
-            gain=settings.pressure_gain or 0.0,
-            lead_ratio=settings.lead_ratio,
-            spool_limit=settings.spool_limit,
-            adaptation=self.adapts,
-            acting_delay=time + max(told) - measured_at,
+            settings.pressure_gain or 0.0,
+            settings.lead_ratio,
+            settings.spool_limit,
+            self.adapts,
+            time + max(told) - measured_at,
         )
         channel.valve_clipped = False
-        for side, (loop, muscle) in enumerate(zip(channel.loops, channel.muscles, strict=True)):
+        for side in (0, 1):
             radius = (-1.0 if side == 0 else 1.0) * channel.model.pulley_radius
             ahead = thens[side].position - seen.position
             demand = PressureDemand(
-                reference=channel.desired[side],
-                rate=plan.rate[side],
-                ahead=plan.ahead[side],
-                length=muscle.neutral_length + radius * (position + ahead),
-                length_rate=radius * plan.velocities[side],
+                channel.desired[side],
+                plan.rate[side],
+                plan.ahead[side],
+                channel.muscles[side].neutral_length + radius * (position + ahead),
+                radius * plan.velocities[side],
             )
-            command, cut = loop.command(demand, pressures[side], loop_settings, step)
+            command, cut = channel.loops[side].command(demand, pressures[side], loop_settings, step)
             commands[channel.indices[side]] = command
             channel.valve_clipped = channel.valve_clipped or cut
         if channel.valve_clipped:

@@ -1,6 +1,6 @@
 """A number limited to a range, which a control step does some fifty times for each joint.
 
-Written with comparisons, it takes a seventh of the time of `max(low, min(high, value))`.
+Comparisons take a seventh of the time of `max(low, min(high, value))`.
 """
 
 from __future__ import annotations

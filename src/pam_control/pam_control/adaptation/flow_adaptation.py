@@ -150,7 +150,7 @@ class FlowAdaptation:
         """
         a, b, o, e, z, *_ = self._weights
         left = flow - o * capacity - e * moved
-        left -= z * capacity * _saturated(left / (USED_EDGE * capacity))
+        left -= z * capacity * limited(left / (USED_EDGE * capacity), -1.0, 1.0)
         return left / max(1.0 + (a - self._droop if left > 0.0 else b), LEAST_SHARE)
 
     def learn(self, step: float, sample: FlowSample) -> None:
@@ -159,16 +159,15 @@ class FlowAdaptation:
             return
         self._late += step / (max(sample.delay, 0.0) + step) * (sample.promised - self._late)
         u, c = self._late, sample.capacity
-        overlap = c * _saturated(u / (LEARNT_EDGE * c))
-        up = max(u, 0.0)
+        overlap = c * limited(u / (LEARNT_EDGE * c), -1.0, 1.0)
+        up, down = (u, 0.0) if u > 0.0 else (0.0, u)
         self._taken += step / LATELY * (up / self._full - self._taken)
         drooped = -up * self._taken
-        raw = (sample.pressure, up, min(u, 0.0), c, sample.moved, overlap, drooped)
+        raw = (sample.pressure, up, down, c, sample.moved, overlap, drooped)
         weight = step / (FILTER + step)
-        self._smooth = [
-            smooth + weight * (now - smooth)
-            for smooth, now in zip(self._smooth or raw, raw, strict=True)
-        ]
+        # without `strict`, which would take as long as the rest
+        pairs = zip(self._smooth or raw, raw)  # noqa: B905
+        self._smooth = [smooth + weight * (now - smooth) for smooth, now in pairs]
         self._since += step
         wanted = min(self._fit.weights[-1], LONGEST_DELAY)
         wanted = wanted if wanted > LEAST_DELAY else 0.0
@@ -183,7 +182,3 @@ class FlowAdaptation:
             self._fit.update(functions, (seen - up - down) / self._full, self._since)
             self._bound()
         self._since = 0.0
-
-
-def _saturated(value: float) -> float:
-    return limited(value, -1.0, 1.0)

@@ -47,7 +47,7 @@ class MotionMemory:
             sign, back = math.copysign(1.0, moved), -abs(moved)
             self._slips = [
                 sign - (sign - z) * math.exp(back / length)
-                for z, length in zip(self._slips, SLIP_LENGTHS)  # noqa: B905  (twice as fast)
+                for z, length in zip(self._slips, SLIP_LENGTHS)  # noqa: B905  (half the time)
             ]
         self._relaxed = [
             relaxed + step / (time + step) * (position - relaxed)

@@ -35,7 +35,7 @@ from typing import Final
 import numpy as np
 
 from pam_control.adaptation.motion_functions import DEVIATIONS, SLIP_LENGTHS, MotionMemory
-from pam_control.adaptation.recursive_fit import Array, RecursiveFit, Suspect
+from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.limited import limited
 from pam_control.references.spline import JointReference
 
@@ -134,7 +134,7 @@ class TorqueAdaptation:
         """Begin with a joint at rest; what was learnt is kept."""
         self._measured.reset()
         self._planned.reset()
-        self._raw: Array | None = None
+        self._raw: list[float] = []
         self._since = 0.0
         self._planned_at = math.nan
         self._reference = math.nan
@@ -152,18 +152,19 @@ class TorqueAdaptation:
             return 0.0
         q = sample.position
         memory = self._measured.advance(q, step)
-        raw = np.array((sample.unexplained, 1.0, q, q**3, *memory, sample.rate))
-        if self._raw is None:
+        raw = [sample.unexplained, 1.0, q, q**3, *memory, sample.rate]
+        if not self._raw:
             self._raw = self._smooth = self._once = self._twice = raw
             self._speed_once = self._speed_twice = sample.speed
-        # a measured speed is the mean over a period: the others are taken in its middle as well
-        middle, self._raw = 0.5 * (raw + self._raw), raw
         own, weight = step / (sample.speed_filter + step), step / (FILTER + step)
-        self._smooth = self._smooth + own * (middle - self._smooth)
-        self._once = self._once + weight * (self._smooth - self._once)
+        # a measured speed is the mean over a period: the others are taken in its middle as well
+        changes = zip(self._smooth, raw, self._raw)  # noqa: B905  (half the time)
+        self._smooth = [x + own * (0.5 * (now + last) - x) for x, now, last in changes]
+        self._raw = raw
+        self._once = _approached(self._once, self._smooth, weight)
         self._speed_once += weight * (sample.speed - self._speed_once)
         before, speed_before = self._twice, self._speed_twice
-        self._twice = before + weight * (self._once - before)
+        self._twice = _approached(before, self._once, weight)
         self._speed_twice += weight * (self._speed_once - speed_before)
         self._since += step
         self._move_delay(step)
@@ -172,7 +173,8 @@ class TorqueAdaptation:
         learnt = 0.0
         if abs(self._speed_twice) > SLOWEST:
             # the difference below is the acceleration half a period ago
-            smooth, speed = 0.5 * (before + self._twice), 0.5 * (speed_before + self._speed_twice)
+            smooth = 0.5 * (np.array(before) + np.array(self._twice))
+            speed = 0.5 * (speed_before + self._speed_twice)
             motion = (speed, (self._speed_once - self._speed_twice) / FILTER)
             model = self._damping * motion[0] + self._inertia * motion[1]
             functions = np.concatenate((smooth[1:4], motion, smooth[4:]))
@@ -215,3 +217,8 @@ class TorqueAdaptation:
         q = reference.position
         functions = (1.0, q, q**3, reference.velocity, reference.acceleration, *memory)
         return limited(float(sum(map(mul, self._fit.weights, functions))), -limit, limit)
+
+
+def _approached(values: list[float], goals: list[float], weight: float) -> list[float]:
+    """Values that have come nearer to their goals by a share of the difference."""
+    return [x + weight * (goal - x) for x, goal in zip(values, goals)]  # noqa: B905

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import cast
 
 from pam_model.effects import adjusted
 from pam_model.errors import DomainError
@@ -63,11 +62,8 @@ class AntagonisticJoint:
         self.ambient_pressure = ambient_pressure
         self.exponent = exponent
         self._affine: tuple[AffineForceModel, AffineForceModel] | None = None
-        if agonist.is_affine and antagonist.is_affine:
-            self._affine = (
-                cast(AffineForceModel, agonist.model),
-                cast(AffineForceModel, antagonist.model),
-            )
+        if agonist.affine_model is not None and antagonist.affine_model is not None:
+            self._affine = agonist.affine_model, antagonist.affine_model
         ends = []
         for muscle, sign in ((agonist, -1.0), (antagonist, 1.0)):
             low, high = muscle.model.length_bounds
@@ -303,8 +299,9 @@ class AntagonisticJoint:
     def _line(muscle: JointMuscle, length: float) -> PressureLine:
         model, low, high = muscle.model, muscle.low_pressure, muscle.high_pressure
         scale = passive = 0.0
-        if muscle.is_affine:
-            scale, passive = cast(AffineForceModel, model).coefficients(length)
+        affine = muscle.affine_model
+        if affine is not None:
+            scale, passive = affine.coefficients(length)
             at_low, at_high = low * scale + passive, high * scale + passive
         else:
             at_low, at_high = float(model.force(low, length)), float(model.force(high, length))
@@ -313,8 +310,8 @@ class AntagonisticJoint:
             # The muscle is too short to pull at any pressure, so the choice has no influence.
             rate = float(model.stiffness(low, length)) if weakest > 0.0 else 0.0
             return PressureLine(weakest, weakest, 0.0, weakest, 0.0, rate, low, high)
-        if muscle.is_affine:
-            rise, offset = cast(AffineForceModel, model).coefficient_slopes(length)
+        if affine is not None:
+            rise, offset = affine.coefficient_slopes(length)
             return PressureLine(weakest, strongest, scale, passive, rise, offset, low, high)
         line = PressureLine(weakest, strongest, 0.0, 0.0, 0.0, 0.0, low, high)
         stiff = float(model.stiffness(low, length)), float(model.stiffness(high, length))

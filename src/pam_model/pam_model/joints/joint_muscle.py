@@ -21,8 +21,8 @@ class JointMuscle:
         Range of the commands [Pa gauge].
     dead_volume : float
         [m^3].
-    is_affine : bool
-        Whether the inverse of the model is exact.
+    affine_model : AffineForceModel or None
+        The same model if it is affine in pressure, so that its inverse is exact.
     """
 
     model: ForceModel
@@ -30,11 +30,12 @@ class JointMuscle:
     low_pressure: float
     high_pressure: float
     dead_volume: float = 0.0
-    is_affine: bool = field(init=False)
+    affine_model: AffineForceModel | None = field(init=False)
 
     def __post_init__(self) -> None:
         # checked once, because checking a protocol takes longer than solving the joint
-        object.__setattr__(self, "is_affine", isinstance(self.model, AffineForceModel))
+        affine = self.model if isinstance(self.model, AffineForceModel) else None
+        object.__setattr__(self, "affine_model", affine)
 
 
 @dataclass(slots=True)

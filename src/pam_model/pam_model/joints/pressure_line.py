@@ -40,7 +40,8 @@ class PressureLine:
         """Pressure [Pa gauge] for a pull [N], limited to the range."""
         if self.scale <= 0.0:
             return self.low
-        return min(max((force - self.passive) / self.scale, self.low), self.high)
+        pressure = (force - self.passive) / self.scale
+        return self.low if pressure < self.low else min(pressure, self.high)
 
     def stiffness(self, force: float) -> float:
         """dF/dL [N/m] at a pull [N]."""
