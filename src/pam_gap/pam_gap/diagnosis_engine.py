@@ -28,6 +28,8 @@ from pam_gap.inference.improved_fit import improved_fit
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
+from pam_gap.inference.unlisted import UnlistedFitter
+from pam_gap.inference.verdict import has_gap
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
 from pam_gap.prediction.fit import FitResult
 from pam_gap.prediction.gap_figures import noise_level
@@ -225,22 +227,45 @@ class JointDiagnosis:
         settled = score_held_out(self.fitter, self.folds, best)
         return settled if self.judge.level(settled) < self.judge.level(score) else score
 
-    def scores_without_background(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
-        """Fit and score hypotheses again on a rig that shows no background.
-
-        Fitted amounts of a background would imitate causes there: the simulation alone must
-        explain the recording.
-        """
-        self.fitter.without_background()
-        self.judge.background = np.zeros_like(self.floor)
+    def bare_scores(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
+        """Fit and score hypotheses again without any background."""
         steps = self.rules.search.settled_steps
         fits = self.fitter.fit_all(
             [
-                FitTask(h.members, h.result.values, steps, guess=h.result.jacobian)
+                FitTask(h.members, h.result.values, steps, guess=h.result.jacobian, is_bare=True)
                 for h in hypotheses
             ]
         )
         return score_all(self.fitter, self.folds, fits)
+
+    def scores(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
+        """Held-out scores, those without a background on a rig that shows none.
+
+        Where hardly anything is left beside fitted amounts of a background, either these amounts
+        are real, or there is no background. Without one, fitted amounts would imitate causes: the
+        simulation alone must explain the recording then. It can, if there is no background.
+        """
+        scores = score_all(self.fitter, self.folds, hypotheses)
+        background, least = self.judge.background, self.rules.decision.background_shows
+        if not (background[self.present] > 0.0).all():
+            return scores
+        if self.judge.background_share(scores, background) >= least:
+            return scores
+        if self.fitter.background is not None:
+            bare = self.bare_scores(hypotheses)
+            if self.judge.background_share(bare, self.fitter.whole_background) >= least:
+                return scores
+            self.fitter.without_background()
+            scores = bare
+        self.judge.background = np.zeros_like(self.floor)
+        return scores
+
+    def unlisted_scores(self, scores: Sequence[HeldOut], nominal: Hypothesis) -> list[HeldOut]:
+        """Held-out scores of causes outside the table, where there is a gap to explain."""
+        self.judge.set_floor(scores)
+        if not has_gap(self.judge.level(scores[0]), int(self.present.sum()), self.rules.decision):
+            return []
+        return UnlistedFitter(self.fitter, self.folds).scores(nominal)
 
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""
@@ -275,11 +300,8 @@ class JointDiagnosis:
         self.progress("held-out scores", 0.86)
         written = self.written()
         hypotheses = [result.nominal, *self.finalists(result)]
-        scores = score_all(self.fitter, self.folds, hypotheses)
-        self.judge.set_floor(scores)
-        if not self.judge.has_background and self.fitter.background is not None:
-            scores = self.scores_without_background(hypotheses)
-        nominal, *tried = scores
+        nominal, *tried = scores = self.scores(hypotheses)
+        unlisted = self.unlisted_scores(scores, result.nominal)
         tried = [score.with_causes(self.causes) for score in tried]
         self.progress("verdict", 0.93)
         settled: dict[int, HeldOut] = {}
@@ -289,7 +311,7 @@ class JointDiagnosis:
             settled[place] = self.settled(score).with_causes(self.causes)
             return settled[place]
 
-        decision = self.judge.decide(nominal, tried, settle)
+        decision = self.judge.decide(nominal, tried, settle, unlisted)
         retuned = nominal.hypothesis
         nominal_vector = self.fitter.vector((), retuned.result.values)
         errors = self.fitter.simulated_errors(retuned)
@@ -306,7 +328,7 @@ class JointDiagnosis:
         self.evidence = KeptEvidence(
             self.floor, self.judge.background, self.present, written, nominal, tuple(tried),
             settled, singles, location.stages, tuple(self.growth), self.motion,
-            shown, label,
+            shown, label, tuple(unlisted),
         )  # fmt: skip
         diagnosis = form.fill(decision, singles, written, nominal, location, shown)
         diagnosis.proposal = self.proposal(decision, diagnosis.survivors)

@@ -125,6 +125,9 @@ class Diagnosis:
         What the answer was made from; None for recordings in memory.
     preferred : str
         Why the named explanation was preferred to one that fits better; empty if it fits best.
+    looks_like : str
+        For `unknown`: the cause outside the table of effects that explains the gap better than the
+        effects of the table, in words; empty if none does.
     sizes : tuple of GapSize
         The gap of each channel in its unit and as a share of the motion, largest share first.
     material_share, unexplained_share : float
@@ -163,6 +166,7 @@ class Diagnosis:
     not_shown: tuple[str, ...] = ()
     provenance: Provenance | None = None
     preferred: str = ""
+    looks_like: str = ""
     sizes: tuple[GapSize, ...] = ()
     material_share: float = 0.0
     unexplained_share: float = 0.0
@@ -255,6 +259,7 @@ class Diagnosis:
             "cautions": list(self.cautions),
             "not_shown": list(self.not_shown),
             "preferred": self.preferred,
+            "looks_like": self.looks_like,
             "ordinary": list(self.ordinary),
             "leftover": self.leftover(),
             "materiality": {

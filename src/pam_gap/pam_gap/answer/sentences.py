@@ -139,10 +139,20 @@ def _verdict(diagnosis: Diagnosis) -> str:
         case "unknown":
             where = f" at the {diagnosis.stage} stage" if diagnosis.stage else ""
             amount = _unknown_size(diagnosis)
-            return f"The cause of the gap{where} is unknown: {amount}{best_left(diagnosis)}"
+            return (
+                f"The cause of the gap{where} is unknown: {amount}{best_left(diagnosis)}"
+                f"{_looks_like(diagnosis)}"
+            )
         case "ambiguous":
             return _ambiguous(diagnosis)
     return _named(diagnosis)
+
+
+def _looks_like(diagnosis: Diagnosis) -> str:
+    """The cause outside the table that explains more than all known effects; empty without any."""
+    if not diagnosis.looks_like:
+        return ""
+    return f" It looks like {diagnosis.looks_like}, which is no effect of the table: check that."
 
 
 def _unknown_size(diagnosis: Diagnosis) -> str:

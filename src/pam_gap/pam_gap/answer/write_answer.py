@@ -124,6 +124,9 @@ class AnswerForm:
             joint=self.rig.joints[self.joint].name,
             ranking=ranking,
             preferred=why_preferred(chosen.effects, ranking) if is_named else "",
+            looks_like=decision.unlisted.unlisted
+            if verdict == "unknown" and decision.unlisted is not None
+            else "",
             location=location,
             horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),
             improved=None if shown is None else self.improved(shown.hypothesis),

@@ -16,7 +16,7 @@ Barthorpe, Mech. Syst. Signal Process. 143, 2020).
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -41,6 +41,8 @@ from pam_model.plant.parameters import INDEX
 
 SENSOR_RANGES = tuple(f * 10.0**k for k in (4, 5, 6, 7) for f in (1.0, 1.6, 2.5, 4.0, 6.0))
 """Usual ranges of pressure sensors [Pa] (EN 837-1, table of scale ranges)."""
+ECCENTRIC_ROUNDS = 6
+"""Fixed-point steps from a reading to the angle; each leaves the size of the error in rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,43 @@ class Background:
         return self._beside[absent]
 
 
+@dataclass(frozen=True, slots=True)
+class SensorPart:
+    """A part of a background that no effect of the table describes: it changes what is recorded.
+
+    Attributes
+    ----------
+    name : str
+        In words, for the answer.
+    change : callable
+        (problem, channels, amount) -> channels with this amount, in the largest ordinary sizes.
+    is_one_way : bool
+        Whether the amount cannot be negative.
+    """
+
+    name: str
+    change: Callable[[PredictionProblem, Channels, float], Channels]
+    is_one_way: bool = False
+
+    def errors(self, problem: PredictionProblem, vector: Array, amount: float) -> Array:
+        """Errors of a plant if the recordings are changed by this amount."""
+        changed = problem.with_data(lambda data: self.change(problem, data, amount))
+        return changed.errors(vector[None])[0]
+
+
+def sensor_parts(problem: PredictionProblem) -> list[SensorPart]:
+    """The parts of a background that change the recorded channels of this problem."""
+    found: list[SensorPart] = []
+    if problem.has_commands:
+        found.append(SensorPart("a hysteresis of the spools", _spool_play, is_one_way=True))
+    for channel, side in enumerate(MUSCLES):
+        if problem.present[BOTH_PRESSURES][channel]:
+            of = f"of the {side}'s pressure sensor"
+            found.append(SensorPart(f"a nonlinearity {of}", partial(_nonlinearity, channel=channel)))
+            found.append(SensorPart(f"a drift {of}", partial(_drift, channel=channel)))
+    return found
+
+
 def ordinary_background(problem: PredictionProblem, vector: Array) -> Background:
     """Simulate an ordinary amount of every part of a background along the recordings.
 
@@ -100,57 +139,65 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
             effects.append(effect)
     base = problem.errors(vector[None])[0]
     changes = list(problem.errors(np.array(lanes)) - base) if lanes else []
-    if problem.has_commands:
-        played = problem.with_data(lambda data: _spool_play(problem, data))
-        changes.append(played.errors(vector[None])[0] - base)
-    one_way = len(changes)  # amounts of these are never negative
-    effects += [""] * (one_way - len(effects))
-    for channel in (0, 1):
-        if problem.present[BOTH_PRESSURES][channel]:
-            for reading in (_nonlinearity, _drift):
-                shifted = problem.with_data(partial(reading, problem, channel=channel))
-                changes.append(shifted.errors(vector[None])[0] - base)
+    one_way = [True] * len(changes)  # amounts of these are never negative
+    for part in sensor_parts(problem):
+        changes.append(part.errors(problem, vector, 1.0) - base)
+        one_way.append(part.is_one_way)
     changes += _encoder(problem, base)
     effects += [""] * (len(changes) - len(effects))
+    one_way += [False] * (len(changes) - len(one_way))
     free = tuple(
         FreeParameter(
             f"ordinary {effect or 'part'}",
-            0.0 if part < one_way else -1.0,
+            0.0 if positive else -1.0,
             1.0,
             rules.ordinary_share,
             prior=rules.ordinary_share,
         )
-        for part, effect in enumerate(effects)
+        for effect, positive in zip(effects, one_way, strict=True)
     )
     return Background(tuple(effects), LinearTerms(np.stack(changes, axis=-1), free))
 
 
-def _spool_play(problem: PredictionProblem, data: Channels) -> Channels:
+def _spool_play(problem: PredictionProblem, data: Channels, amount: float) -> Channels:
     """Commands as spools with an ordinary hysteresis follow them: play of half its width."""
-    half = 0.5 * problem.rules.decision.ordinary_spool
+    half = 0.5 * amount * problem.rules.decision.ordinary_spool
     spool = data.commands.copy()
     for k in range(1, len(spool)):
         spool[k] = np.clip(spool[k - 1], data.commands[k] - half, data.commands[k] + half)
     return replace(data, commands=spool)
 
 
-def _nonlinearity(problem: PredictionProblem, data: Channels, channel: int) -> Channels:
+def _nonlinearity(
+    problem: PredictionProblem, data: Channels, amount: float, channel: int
+) -> Channels:
     """Readings of a pressure sensor that is right at both ends of its range, but not between."""
     gauge = problem.rig.supply_pressure - problem.rig.gas.ambient_pressure
     full = next((size for size in SENSOR_RANGES if size >= gauge), gauge)
     measured = data.measured.copy()
     share = np.clip(measured[:, channel] / full, 0.0, 1.0)
-    size = problem.rules.decision.ordinary_nonlinearity * full
+    size = amount * problem.rules.decision.ordinary_nonlinearity * full
     measured[:, channel] += 4.0 * size * share * (1.0 - share)
     return replace(data, measured=measured)
 
 
-def _drift(problem: PredictionProblem, data: Channels, channel: int) -> Channels:
+def _drift(problem: PredictionProblem, data: Channels, amount: float, channel: int) -> Channels:
     """Readings whose zero drifts by an ordinary zero error during the recording."""
     scales = rig_scales(problem.rig, problem.rig.joints[problem.joint])
-    size = EFFECTS["pressure_bias"].search.ranges(scales)["bias"].ordinary
+    size = amount * EFFECTS["pressure_bias"].search.ranges(scales)["bias"].ordinary
     measured = data.measured.copy()
     measured[:, channel] += size * (np.linspace(0.0, 1.0, len(measured)) - 0.5)
+    return replace(data, measured=measured)
+
+
+def encoder_part(problem: PredictionProblem, data: Channels, amounts: Array) -> Channels:
+    """Positions as they would be read without an eccentricity of the encoder (two phases)."""
+    size = problem.rules.decision.ordinary_position
+    measured = data.measured.copy()
+    true = read = data.measured[:, POSITION]
+    for _ in range(ECCENTRIC_ROUNDS):
+        true = read + size * (amounts[0] * np.sin(true) + amounts[1] * np.cos(true))
+    measured[:, POSITION] = true
     return replace(data, measured=measured)
 
 

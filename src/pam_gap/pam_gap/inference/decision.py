@@ -41,12 +41,16 @@ class Decision[S: Score]:
         Hypotheses that the data do not distinguish from it.
     tried : tuple of Score
         All final scores.
+    unlisted : Score or None
+        The cause outside the table of effects that explains the recording better than the accepted
+        hypothesis, if there is one; the verdict is unknown then.
     """
 
     verdict: str
     chosen: S | None
     rivals: tuple[S, ...]
     tried: tuple[S, ...]
+    unlisted: S | None = None
 
     @property
     def is_named(self) -> bool:
@@ -109,25 +113,35 @@ class Judge:
         usual = self.floor if floor is None else floor
         return bool((score.mean_square - usual > limit)[self.present].any())
 
+    def background_share(self, scores: Sequence[Score], background: Array) -> float:
+        """Share of a background that counts, from what the best hypothesis leaves of it.
+
+        A background acts on all channels together, so that one share of it, the geometric mean
+        over the channels, holds for all; a margin is added. Hypotheses with effects of ordinary
+        size do not count, because these belong to the background themselves.
+
+        Parameters
+        ----------
+        scores : sequence of Score
+            Scores of all hypotheses.
+        background : ndarray, shape (channels,)
+            Mean squared error that an ordinary background can leave, above 0 where present.
+        """
+        usual = background[self.present]
+        plain = [score for score in scores if not score.ordinary]
+        best = min(plain, key=lambda score: score.level(self.noise, self.present))
+        left = np.maximum((best.mean_square - self.noise)[self.present], 1e-9 * usual)
+        return self.rules.background_reach * float(np.exp(np.mean(np.log(left / usual))))
+
     def set_floor(self, scores: Sequence[Score]) -> None:
         """Set the floor against which hypotheses are judged, from the scores of all of them.
 
         An ordinary background is assumed up to what the best hypothesis leaves above the noise,
-        with some margin. Hypotheses with effects of ordinary size do not count, because these
-        belong to the background themselves. A background acts on all channels together, so that
-        one share of it, the geometric mean over the channels, holds for all. A rig that some
-        hypothesis explains almost down to the noise has no background, and is judged against the
-        noise alone: there, the closest wrong cause would pass if a background were assumed.
+        with some margin.
         """
-        usual = self.background[self.present]
         self.floor = self.noise
-        if not (usual > 0.0).all():
-            return
-        plain = [score for score in scores if not score.ordinary]
-        best = min(plain, key=lambda score: score.level(self.noise, self.present))
-        left = np.maximum((best.mean_square - self.noise)[self.present], 1e-9 * usual)
-        share = self.rules.background_reach * float(np.exp(np.mean(np.log(left / usual))))
-        if share >= self.rules.background_shows:
+        if (self.background[self.present] > 0.0).all():
+            share = self.background_share(scores, self.background)
             self.floor = self.noise + min(share, 1.0) * self.background
 
     @property
@@ -142,6 +156,15 @@ class Judge:
     def priced_level(self, score: Score) -> float:
         """Level plus a penalty per free parameter, which prefers the simpler of two equal laws."""
         return self.level(score) + self.rules.price * score.free_numbers
+
+    def energy(self, score: Score) -> float:
+        """Priced level plus the fall that every cause after the first must achieve."""
+        return self.priced_level(score) + self.rules.further_gain * max(score.size - 1, 0)
+
+    def better_unlisted[S: Score](self, chosen: Score, unlisted: Sequence[S]) -> S | None:
+        """The cause outside the table that explains more than a hypothesis; None without any."""
+        best = min(unlisted, key=self.energy, default=None)
+        return best if best is not None and self.energy(best) < self.energy(chosen) else None
 
     def usual[S: Score](self, nominal: Score, tried: Sequence[S]) -> Score:
         """Score of the best hypothesis without causes: re-tuned, with effects of ordinary size."""
@@ -249,7 +272,11 @@ class Judge:
         ]
 
     def decide[S: Score](
-        self, nominal: Score, tried: Sequence[S], settle: Callable[[S], S]
+        self,
+        nominal: Score,
+        tried: Sequence[S],
+        settle: Callable[[S], S],
+        unlisted: Sequence[S] = (),
     ) -> Decision[S]:
         """Choose a hypothesis, complete the fits of close ones, choose again, and give the verdict.
 
@@ -261,14 +288,16 @@ class Judge:
             Scores of the hypotheses.
         settle : callable
             Completes the fit of a hypothesis and returns its score.
+        unlisted : sequence of Score
+            Scores of causes outside the table of effects.
         """
-        self.set_floor([nominal, *tried])
+        self.set_floor([nominal, *tried, *unlisted])
         chosen = self.choose(nominal, tried)
         if chosen is not None:
             close = [chosen, *self.rivals(chosen, tried, nominal)]
             others = [score for score in tried if not any(score is one for one in close)]
             tried = [*map(settle, close), *others]
-            self.set_floor([nominal, *tried])
+            self.set_floor([nominal, *tried, *unlisted])
             chosen = self.choose(nominal, tried)
         channels = int(self.present.sum())
         usual = self.usual(nominal, tried)
@@ -281,9 +310,12 @@ class Judge:
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
         if self.share_removed(usual, chosen) < self.rules.most_of_the_gap:
             verdict = "unknown"
+        better = self.better_unlisted(chosen, unlisted)
+        if better is not None:
+            verdict = "unknown"
         if verdict == "unknown" and not self.is_material(nominal, unexplained=True):
             verdict = "none"
-        return Decision(verdict, chosen, tuple(rivals), tuple(tried))
+        return Decision(verdict, chosen, tuple(rivals), tuple(tried), better)
 
     def weights[S: Score](
         self, decision: Decision[S], singles: Sequence[str]

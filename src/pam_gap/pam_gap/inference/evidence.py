@@ -27,7 +27,7 @@ from pam_gap.rules import Rules
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
 
-FORMAT = 5
+FORMAT = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +61,8 @@ class KeptEvidence:
         Score of the fit that the improved rig file holds; None without such a file.
     improved_for : str
         Label of the hypothesis that was named and fitted for that file.
+    unlisted : tuple of Score
+        Scores of causes outside the table of effects.
     """
 
     floor: Array
@@ -76,20 +78,24 @@ class KeptEvidence:
     motion: Array | None = None
     improved: Score | None = None
     improved_for: str = ""
+    unlisted: tuple[Score, ...] = ()
 
     def save(self, path: Path) -> None:
         """Write the evidence to one NPZ file (arrays and one JSON text, no pickled objects)."""
         places = sorted(self.settled)
         scores = [self.written, self.nominal, *self.tried, *(self.settled[k] for k in places)]
+        scores += self.unlisted
         if self.improved is not None:
             scores.append(self.improved)
         about = {
             "format": FORMAT,
             "scores": [
-                [list(s.effects), s.label, s.free_numbers, list(s.ordinary)] for s in scores
+                [list(s.effects), s.label, s.free_numbers, list(s.ordinary), s.unlisted]
+                for s in scores
             ],
             "tried": len(self.tried),
             "settled": places,
+            "unlisted": len(self.unlisted),
             "improved_for": self.improved_for,
             "singles": list(self.singles),
             "stages": [[s.stage, s.inputs, s.gap_over_floor, s.note] for s in self.stages],
@@ -140,11 +146,13 @@ class KeptEvidence:
                 counts[k],
                 ordinary=tuple(ordinary),
                 simulated_sums=simulated[k],
+                unlisted=unlisted,
             )
-            for k, (effects, label, free, ordinary) in enumerate(about["scores"])
+            for k, (effects, label, free, ordinary, unlisted) in enumerate(about["scores"])
         ]
         end = 2 + about["tried"]
-        last = end + len(about["settled"])
+        settled_end = end + len(about["settled"])
+        last = settled_end + about["unlisted"]
         return cls(
             floor,
             background,
@@ -152,13 +160,14 @@ class KeptEvidence:
             scores[0],
             scores[1],
             tuple(scores[2:end]),
-            dict(zip(about["settled"], scores[end:last], strict=True)),
+            dict(zip(about["settled"], scores[end:settled_end], strict=True)),
             tuple(about["singles"]),
             tuple(StageGap(*entry) for entry in about["stages"]),
             tuple((GrowthStep(*entry[:-1]), bool(entry[-1])) for entry in about["growth"]),
             motion,
             next(iter(scores[last:]), None),
             about["improved_for"],
+            tuple(scores[settled_end:last]),
         )
 
 
@@ -230,7 +239,7 @@ def decide_again(evidence: KeptEvidence, rules: Rules) -> DecidedAgain:
     judge = Judge(
         evidence.floor, evidence.present, rules.decision, evidence.motion, evidence.background
     )
-    decision = judge.decide(evidence.nominal, evidence.tried, settle)
+    decision = judge.decide(evidence.nominal, evidence.tried, settle, evidence.unlisted)
     answer = contract_answer(evidence, decision, judge, rules)
     return DecidedAgain(answer, is_exact and not missing)
 

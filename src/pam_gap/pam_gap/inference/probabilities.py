@@ -52,7 +52,7 @@ def probabilities[S: Score](
     energies: dict[str, float] = {}
     for score in decision.tried:
         name = " + ".join(sorted(score.causes)) or NONE
-        energy = judge.priced_level(score) + rules.further_gain * (score.size - 1)
+        energy = judge.energy(score)
         energies[name] = min(energy, energies.get(name, np.inf))
     values = np.array(list(energies.values()))
     shares = np.exp(-(values - values.min()) / rules.temperature)

@@ -42,6 +42,8 @@ class Score:
     simulated_sums : ndarray, shape (n_blocks, channels), optional
         The sums for the simulation alone, whose errors contain an ordinary background; without
         it, no background was fitted.
+    unlisted : str
+        Cause outside the table of effects that the hypothesis contains, in words.
     """
 
     effects: tuple[str, ...]
@@ -51,6 +53,7 @@ class Score:
     counts: Array
     ordinary: tuple[str, ...] = field(default=(), kw_only=True)
     simulated_sums: Array | None = field(default=None, kw_only=True)
+    unlisted: str = field(default="", kw_only=True)
 
     @property
     def simulated(self) -> Self:

@@ -129,6 +129,22 @@ class SearchRules:
         decides="Number of hypotheses with three effects that are scored on held-out data.",
         trades=_COUNT,
     )
+    unlisted_rounds: int = rule(
+        3,
+        unit="-",
+        decides="Largest number of times that the recordings are changed by what was found of a "
+        "cause outside the table.",
+        trades="Fewer: large causes outside the table are fitted badly. More: the diagnosis takes "
+        "longer.",
+        origin="Numerical setting; drawn rigs with an eccentric encoder needed two.",
+    )
+    unlisted_moved: float = rule(
+        0.05,
+        unit="of the amount",
+        decides="Change of the amount of such a cause below which its fit ends.",
+        trades="Larger: fits end early. Smaller: the diagnosis takes longer.",
+        origin="Numerical setting.",
+    )
     restarts: int = rule(
         3,
         unit="-",
