@@ -6,7 +6,7 @@ import pytest
 from pam_check.blind.background import FULL_SCALE, MAGNITUDES, add_background, area, weaker
 from pam_check.blind.cases import to_table
 from pam_check.blind.draw import KNOWN, Draw
-from pam_check.blind.rough import WEAKEST, draw_rough_rig, uneven
+from pam_check.blind.rough import WEAKEST, alone, draw_rough_rig, uneven
 from pam_check.blind.truth_plant import Sensors, SupplyWander, TruthJoint, TruthMuscle, slow_noise
 
 JOINT = TruthJoint(0.03, 0.05, 0.25, 4.9, 0.0, -1.0, 1.0, 293.15, 101325.0, 701325.0)
@@ -47,6 +47,18 @@ def test_a_weaker_effect_lies_between_the_background_and_the_drawn_one() -> None
     assert fields.issuperset(MAGNITUDES)
 
 
+def test_each_effect_of_a_pair_has_a_rig_of_its_own() -> None:
+    plain = drawn()
+    add_background(plain)
+    pair = Draw(plain.random, plain.joint, list(plain.muscles))
+    KNOWN["payload"][1](pair)
+    before = Draw(pair.random, pair.joint, list(pair.muscles))
+    KNOWN["hysteresis"][1](pair)
+    one = alone(before, pair, plain)
+    assert one.joint == plain.joint
+    assert one.muscles[0].thread_friction == pair.muscles[0].thread_friction
+
+
 def test_slow_noise_drifts_and_is_coloured() -> None:
     sensors = Sensors(pressure_colour=100.0, pressure_corner=5.0, pressure_drift=0.001 * FULL_SCALE)
     noise = slow_noise(sensors, 0.002, 20000, np.random.default_rng(1))
@@ -73,3 +85,5 @@ def test_a_drawn_rig_has_the_strength_of_its_label_and_an_uneven_log() -> None:
     assert (np.diff(log["time"].to_numpy()) > 0.0).all()
     clean = draw_rough_rig((JOINT, MUSCLE), 0.03, [], np.random.default_rng(8))
     assert clean.strength == 0.0
+    assert clean.strengths == ()
+    assert rig.strengths == (rig.strength,)

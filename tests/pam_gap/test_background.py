@@ -101,12 +101,47 @@ def test_a_gap_that_does_not_matter_is_most_probably_none() -> None:
     assert probabilities(judge, nominal, decision)["none"] > 0.8
 
 
-def test_a_rig_that_is_explained_down_to_the_noise_is_judged_against_the_noise() -> None:
+def with_few(engine: JointDiagnosis) -> JointDiagnosis:
+    """The diagnosis with few effects, which is quicker."""
+    few = [c for c in engine.candidates() if c.effect in ("dead_volume", "position_offset")]
+    engine.candidates = lambda: few  # type: ignore[method-assign]
+    return engine
+
+
+def test_the_less_is_left_the_less_of_a_background_counts() -> None:
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
     judge.set_floor([score((), (9.0, 9.0, 30.0)), score(("thermal",), (1.0, 1.0, 1.0))])
     assert judge.floor == pytest.approx(np.ones(CHANNELS), abs=0.05)
     judge.set_floor([score((), (90.0, 90.0, 300.0)), score(("thermal",), (50.0, 50.0, 100.0))])
     assert judge.floor == pytest.approx(1.0 + BACKGROUND)
+
+
+@needs_numba
+def test_a_background_that_is_fitted_down_to_the_noise_is_still_a_background(
+    rig: Rig, record: Maker
+) -> None:
+    """Without one, the simulation alone would have to explain the recording, and cannot."""
+    sizes = ordinary_sizes(rig, rig.joints[0])
+    amounts = {path: 0.5 * size for _, paths, size in sizes for path in paths}
+    volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
+    engine = with_few(JointDiagnosis(rig, 0, [record(amounts | volumes)]))
+    assert engine.run().effects == ("dead_volume",)
+    assert engine.fitter.background is not None
+    clean = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
+    assert clean.run().effects == ("dead_volume",)
+    assert clean.fitter.background is None
+
+
+@needs_numba
+def test_an_eccentric_encoder_is_no_offset_of_it(rig: Rig, record: Maker) -> None:
+    recording = record()
+    values = dict(recording.values)
+    name = f"joint_states.{rig.joints[0].name}.position"
+    values[name] = values[name] + 0.06 * np.sin(values[name] + 0.7)
+    answer = with_few(JointDiagnosis(rig, 0, [replace(recording, values=values)])).run()
+    assert answer.verdict == "unknown"
+    assert answer.looks_like == "an eccentricity of the encoder"
+    assert answer.effects == ()
 
 
 def test_the_background_is_what_the_effects_call_ordinary() -> None:

@@ -116,6 +116,19 @@ def test_a_search_that_would_have_gone_on_is_told() -> None:
     ).is_exact
 
 
+def test_a_cause_outside_the_table_that_leaves_less_makes_the_verdict_unknown(
+    tmp_path: Path,
+) -> None:
+    """An eccentric encoder looks almost like an offset, which must not be named then."""
+    encoder = replace(score((), 1.0), unlisted="an eccentricity of the encoder", free_numbers=2)
+    kept = evidence(unlisted=(encoder,))
+    kept.save(tmp_path / "evidence.npz")
+    read = KeptEvidence.load(tmp_path / "evidence.npz")
+    assert decide_again(read, DEFAULT).answer["verdict"] == "unknown"
+    worse = replace(score((), 1.5), unlisted="a drift", free_numbers=1)
+    assert decide_again(evidence(unlisted=(worse,)), DEFAULT).answer["effects"] == ["creep"]
+
+
 def test_a_file_that_is_no_evidence_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "evidence.npz"
     path.write_bytes(b"nothing")

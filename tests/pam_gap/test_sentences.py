@@ -98,6 +98,19 @@ def test_an_unknown_cause_says_what_the_best_known_effect_leaves() -> None:
     )
 
 
+def test_a_cause_outside_the_table_is_told_with_the_unknown() -> None:
+    best = ScoredCandidate(("position_offset",), 0.9, CLOSED, level=4.0, over_floor=(2.0,))
+    name = "an eccentricity of the encoder"
+    unknown = replace(
+        FOUND, verdict="unknown", effects=(), closed=None, ranking=(best,), looks_like=name
+    )
+    assert verdict_sentence(unknown).endswith(
+        "is unknown: it looks like an eccentricity of the encoder, which is no effect of the table "
+        "but explains more than the best of the table (position offset)."
+    )
+    assert unknown.to_json()["looks_like"] == name
+
+
 def test_nothing_to_explain_is_said() -> None:
     gap = {"a": ChannelGap(9.0, 1.2, 1.0, "Pa"), "b": ChannelGap(9.0, 2.0, 2.0, "rad")}
     none = replace(FOUND, verdict="none", stage=None, effects=(), closed=None, gap=gap)

@@ -64,6 +64,8 @@ class Label:
     load_cells: bool
     strength: float = 0.0
     """Strength of the effects above the background; 0 without effects or without a background."""
+    strengths: list[float] = field(default_factory=list)
+    """Strength of each effect alone."""
     supply: dict[str, float] = field(default_factory=dict)
 
 
@@ -259,6 +261,7 @@ def make_rough_case(
             sensors=asdict(drawn.sensors),
             load_cells=load_cells,
             strength=drawn.strength,
+            strengths=list(drawn.strengths),
             supply={k: float(v) for k, v in drawn.supply._asdict().items()},
         )
     raise RuntimeError(f"no rig with {effects} that can run in {MAX_TRIES} draws")

@@ -8,6 +8,7 @@ commands, in the channel where this ratio is largest.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +62,8 @@ class DrawnRig:
         The rig without its hidden effects, with the same commands.
     strength : float
         Of the hidden effects, above the background; 0 without effects.
+    strengths : tuple of float
+        Of each hidden effect alone.
     """
 
     joint: TruthJoint
@@ -71,6 +74,21 @@ class DrawnRig:
     check: TruthRecording
     without: TruthRecording
     strength: float
+    strengths: tuple[float, ...]
+
+
+def alone(before: Draw, after: Draw, plain: Draw) -> Draw:
+    """The plain rig with those values that an effect changed from `before` to `after`."""
+
+    def changed(old: dict[str, float], new: dict[str, float]) -> dict[str, float]:
+        return {name: value for name, value in new.items() if value != old[name]}
+
+    joint = plain.joint._replace(**changed(before.joint._asdict(), after.joint._asdict()))
+    muscles = [
+        one._replace(**changed(old._asdict(), new._asdict()))
+        for one, old, new in zip(plain.muscles, before.muscles, after.muscles, strict=True)
+    ]
+    return Draw(plain.random, joint, muscles)
 
 
 def _change(one: TruthRecording, other: TruthRecording) -> Array:
@@ -119,8 +137,11 @@ def draw_rough_rig(
     exact = Draw(random, plain.joint, list(plain.muscles))
     add_background(plain)
     full = Draw(random, plain.joint, list(plain.muscles))
+    apart: list[Draw] = []  # rigs with one of the effects each
     for effect in effects:
+        before = Draw(random, full.joint, list(full.muscles))
         (KNOWN | OUTSIDE)[effect][1](full)
+        apart.append(alone(before, full, plain))
     sample_time = float(random.choice(SAMPLE_TIMES))
     duration = float(random.uniform(SHORTEST, LONGEST))
     motions = [
@@ -155,11 +176,19 @@ def draw_rough_rig(
         if abs(math.log(max(strength, 1e-3) / goal)) < CLOSE:
             break
         share = min(share * goal / max(strength, 1e-3), LARGEST_SHARE)
+    strengths = [strength] * len(effects)
+    for k, one in enumerate(apart if len(effects) > 1 else []):
+        # a rig with one of the effects alone may diverge with commands that both have shaped
+        with suppress(FloatingPointError):
+            recorded = run(weaker(one, plain, share), motions[0], recording.commands)
+            strengths[k] = float(np.max(_seen(recorded, without) / _change(without, ideal)))
     if effects and strength < WEAKEST:
         raise BuriedError(f"{', '.join(effects)}: {strength:.2f} times the background")
     check = run(rig, motions[1])
     muscles = (rig.muscles[0], rig.muscles[1])
-    return DrawnRig(rig.joint, muscles, sensors, supply, recording, check, without, strength)
+    return DrawnRig(
+        rig.joint, muscles, sensors, supply, recording, check, without, strength, tuple(strengths)
+    )
 
 
 def uneven(table: pd.DataFrame, random: np.random.Generator) -> pd.DataFrame:

@@ -21,6 +21,8 @@ CLEAR_GAP = 3.0
 BY_STRENGTH = ("weak", "medium", "strong")
 """Classes of strength above an ordinary background (`pam_check.blind.rough.STRENGTHS`)."""
 MEDIUM, STRONG = 3.0, 10.0
+STANDS_OUT = 1.0
+"""Strength below which an effect changes a rig less than its ordinary background does."""
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,7 @@ def by_strength(
         f"{name}_{strength}": [] for strength in BY_STRENGTH for name in SPLIT
     }
     rows["outside_unknown_or_leftover"] = []
+    rows["both_of_two_that_stand_out"] = []
     for label in labels:
         answer = answers.get(str(label["case"])) or CRASHED
         truth, named = set(label["effects"]), list(answer["effects"])
@@ -177,6 +180,8 @@ def by_strength(
             rows[f"false_name_{strength}"].append(bool(named) and not truth & found)
         elif label["kind"] == "two":
             rows[f"both_of_two_{strength}"].append(truth <= found)
+            if min(label.get("strengths") or [0.0]) >= STANDS_OUT:
+                rows["both_of_two_that_stand_out"].append(truth <= found)
     return rows
 
 

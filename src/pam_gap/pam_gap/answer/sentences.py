@@ -45,6 +45,11 @@ def best_left(diagnosis: Diagnosis) -> str:
     best = diagnosis.ranking[0]
     worst = max(best.over_floor, default=0.0)
     names = _listed([_words(effect) for effect in best.effects])
+    if diagnosis.looks_like:
+        return (
+            f"it looks like {diagnosis.looks_like}, which is no effect of the table but explains "
+            f"more than the best of the table ({names})."
+        )
     subject, verb, owner = (
         ("effect", "leaves", "its law") if len(best.effects) == 1 else ("effects", "leave", "these")
     )
@@ -139,20 +144,10 @@ def _verdict(diagnosis: Diagnosis) -> str:
         case "unknown":
             where = f" at the {diagnosis.stage} stage" if diagnosis.stage else ""
             amount = _unknown_size(diagnosis)
-            return (
-                f"The cause of the gap{where} is unknown: {amount}{best_left(diagnosis)}"
-                f"{_looks_like(diagnosis)}"
-            )
+            return f"The cause of the gap{where} is unknown: {amount}{best_left(diagnosis)}"
         case "ambiguous":
             return _ambiguous(diagnosis)
     return _named(diagnosis)
-
-
-def _looks_like(diagnosis: Diagnosis) -> str:
-    """The cause outside the table that explains more than all known effects; empty without any."""
-    if not diagnosis.looks_like:
-        return ""
-    return f" It looks like {diagnosis.looks_like}, which is no effect of the table: check that."
 
 
 def _unknown_size(diagnosis: Diagnosis) -> str:

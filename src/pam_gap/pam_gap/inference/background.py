@@ -99,7 +99,8 @@ class SensorPart:
     def errors(self, problem: PredictionProblem, vector: Array, amount: float) -> Array:
         """Errors of a plant if the recordings are changed by this amount."""
         changed = problem.with_data(lambda data: self.change(problem, data, amount))
-        return changed.errors(vector[None])[0]
+        result: Array = changed.errors(vector[None])[0]
+        return result
 
 
 def sensor_parts(problem: PredictionProblem) -> list[SensorPart]:
@@ -110,7 +111,9 @@ def sensor_parts(problem: PredictionProblem) -> list[SensorPart]:
     for channel, side in enumerate(MUSCLES):
         if problem.present[BOTH_PRESSURES][channel]:
             of = f"of the {side}'s pressure sensor"
-            found.append(SensorPart(f"a nonlinearity {of}", partial(_nonlinearity, channel=channel)))
+            found.append(
+                SensorPart(f"a nonlinearity {of}", partial(_nonlinearity, channel=channel))
+            )
             found.append(SensorPart(f"a drift {of}", partial(_drift, channel=channel)))
     return found
 

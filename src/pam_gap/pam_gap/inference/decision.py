@@ -158,8 +158,9 @@ class Judge:
         return self.level(score) + self.rules.price * score.free_numbers
 
     def energy(self, score: Score) -> float:
-        """Priced level plus the fall that every cause after the first must achieve."""
-        return self.priced_level(score) + self.rules.further_gain * max(score.size - 1, 0)
+        """Priced level plus the fall that every cause must achieve beside others."""
+        causes = 1 if score.unlisted else score.size
+        return self.priced_level(score) + self.rules.further_gain * (causes - 1)
 
     def better_unlisted[S: Score](self, chosen: Score, unlisted: Sequence[S]) -> S | None:
         """The cause outside the table that explains more than a hypothesis; None without any."""

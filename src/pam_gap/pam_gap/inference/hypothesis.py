@@ -143,6 +143,7 @@ class HypothesisFitter:
         self.nominal: Hypothesis | None = None
         self.bare: Hypothesis | None = None
         self.background: Background | None = None
+        self.parts: Background | None = None
         self.whole_background: Array = np.zeros_like(floor)
         self.discrepancy: Array = np.zeros_like(floor)
 
@@ -246,18 +247,19 @@ class HypothesisFitter:
             start = np.array([nuisance.free.centre for nuisance in self.nuisances])
             bare = self.fit((), start, max_iterations=steps)
             values, jacobian = bare.result.values, bare.result.jacobian
-            self.background = ordinary_background(self.problem, self.vector((), values))
+            self.parts = ordinary_background(self.problem, self.vector((), values))
+            self.background = self.parts
             free, _, _ = self.problem_parts(())
             weights = 1.0 / np.maximum(bare.mean_square, self.floor)
             self.bare = bare
             self.whole_background, self.discrepancy = discrepancy(
-                self.problem, self.background, jacobian, Scaling(free), weights
+                self.problem, self.parts, jacobian, Scaling(free), weights
             )
             self.nominal = self.fit((), values, cached=jacobian, max_iterations=steps)
         return self.nominal
 
     def without_background(self) -> None:
-        """Fit every hypothesis without an ordinary background from now on."""
+        """Fit every hypothesis without an ordinary background from now on; `parts` remains."""
         self.background, self.nominal = None, self.bare
         self.discrepancy = self.whole_background
 

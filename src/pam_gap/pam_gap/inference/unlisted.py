@@ -95,11 +95,15 @@ class UnlistedFitter:
 
     def scores(self, nominal: Hypothesis) -> list[HeldOut]:
         """Held-out scores of all causes outside the table that are larger than ordinary."""
-        background = self.fitter.background
-        if background is None:
+        parts = self.fitter.parts
+        if parts is None:
             return []
+        columns = parts.terms.columns
+        if self.fitter.background is None:  # a rig without a background has none beside the cause
+            columns = np.zeros_like(columns)
+        background = Background(parts.effects, LinearTerms(columns, parts.terms.free))
         found = []
-        for one in unlisted_causes(self.fitter.problem, background):
+        for one in unlisted_causes(self.fitter.problem, parts):
             score = self._score(one, nominal, background)
             if score is not None:
                 found.append(score)
