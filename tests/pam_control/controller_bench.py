@@ -7,6 +7,7 @@ import os
 import sys
 import threading
 import time
+from collections import deque
 from pathlib import Path
 
 import rclpy
@@ -52,6 +53,7 @@ class Bench:
     """Everything around the controller: a plant behind topics, a user, and ears."""
 
     def __init__(self, domain: int) -> None:
+        self.domain = domain
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = rclpy.create_node("bench", context=self.context)
@@ -59,6 +61,8 @@ class Bench:
         self.executor.add_node(self.node)
         self.plant = Plant(PlantParameters.from_rig(load_rig(ELBOW)))
         self.plant.step((0.0, 0.0), 1e-3)
+        self.change: dict[str, float] = {}  # of the plant, before its next step
+        self.trace: deque[tuple[float, float]] = deque(maxlen=5000)  # time [s], position [rad]
         self.measuring = True
         self.position_of_nan = False
         self.commands: list[JointState] = []
@@ -99,9 +103,13 @@ class Bench:
                 now = time.monotonic()
                 if now - last < 0.004:
                     continue
+                change, self.change = self.change, {}
+                if change:
+                    self.plant.change(change)
                 spools = self.commands[-1].position if self.commands else (0.0, 0.0)
                 q, a, b = self.plant.step(tuple(spools), min(now - last, 0.05))
                 last = now
+                self.trace.append((now, self.plant.output["position"]))
                 if self.measuring:
                     self._publish(math.nan if self.position_of_nan else q, a, b)
         except BaseException as error:
