@@ -3,8 +3,8 @@
     python benchmarks/simulation_bench.py [--json]
 
 RK4 with 0.25 ms; in a diagnosis with 2 ms, and with its corrections and comparisons in each step.
-The batches have 64 parameter vectors. Those of a diagnosis are simulated one after the other, and
-side by side in the vectors of the processor. Without numba, the figures are those of plain Python.
+The batches have 64 parameter vectors, which are simulated one after the other, or side by side in
+the vectors of the processor. Without numba, the figures are those of plain Python.
 """
 
 from __future__ import annotations
@@ -74,13 +74,13 @@ def _run(given: Arguments) -> Outcome:
     commands = np.column_stack((swing, -swing))
     values = np.repeat(parameters.values[None], BATCH, axis=0)
     steps = SECONDS / min(DEFAULT_STEP, PERIOD)
+    batch = partial(simulate, parameters, commands, PERIOD, values=values)
+    kernels = lane_kernels(np.array([derive_constants(v) for v in values]))[:1]
     calls: dict[str, tuple[float, Callable[[], object]]] = {
         "one trajectory": (1, lambda: simulate(parameters, commands, PERIOD)),
-        "batch": (BATCH, lambda: simulate(parameters, commands, PERIOD, values=values)),
-        "batch, two threads": (
-            BATCH,
-            lambda: simulate(parameters, commands, PERIOD, values=values, threads=2),
-        ),
+        "batch, one after the other": (BATCH, partial(batch, kernels=())),
+        "batch": (BATCH, partial(batch, kernels=kernels)),
+        "batch, two threads": (BATCH, partial(batch, kernels=kernels, threads=2)),
     }
     for name, options in diagnosis_batches(parameters, values, commands).items():
         calls[name] = (BATCH / STEPS_PER_SAMPLE, options)

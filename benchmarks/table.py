@@ -89,9 +89,9 @@ def result_of(script: str, *options: str) -> Any:
 def simulation() -> Iterator[Row]:
     """Steps of the plant."""
     rates = result_of("simulation_bench.py")["steps_per_second"]
-    one, batch, two, alone, beside, beside_two = (1e-6 * rate for rate in rates.values())
+    _, each, batch, two, alone, beside, beside_two = (1e-6 * rate for rate in rates.values())
     unit = "million steps/s"
-    yield Row("batch of 64, one thread", unit, batch, "one trajectory", one, 20.0, True)
+    yield Row("batch of 64, one thread", unit, batch, "one after the other", each, 20.0, True)
     yield Row("batch of 64, two threads", unit, two, "one thread", batch, 1.8, True, True)
     lanes = "batch of a diagnosis, side by side"
     yield Row(f"{lanes}, one thread", unit, beside, "one after the other", alone, 20.0, True)

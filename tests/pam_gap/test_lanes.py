@@ -38,16 +38,29 @@ def one_lane_per_effect(parameters: PlantParameters) -> np.ndarray:
     return np.array(lanes)
 
 
+def motion() -> np.ndarray:
+    """Commands under which the joint swings and comes to rest (n, 2)."""
+    time = np.arange(250) * SAMPLE_TIME
+    swing = 0.3 * np.sin(2 * np.pi * 1.7 * time) * (time < 0.4)
+    return np.stack([swing, 0.02 - swing], axis=1)
+
+
 @pytest.fixture(scope="module")
-def both(rig):
-    """Outputs of the joint alone and predictions of the lanes, (n_lane, n, 5 channels) each."""
+def alone(rig):
+    """Each plant, simulated alone."""
     parameters = PlantParameters.from_rig(rig)
     values = one_lane_per_effect(parameters)
-    time = np.arange(250) * SAMPLE_TIME
-    swing = 0.3 * np.sin(2 * np.pi * 1.7 * time) * (time < 0.4)  # then it comes to rest
-    commands = np.stack([swing, 0.02 - swing], axis=1)
     state = initial_state(parameters, pressures=(2e5, 1.5e5), position=0.2)
-    alone = simulate(parameters, commands, SAMPLE_TIME, state, STEP, values=values)
+    return simulate(parameters, motion(), SAMPLE_TIME, state, STEP, values=values, kernels=())
+
+
+@pytest.fixture(scope="module")
+def both(rig, alone):
+    """Outputs of the joint alone and predictions of the lanes, (n_lane, n, 5 channels) each."""
+    parameters, commands = PlantParameters.from_rig(rig), motion()
+    values = one_lane_per_effect(parameters)
+    time = np.arange(len(commands)) * SAMPLE_TIME
+    state = initial_state(parameters, pressures=(2e5, 1.5e5), position=0.2)
     truth = np.concatenate(
         [alone.valve_pressures, alone.position[..., None], alone.forces], axis=-1
     )
@@ -82,6 +95,26 @@ def test_a_lane_equals_the_joint_alone(both, lane):
         size = np.abs(truth[lane, :, channel]).max()
         difference = np.abs(shown[lane, ..., channel] - truth[lane, :, channel]).max()
         assert difference <= 1e-12 * size, channel
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="without numba there are no lanes")
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_batch_side_by_side_equals_one_after_the_other(rig, alone, threads):
+    parameters = PlantParameters.from_rig(rig)
+    four = np.repeat(one_lane_per_effect(parameters), 4, axis=0)
+    kernels = lane_kernels(np.array([derive_constants(v) for v in four]))
+    assert sum(kernel.serves.sum() for kernel in kernels) > len(four)  # most are not left alone
+    state = initial_state(parameters, pressures=(2e5, 1.5e5), position=0.2)
+    found = simulate(
+        parameters, motion(), SAMPLE_TIME, state, STEP,
+        values=four, threads=threads, kernels=kernels,
+    )  # fmt: skip
+    for shown, truth in (
+        (found.outputs, alone.outputs),
+        (found.final_state, alone.final_state),
+    ):
+        size = np.abs(truth).max(axis=tuple(range(truth.ndim - 1)))
+        assert np.all(np.abs(shown - np.repeat(truth, 4, axis=0)) <= 1e-12 * size)
 
 
 def test_lanes_that_need_shorter_steps_have_blocks_of_their_own(rig):

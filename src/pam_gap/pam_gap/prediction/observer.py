@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -29,12 +29,12 @@ from pam_gap.prediction.channel_order import (
     POSITION,
     SPEED,
 )
-from pam_gap.prediction.compile_beside import CompileBeside
 from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
-from pam_model.plant.compiled import HAVE_NUMBA, compiled, entry_point, for_kernel
+from pam_model.plant.compile_beside import CompileBeside
+from pam_model.plant.compiled import compiled, entry_point, for_kernel
 from pam_model.plant.kernel import muscle_pull
-from pam_model.plant.lane_blocks import FEW, VECTOR, Lanes, blocks_of_lanes
-from pam_model.plant.lane_kernel import LaneKernel, advance_lanes, lane_kernels, with_loops
+from pam_model.plant.lane_blocks import VECTOR, Lanes, blocks_of_lanes
+from pam_model.plant.lane_kernel import LaneKernel, advance_lanes, with_loops
 from pam_model.plant.lane_twins import Off
 from pam_model.plant.layout import (
     AGONIST,
@@ -378,23 +378,16 @@ def observe(
         sums = totals[:blocks].reshape(blocks, N_CHANNELS, width)[..., : len(group.members)]
         result[group.members] = np.moveaxis(sums, -1, 0) / block
 
-    def ready_kernels() -> list[LaneKernel]:
-        ready, left, few = [], np.full(lanes, HAVE_NUMBA), 2 * block
-        for kernel in lane_kernels(constants):
-            own = np.flatnonzero(kernel.serves & left)
-            some = np.repeat(own[:1], VECTOR)  # enough for the kernel to be used
-            once = partial(
-                observe, constants[some], sensors[some], tables, commands[:few], measured[:few],
-                known[:few], initial[some], sample_time=sample_time, step=step, horizon=horizon,
-                block=block, kernels=[LaneKernel(kernel.off, np.full(VECTOR, True))],
-            )  # fmt: skip
-            if own.size > FEW and _KERNELS.is_ready(kernel.off, own.size * samples, once):
-                ready.append(kernel)
-            left[own] = False
-        return ready
+    def once(kernel: LaneKernel, lane: int) -> None:
+        some, few = [lane] * VECTOR, 2 * block  # enough for the kernel to be used
+        observe(
+            constants[some], sensors[some], tables, commands[:few], measured[:few],
+            known[:few], initial[some], sample_time=sample_time, step=step, horizon=horizon,
+            block=block, kernels=[kernel.for_all(VECTOR)],
+        )  # fmt: skip
 
     if kernels is None:
-        kernels = ready_kernels()
+        kernels = _KERNELS.ready_kernels(constants, samples, once)
     groups = blocks_of_lanes(constants, kernels, sample_time, step)
     if threads > 1 and len(groups) > 1:
         with ThreadPoolExecutor(threads) as pool:

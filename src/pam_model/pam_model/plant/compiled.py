@@ -32,7 +32,15 @@ except ImportError:
     HAVE_NUMBA = False
 
 _HERE = Path(__file__).parent
-_NEVER_COMPILED = ("constants", "force_table", "parameters", "sensors", "simulate", "trajectory")
+_NEVER_COMPILED = (
+    "compile_beside",
+    "constants",
+    "force_table",
+    "parameters",
+    "sensors",
+    "simulate",
+    "trajectory",
+)
 
 
 def kernel_sources() -> tuple[Path, ...]:

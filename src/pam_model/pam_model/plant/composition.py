@@ -125,6 +125,19 @@ def _write_muscle(w: _Writer) -> None:
         )
     w.add("    return longer, shorter, drift", "")
 
+    w.add("def memory_move(m, c, y, dy, moved, o, step):")
+    for effect, state in filled(PullState):
+        place = f"o + S_{state.name.upper()}"
+        w.when_on(effect, f"moved[{place}] = y[{place}] + step * dy[{place}]")
+    w.add("    return", "")
+
+    w.add("def memory_step(m, c, y, k1, k2, k3, k4, o, step):")
+    for effect, state in filled(PullState):
+        place = f"o + S_{state.name.upper()}"
+        middle = f"2.0 * (k2[{place}] + k3[{place}])"
+        w.when_on(effect, f"y[{place}] += step / 6.0 * (k1[{place}] + {middle} + k4[{place}])")
+    w.add("    return", "")
+
     w.add("def memory_rates(m, c, y, dy, o, speed, step):")
     for effect, state in filled(PullState):
         place = f"o + S_{state.name.upper()}"
@@ -175,6 +188,10 @@ memory_pull = _functions["memory_pull"]
 """memory_pull(m, c, y, o, pressure): pull [N] of all PullState effects, and dF/dp [m^2]."""
 memory_response = _functions["memory_response"]
 """memory_response(m, c, y, o, pressure): dF/dL [N/m] lengthening and shortening, dF/dt [N/s]."""
+memory_move = _functions["memory_move"]
+"""memory_move(m, c, y, dy, moved, o, step): writes these states after a step with rates dy."""
+memory_step = _functions["memory_step"]
+"""memory_step(m, c, y, k1, k2, k3, k4, o, step): advances these states by a Runge-Kutta step."""
 memory_rates = _functions["memory_rates"]
 """memory_rates(m, c, y, dy, o, speed, step): writes the rates of these states into dy."""
 dry_friction = _functions["dry_friction"]

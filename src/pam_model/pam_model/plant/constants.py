@@ -140,7 +140,7 @@ def derive_constants(values: Vector) -> Vector:
     v = values.tolist()
     number = adjusted_numbers(values)
     temperature = v[INDEX["gas.temperature"]]
-    c = np.zeros(lay.N_CONSTANTS)
+    c = [0.0] * lay.N_CONSTANTS  # a list, because its items are read and written much faster
     c[lay.C_TEMPERATURE] = temperature
     c[lay.C_AMBIENT] = v[INDEX["gas.ambient_pressure"]]
     c[lay.C_EXPONENT] = v[INDEX["gas.polytropic_exponent"]]
@@ -169,10 +169,10 @@ def derive_constants(values: Vector) -> Vector:
         c, v[INDEX["joint.lower_limit"]], v[INDEX["joint.upper_limit"]]
     )
     c[lay.C_RATE] = _fastest_rate(c) / 2.0  # RK4 is stable to 2.78
-    return c
+    return np.array(c, dtype=float)
 
 
-def _store(c: Vector, first: int, stored: _StoredEffect, v: list[float]) -> None:
+def _store(c: list[float], first: int, stored: _StoredEffect, v: list[float]) -> None:
     """Write the parameters of one effect, and whether it is switched on."""
     is_on = False
     entries = stored.constants.effect.parameters.values()
@@ -184,13 +184,13 @@ def _store(c: Vector, first: int, stored: _StoredEffect, v: list[float]) -> None
     c[first + stored.constants.is_on] = is_on
 
 
-def _given(c: Vector, first: int, constants: EffectConstants) -> list[float]:
+def _given(c: list[float], first: int, constants: EffectConstants) -> list[float]:
     """Read the parameters of an effect from the constants."""
-    return [float(c[first + place]) for place in constants.parameters.values()]
+    return [c[first + place] for place in constants.parameters.values()]
 
 
 def _muscle_constants(
-    c: Vector, m: int, v: list[float], number: Mapping[str, float], owner: str
+    c: list[float], m: int, v: list[float], number: Mapping[str, float], owner: str
 ) -> None:
     index = _WRITTEN[owner]
 
@@ -245,7 +245,7 @@ def _muscle_constants(
             c[m + lay.M_SHUT_EXPONENT] = slot.exponent
 
 
-def _travel(c: Vector, lower: float, upper: float) -> tuple[float, float]:
+def _travel(c: list[float], lower: float, upper: float) -> tuple[float, float]:
     """Position limits, restricted so that no muscle leaves the domain of its model."""
     radius = c[lay.C_RADIUS]
     a, b = lay.AGONIST, lay.ANTAGONIST
@@ -262,7 +262,7 @@ def _travel(c: Vector, lower: float, upper: float) -> tuple[float, float]:
     return lower, upper
 
 
-def _limit_stiff_volumes(c: Vector) -> None:
+def _limit_stiff_volumes(c: list[float]) -> None:
     """Limit the dynamics of a tube or reservoir to what the shortest step can integrate.
 
     A path with WIDEST times the conductance of its valve loses 1/WIDEST^2 of the pressure, so that
@@ -284,7 +284,7 @@ def _limit_stiff_volumes(c: Vector) -> None:
     c[lay.C_DROOP_VOLUME] = max(c[lay.C_DROOP_VOLUME], least)
 
 
-def _fastest_rate(c: Vector) -> float:
+def _fastest_rate(c: list[float]) -> float:
     """An upper estimate of the fastest rate in the plant [1/s], to choose a stable step."""
     fastest = 0.0
     if c[lay.C_PRESLIDING] > 0.0:

@@ -123,8 +123,8 @@ def muscle_pull(i: int, c: Any, tables: Any, y: Any) -> float:
 
 
 @entry_point
-def record(c: Any, tables: Any, y: Any, row: Any) -> None:
-    """Write the outputs of the joint at this state into one row."""
+def record(c: Any, tables: Any, y: Any, output: Any) -> None:
+    """Write the outputs of the joint at this state into one row of them."""
     position = y[Y_POSITION]
     torque = 0.0
     for i in range(2):
@@ -143,18 +143,18 @@ def record(c: Any, tables: Any, y: Any, row: Any) -> None:
         )
         torque += muscle_torque(sign, c[C_RADIUS], force)
         at = O_AGONIST + i * N_MUSCLE_OUTPUTS
-        row[at + O_PRESSURE] = gauge
-        row[at + O_VALVE_PRESSURE] = gauge
+        output[at + O_PRESSURE] = gauge
+        output[at + O_VALVE_PRESSURE] = gauge
         if c[m + M_TUBE] > 0.0:
-            row[at + O_VALVE_PRESSURE] = y[o + S_VALVE_PRESSURE] - c[C_AMBIENT]
-        row[at + O_FORCE] = force
-        row[at + O_LENGTH] = length
-        row[at + O_SPOOL] = y[o + S_SPOOL]
-        row[at + O_TEMPERATURE] = y[o + S_TEMPERATURE]
-    row[O_POSITION] = position
-    row[O_VELOCITY] = y[Y_VELOCITY]
-    row[O_TORQUE] = torque
-    row[O_RESERVOIR] = y[Y_RESERVOIR]
+            output[at + O_VALVE_PRESSURE] = y[o + S_VALVE_PRESSURE] - c[C_AMBIENT]
+        output[at + O_FORCE] = force
+        output[at + O_LENGTH] = length
+        output[at + O_SPOOL] = y[o + S_SPOOL]
+        output[at + O_TEMPERATURE] = y[o + S_TEMPERATURE]
+    output[O_POSITION] = position
+    output[O_VELOCITY] = y[Y_VELOCITY]
+    output[O_TORQUE] = torque
+    output[O_RESERVOIR] = y[Y_RESERVOIR]
 
 
 @compiled

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from pam_model.plant import layout as lay
 from pam_model.plant.compiled import compiled, compiled_loop
+from pam_model.plant.composition import memory_move, memory_step
 from pam_model.plant.joint_stage import joint_rates
 from pam_model.plant.kernel import (
     AT_REST,
@@ -33,10 +34,23 @@ from pam_model.plant.lane_twins import SINGLE, Off, kernel_name, lane_loop
 from pam_model.plant.layout import (
     AGONIST,
     ANTAGONIST,
+    C_DROOP,
+    C_PRESLIDING,
     M_DELAY,
+    M_THERMAL,
+    M_TUBE,
+    N_MUSCLE_CONSTANTS,
+    N_MUSCLE_STATES,
     S_PRESSURE,
+    S_SPOOL,
+    S_TEMPERATURE,
+    S_VALVE_PRESSURE,
     Y_AGONIST,
     Y_ANTAGONIST,
+    Y_BRISTLE,
+    Y_POSITION,
+    Y_RESERVOIR,
+    Y_VELOCITY,
 )
 
 
@@ -82,6 +96,55 @@ def rates(
 
 
 @compiled
+def move(c: Any, y: Any, dy: Any, moved: Any, step: float) -> None:
+    """Write the state after a step with constant rates; only states that change are written."""
+    moved[Y_POSITION] = y[Y_POSITION] + step * dy[Y_POSITION]
+    moved[Y_VELOCITY] = y[Y_VELOCITY] + step * dy[Y_VELOCITY]
+    if c[C_PRESLIDING] > 0.0:
+        moved[Y_BRISTLE] = y[Y_BRISTLE] + step * dy[Y_BRISTLE]
+    if c[C_DROOP] > 0.0:
+        moved[Y_RESERVOIR] = y[Y_RESERVOIR] + step * dy[Y_RESERVOIR]
+    for i in range(2):
+        m = AGONIST + i * N_MUSCLE_CONSTANTS
+        o = Y_AGONIST + i * N_MUSCLE_STATES
+        moved[o + S_SPOOL] = y[o + S_SPOOL] + step * dy[o + S_SPOOL]
+        moved[o + S_PRESSURE] = y[o + S_PRESSURE] + step * dy[o + S_PRESSURE]
+        if c[m + M_TUBE] > 0.0:
+            at_valve = y[o + S_VALVE_PRESSURE] + step * dy[o + S_VALVE_PRESSURE]
+            moved[o + S_VALVE_PRESSURE] = at_valve
+        if c[m + M_THERMAL] > 0.0:
+            moved[o + S_TEMPERATURE] = y[o + S_TEMPERATURE] + step * dy[o + S_TEMPERATURE]
+        memory_move(m, c, y, dy, moved, o, step)
+
+
+@compiled
+def finish(c: Any, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> None:
+    """Advance the states that change by a Runge-Kutta step, from its four rates."""
+    state_step(Y_POSITION, y, k1, k2, k3, k4, step)
+    state_step(Y_VELOCITY, y, k1, k2, k3, k4, step)
+    if c[C_PRESLIDING] > 0.0:
+        state_step(Y_BRISTLE, y, k1, k2, k3, k4, step)
+    if c[C_DROOP] > 0.0:
+        state_step(Y_RESERVOIR, y, k1, k2, k3, k4, step)
+    for i in range(2):
+        m = AGONIST + i * N_MUSCLE_CONSTANTS
+        o = Y_AGONIST + i * N_MUSCLE_STATES
+        state_step(o + S_SPOOL, y, k1, k2, k3, k4, step)
+        state_step(o + S_PRESSURE, y, k1, k2, k3, k4, step)
+        if c[m + M_TUBE] > 0.0:
+            state_step(o + S_VALVE_PRESSURE, y, k1, k2, k3, k4, step)
+        if c[m + M_THERMAL] > 0.0:
+            state_step(o + S_TEMPERATURE, y, k1, k2, k3, k4, step)
+        memory_step(m, c, y, k1, k2, k3, k4, o, step)
+
+
+@compiled
+def state_step(at: int, y: Any, k1: Any, k2: Any, k3: Any, k4: Any, step: float) -> None:
+    """Advance one state by a Runge-Kutta step."""
+    y[at] += step / 6.0 * (k1[at] + 2.0 * (k2[at] + k3[at]) + k4[at])
+
+
+@compiled
 def settle(c: Any, y: Any, contact: Any) -> None:
     """Correct the state after a step."""
     y[Y_AGONIST + S_PRESSURE] = max(y[Y_AGONIST + S_PRESSURE], LOWEST_PRESSURE)
@@ -94,6 +157,8 @@ hold_lanes: Any = None
 judge_contact_lanes: Any = None
 judge_rest_lanes: Any = None
 rates_lanes: Any = None
+move_lanes: Any = None
+finish_lanes: Any = None
 settle_lanes: Any = None
 
 
@@ -119,7 +184,8 @@ def advance(
 ) -> None:
     """Simulate one sample of the first `active` lanes; the arrays hold LANES lanes."""
     h = sample_time / steps
-    entries = len(y)
+    for i in range(len(y)):  # the states that do not change are never written again
+        ys[i] = y[i]
     for j in range(steps):
         now = sample * sample_time + j * h
         hold_lanes(active, c, held, commands, now, h, sample_time)
@@ -131,30 +197,28 @@ def advance(
         if at_rest:
             judge_rest_lanes(active, c, y, contact, torque)
             rates_lanes(active, c, tables, y, k1, held, contact, torque, drive, shut, h)
-        for i in range(entries):
-            ys[i] = y[i] + 0.5 * h * k1[i]
+        move_lanes(active, c, y, k1, ys, 0.5 * h)
         rates_lanes(active, c, tables, ys, k2, held, contact, torque, drive, shut, h)
-        for i in range(entries):
-            ys[i] = y[i] + 0.5 * h * k2[i]
+        move_lanes(active, c, y, k2, ys, 0.5 * h)
         rates_lanes(active, c, tables, ys, k3, held, contact, torque, drive, shut, h)
-        for i in range(entries):
-            ys[i] = y[i] + h * k3[i]
+        move_lanes(active, c, y, k3, ys, h)
         rates_lanes(active, c, tables, ys, k4, held, contact, torque, drive, shut, h)
-        for i in range(entries):
-            y[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+        finish_lanes(active, c, y, k1, k2, k3, k4, h)
         settle_lanes(active, c, y, contact)
 
 
 @cache
 def advance_lanes(off: Off) -> Callable[..., None]:
     """`advance` compiled for batches in which the constants in `off` are 0."""
-    loops = (hold, judge_contact, judge_rest, rates, settle)
+    loops = (hold, judge_contact, judge_rest, rates, move, finish, settle)
     made = with_loops(advance, loops, off)
     return compiled(made) if off is SINGLE else compiled_loop(made)
 
 
 ALL_ON: Final[frozenset[str]] = frozenset()
-"""For loops that call no law of a muscle: one version serves all kernels."""
+"""For loops that do not depend on the laws that are off: one version serves all kernels."""
+DEPENDENT: Final = (move, finish)
+"""Loops that depend on them, beside all that call a law of a muscle."""
 
 
 def with_loops(
@@ -164,7 +228,10 @@ def with_loops(
     assert isinstance(function, FunctionType)
     made = {
         f"{loop.__name__}_lanes": lane_loop(
-            loop, off if off is SINGLE or "tables" in signature(loop).parameters else ALL_ON
+            loop,
+            off
+            if off is SINGLE or loop in DEPENDENT or "tables" in signature(loop).parameters
+            else ALL_ON,
         )
         for loop in loops
     }
@@ -210,6 +277,10 @@ class LaneKernel:
 
     off: frozenset[str]
     serves: npt.NDArray[np.bool_]
+
+    def for_all(self, count: int) -> LaneKernel:
+        """The same kernel for a batch of `count` lanes, all of which it serves."""
+        return LaneKernel(self.off, np.full(count, True))
 
 
 def lane_kernels(constants: npt.NDArray[np.float64]) -> tuple[LaneKernel, LaneKernel]:

@@ -27,7 +27,9 @@ from pam_model.plant.compiled import HAVE_NUMBA, compiled, compiled_loop
 LANES: Final = 16
 """Lanes side by side. LLVM does not convert loops that it knows to be shorter than 16."""
 LANE_ARRAYS: Final = frozenset(
-    {"c", "sensors", "y", "dy", "held", "contact", "torque", "shown", "history", "total"}
+    {"c", "sensors", "y", "dy", "moved", "k1", "k2", "k3", "k4"}
+    | {"held", "contact", "torque", "output"}
+    | {"shown", "history", "total"}  # of the comparison with a recording
 )
 """Names of the arguments that hold one array per lane, wherever they appear in the plant."""
 

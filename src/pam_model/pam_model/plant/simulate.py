@@ -8,6 +8,7 @@ that each stage of a rig can be examined alone. `Plant` simulates one joint step
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -19,9 +20,14 @@ from pam_model.effects.slots import PullState
 from pam_model.errors import PamError
 from pam_model.physics.pressure_sensor import true_pressure
 from pam_model.plant import layout as lay
+from pam_model.plant.batch_kernel import simulate_block
+from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.kernel import record, run
+from pam_model.plant.lane_blocks import FEW, VECTOR, Lanes, blocks_of_lanes
+from pam_model.plant.lane_kernel import LaneKernel
+from pam_model.plant.lane_twins import SINGLE
 from pam_model.plant.parameters import NAMES, PlantParameters
 from pam_model.plant.sensors import (
     K_BIAS,
@@ -39,6 +45,7 @@ from pam_model.plant.trajectory import Trajectory
 Array = npt.NDArray[np.float64]
 
 DEFAULT_STEP = 2.5e-4  # s
+_KERNELS = CompileBeside()
 
 
 def initial_state(
@@ -98,6 +105,7 @@ def simulate(
     pressures: Array | None = None,
     shut: bool = False,
     threads: int = 1,
+    kernels: Sequence[LaneKernel] | None = None,
 ) -> Trajectory:
     """Simulate a joint under sampled commands.
 
@@ -126,7 +134,13 @@ def simulate(
     shut : bool
         The valves stay shut regardless of the commands; leaks remain.
     threads : int
-        Number of lanes that run at the same time (compiled kernels release the interpreter lock).
+        Number of lanes, or blocks of lanes, that run at the same time (compiled kernels release the
+        interpreter lock).
+    kernels : sequence of LaneKernel, optional
+        Kernels that simulate lanes side by side in the vectors of the processor, of
+        `lane_kernels`; the result is the same as without, to 1e-12. By default those that are
+        compiled, which begins in a thread where a process has enough work for one. Lanes with
+        prescribed motion or pressures are simulated one after the other, as all are without numba.
 
     Raises
     ------
@@ -147,13 +161,14 @@ def simulate(
     outputs: Array = np.empty((len(lanes), count, lay.N_OUTPUTS))
     tables = tuple(for_kernel(table) for table in parameters.tables)
     kernel_commands = for_kernel(commands)
+    constants = np.array([derive_constants(vector) for vector in lanes])
 
     def run_lane(i: int) -> None:
         given_positions, given_pressures = _true_drive(lanes[i], positions, pressures, sample_time)
         y = for_kernel(states[i])
         rows = outputs[i] if HAVE_NUMBA else np.empty_like(outputs[i]).tolist()
         run(
-            for_kernel(derive_constants(lanes[i])),
+            for_kernel(constants[i]),
             tables,
             kernel_commands,
             0,
@@ -170,12 +185,41 @@ def simulate(
         if not HAVE_NUMBA:
             outputs[i] = rows
 
-    if threads > 1 and len(lanes) > 1:
+    def run_group(group: Lanes) -> None:
+        if group.off is SINGLE:
+            run_lane(int(group.members[0]))
+            return
+        simulate_block(
+            group,
+            constants,
+            tables,
+            kernel_commands,
+            states,
+            outputs,
+            sample_time=sample_time,
+            shut=shut,
+        )
+
+    def once(kernel: LaneKernel, lane: int) -> None:
+        few = np.repeat(lanes[lane : lane + 1], VECTOR, axis=0)
+        simulate(
+            parameters, commands[:2], sample_time, step=step, values=few,
+            kernels=[kernel.for_all(VECTOR)],
+        )  # fmt: skip
+
+    prescribed = positions is not None or pressures is not None
+    if not HAVE_NUMBA or prescribed or len(lanes) <= FEW:
+        kernels = ()
+    elif kernels is None:
+        work = count * math.ceil(sample_time / step)
+        kernels = _KERNELS.ready_kernels(constants, work, once)
+    groups = blocks_of_lanes(constants, kernels, sample_time, step)
+    if threads > 1 and len(groups) > 1:
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run_lane, range(len(lanes))))
+            list(pool.map(run_group, groups))
     else:
-        for i in range(len(lanes)):
-            run_lane(i)
+        for group in groups:
+            run_group(group)
     time: Array = np.arange(count, dtype=np.float64) * sample_time
     if values is None:
         return Trajectory(time, outputs[0], states[0])

@@ -2,7 +2,7 @@
 
 import threading
 
-from pam_gap.prediction.compile_beside import WORTH, CompileBeside
+from pam_model.plant.compile_beside import WORTH, CompileBeside
 
 
 def test_little_work_compiles_nothing() -> None:
