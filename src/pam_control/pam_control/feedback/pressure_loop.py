@@ -23,9 +23,9 @@ from pam_model.effects.slots import Leak
 from pam_model.gas import (
     GAS_CONSTANT,
     flow_for_pressure_rate,
+    opening_for_flow,
     reference_density,
     reference_flow,
-    valve_opening,
 )
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.rig import Muscle, Rig
@@ -226,21 +226,15 @@ class FlowValveLoop:
             )
         flow += leaving
         per_pressure = 1.0 / (GAS_CONSTANT * self._temperature)
-        capacity = 1.0
+        fills, capacity = flow >= 0.0, 1.0
+        full = self._full_flow(fills, absolute)
         if adapts:
             # none at the supply's pressure, or in an empty muscle
-            capacity = abs(self._full_flow(math.copysign(1.0, flow) > 0.0, absolute))
-            capacity = max(capacity, LEAST_CAPACITY * self._full)
+            capacity = max(abs(full), LEAST_CAPACITY * self._full)
             flow = self.adaptation.corrected(flow, absolute * volume_rate * per_pressure, capacity)
-        opening = valve_opening(
-            flow,
-            absolute,
-            supply_pressure=self._supply,
-            ambient_pressure=self._ambient,
-            conductance=self._valve.sonic_conductance,
-            critical_ratio=self._valve.critical_ratio,
-            temperature=self._temperature,
-        )
+            if (flow >= 0.0) != fills:
+                full = self._full_flow(not fills, absolute)
+        opening = opening_for_flow(flow, full)
         limit = settings.spool_limit
         if adapts:
             given = flow * min(limit / max(abs(opening), limit), 1.0)

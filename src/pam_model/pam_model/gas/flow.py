@@ -195,11 +195,8 @@ def valve_opening(
     pressure, supply_pressure, ambient_pressure, conductance, critical_ratio, temperature : float
         As for `valve_flow`.
     """
-    if flow == 0.0:
-        return 0.0
-    sign = 1.0 if flow > 0.0 else -1.0
     full = valve_flow(
-        sign,
+        1.0 if flow > 0.0 else -1.0,
         pressure,
         supply_pressure=supply_pressure,
         ambient_pressure=ambient_pressure,
@@ -207,6 +204,17 @@ def valve_opening(
         critical_ratio=critical_ratio,
         temperature=temperature,
     )
+    return opening_for_flow(flow, full)
+
+
+def opening_for_flow(flow: float, full: float) -> float:
+    """The spool opening [-] for a flow, if the open valve gives `full` in its direction [kg/s].
+
+    It saturates at -1 or 1 as that of `valve_opening` does.
+    """
+    if flow == 0.0:
+        return 0.0
+    sign = 1.0 if flow > 0.0 else -1.0
     if full * sign <= _SMALLEST_FLOW:
         return sign
     return sign * min(1.0, flow / full)
