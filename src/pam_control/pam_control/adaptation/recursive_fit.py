@@ -81,7 +81,7 @@ class RecursiveFit:
         suspect: Suspect | None = None,
     ) -> None:
         self._noise = noise
-        self._penalty: Array = np.diag((noise / np.array(deviations, dtype=np.float64)) ** 2)
+        self._penalty: Array = (noise / np.array(deviations, dtype=np.float64)) ** 2
         self._threshold, self._suspect = threshold, suspect
         self.forget()
 
@@ -103,13 +103,16 @@ class RecursiveFit:
     def update(self, functions: Array, value: float, duration: float) -> None:
         """Take the functions' values, shape (n,), and the measured value after a time [s]."""
         kept, share = math.exp(-duration / MEMORY), duration / CORRELATED
-        self._products = kept * self._products + share * np.outer(functions, functions)
+        self._products *= kept
+        self._products += share * (functions[:, None] * functions)
         self._wanted = kept * self._wanted + (share * value) * functions
         self._energy = kept * self._energy + share * value * value
         self._seen = kept * self._seen + share
-        self._size = max(self._left(self._solution) / (self._seen * self._noise**2), 1.0)
-        weights = self._solution = self._solved()
-        explained = float(weights @ self._products @ weights) / self._seen
+        left = self._left(self._solution, self._explained(self._solution))
+        self._size = max(left / (self._seen * self._noise**2), 1.0)
+        weights, explained = self._solved()
+        self._solution = weights
+        explained /= self._seen
         if explained <= self._threshold**2:
             self.weights = [0.0] * len(weights)
         else:
@@ -121,17 +124,28 @@ class RecursiveFit:
         inverse = np.linalg.inv(regular)
         return self._noise * math.sqrt(self._size * max(float(inverse[index, index]), 0.0))
 
-    def _solved(self) -> Array:
-        regular = self._products + self._size * self._doubt * self._penalty
-        with_all: Array = np.linalg.solve(regular, self._wanted)
+    def _solved(self) -> tuple[Array, float]:
+        """The weights, and the sum of the squares that they explain."""
+        regular = self._products.copy()
+        regular.flat[:: len(regular) + 1] += self._size * self._doubt * self._penalty
         if self._suspect is None:
-            return with_all
-        without: Array = np.zeros_like(with_all)
-        without[:-1] = np.linalg.solve(regular[:-1, :-1], self._wanted[:-1])
-        better = self._left(without) > self._suspect.better * self._left(with_all)
-        return with_all if better and abs(with_all[-1]) > self._suspect.least else without
+            found: Array = np.linalg.solve(regular, self._wanted)
+            return found, self._explained(found)
+        # with and without the suspect from one factorisation, by its Schur complement
+        column = regular[:-1, -1]
+        sides = np.column_stack((self._wanted[:-1], column))
+        alone, moved = np.linalg.solve(regular[:-1, :-1], sides).T
+        last = (self._wanted[-1] - column @ alone) / (regular[-1, -1] - column @ moved)
+        without: Array = np.append(alone, 0.0)
+        with_all: Array = np.append(alone - last * moved, last)
+        less, more = self._explained(without), self._explained(with_all)
+        better = self._left(without, less) > self._suspect.better * self._left(with_all, more)
+        return (with_all, more) if better and abs(last) > self._suspect.least else (without, less)
 
-    def _left(self, weights: Array) -> float:
+    def _explained(self, weights: Array) -> float:
+        """Sum of the squares that these weights explain."""
+        return float(weights @ self._products @ weights)
+
+    def _left(self, weights: Array, explained: float) -> float:
         """Sum of the squared errors that these weights leave."""
-        left = self._energy - 2.0 * float(weights @ self._wanted)
-        return left + float(weights @ self._products @ weights)
+        return self._energy - 2.0 * float(weights @ self._wanted) + explained

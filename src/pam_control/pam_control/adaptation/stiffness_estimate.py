@@ -48,6 +48,7 @@ from pam_model.rig import Joint, Rig
 FILTER: Final = 0.03  # s, of both filters
 SETTLING: Final = 0.3  # s, until they have forgotten how they began
 EVERY: Final = 0.02  # s between two updates
+SOLVED_EVERY: Final = 5  # updates; what is found changes within seconds
 LONGEST_STEP: Final = 0.1  # s; after a longer pause the filters begin anew
 SLOWEST: Final = 0.04  # rad/s; friction may be anything in a joint that stands still
 LINEAR_FOR: Final = 0.7  # s of motion, after which the derivatives are taken anew
@@ -124,6 +125,7 @@ class StiffnessEstimate:
         self._tolerance = FadingSums(size)
         self._load = FadingSums(size + 1)  # with dry friction, and with what was seen elsewhere
         self._found, self._covariance = np.zeros(size), np.linalg.inv(self._prior)
+        self._unsolved = 0
         self._linearise()
 
     def restart(self) -> None:
@@ -193,11 +195,18 @@ class StiffnessEstimate:
         self._load.add(parts, target, elapsed)
         sums = self._tolerance
         sums.add(parts[:-1], target, elapsed)
+        self._moved += elapsed
+        self._unsolved += 1
+        if self._unsolved >= SOLVED_EVERY:
+            self._solve()
+
+    def _solve(self) -> None:
+        """Find the changes that explain what was seen; take the derivatives there if need be."""
+        sums, self._unsolved = self._tolerance, 0
         noise = max(NOISE * self._largest, self.unexplained)
         gain = 1.0 / (CORRELATED * noise * noise)
         self._covariance = np.linalg.inv(self._prior + gain * sums.products)
         self._found = self._covariance @ (gain * sums.targets)
-        self._moved += elapsed
         change = np.abs(self._found[: len(self._about)] - self._about).max()
         bent = self.unexplained > BENT * NOISE * self._largest
         if self._moved >= LINEAR_FOR and change > LINEAR_WITHIN and bent:
