@@ -50,12 +50,12 @@ class ModelNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("pam_model", automatically_declare_parameters_from_overrides=True)
-        self._parameters = NodeParameters(self, PARAMETERS, rig_of_node, self._change)
-        self._rig = self._parameters.described
+        self._declared = NodeParameters(self, PARAMETERS, rig_of_node, self._change)
+        self._rig = self._declared.described
         self._estimator = JointEstimator(
             self._rig,
-            self._parameters.number("max_age"),
-            closed_chambers=bool(self._parameters["closed_chambers"]),
+            self._declared.number("max_age"),
+            closed_chambers=bool(self._declared["closed_chambers"]),
         )
         self._messages = 0
         self._problems: list[str] = []
@@ -70,7 +70,7 @@ class ModelNode(Node):  # type: ignore[misc]
             PolledTopic(self, JointState, "pressure_states", self._take_pressures),
             PolledTopic(self, JointState, "joint_states", self._take_positions),
         ]
-        rate = self._parameters.number("publish_rate")
+        rate = self._declared.number("publish_rate")
         self.create_timer(1.0 / rate, self._publish)
         if rate < _POLL_RATE:
             self.create_timer(1.0 / _POLL_RATE, self._poll)

@@ -53,15 +53,15 @@ class MarkersNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("pam_markers", automatically_declare_parameters_from_overrides=True)
-        self._parameters = NodeParameters(self, PARAMETERS, rig_of_node)
-        self._rig = self._parameters.described
-        self._frame = str(self._parameters["frame"])
+        self._declared = NodeParameters(self, PARAMETERS, rig_of_node)
+        self._rig = self._declared.described
+        self._frame = str(self._declared["frame"])
         self._positions: dict[str, float] = {}
         self._pressures: dict[str, float] = {}
         self._markers = self.create_publisher(MarkerArray, "~/muscles", 1)
         self.create_subscription(JointState, "joint_states", self._take_positions, _LATEST)
         self.create_subscription(JointState, "pressure_states", self._take_pressures, _LATEST)
-        self.create_timer(1.0 / self._parameters.number("rate"), self._publish)
+        self.create_timer(1.0 / self._declared.number("rate"), self._publish)
 
     def _take_positions(self, message: JointState) -> None:
         self._positions = dict(zip(message.name, message.position, strict=False))

@@ -45,16 +45,16 @@ class MonitorNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("pam_gap", automatically_declare_parameters_from_overrides=True)
-        self._parameters = NodeParameters(self, PARAMETERS, rig_of_node)
-        self._rig = self._parameters.described
-        self._window = LiveWindow(self._rig, self._parameters.number("window"))
+        self._declared = NodeParameters(self, PARAMETERS, rig_of_node)
+        self._rig = self._declared.described
+        self._window = LiveWindow(self._rig, self._declared.number("window"))
         self._messages = 0
         self._command_format = ValveCommandFormat(self._rig.valve_kinds)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(JointState, "valve_commands", self._take_commands, _SENSED)
         self.create_subscription(JointState, "pressure_states", self._take_pressures, _SENSED)
         self.create_subscription(JointState, "joint_states", self._take_positions, _SENSED)
-        self.create_timer(self._parameters.number("period"), self._report)
+        self.create_timer(self._declared.number("period"), self._report)
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
@@ -98,7 +98,7 @@ class MonitorNode(Node):  # type: ignore[misc]
         for stage, ratio in (gap.stages or {}).items():
             values[f"stage {stage} [times the noise]"] = ratio
         values["worst [times the noise]"] = gap.worst
-        large = gap.worst > self._parameters.number("warning_ratio")
+        large = gap.worst > self._declared.number("warning_ratio")
         text = f"gap {gap.worst:.1f} times the noise"
         if gap.stage:
             text += f", largest at the {gap.stage} stage"
