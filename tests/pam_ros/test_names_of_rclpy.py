@@ -43,8 +43,7 @@ def own_names(node_class: ast.ClassDef) -> Iterator[str]:
         if isinstance(each, ast.FunctionDef):
             yield each.name
         elif isinstance(each, ast.Attribute) and isinstance(each.ctx, ast.Store):
-            if isinstance(each.value, ast.Name) and each.value.id == "self":
-                yield each.attr
+            yield each.attr
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)

@@ -3,7 +3,8 @@
 docs/controller.md describes topics, parameters and behaviour. The control cycle runs in one thread
 with absolute deadlines, which takes the measurements itself. All other messages and the parameters
 are handled by the executor in the main thread, because designing gains for a changed parameter
-takes longer than the permitted age of a measurement.
+takes longer than the permitted age of a measurement. The design itself runs in a process of its
+own, because it would hold the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ from pam_control.controller_parameters import (
 )
 from pam_control.controller_topics import ControllerTopics
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
+from pam_control.feedback.separate_process import SeparateProcess
 from pam_control.references.stiffness_test import StiffnessTest
 from pam_control.references.test_motion import test_motion
 from pam_control.trajectory_message import TrajectoryMessage
@@ -91,6 +93,8 @@ class ControllerNode(Node):  # type: ignore[misc]
             self.rig, self._values, self.rig.joint_names, self._designs
         )
         self._log_design()
+        self._design_process = SeparateProcess()
+        self._designs.compute_in(self._design_process)
 
         self._origin = time.monotonic()
         self._lock = threading.Lock()
@@ -354,6 +358,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         try:
             self.loop.stop(timeout=5.0)
         finally:
+            self._design_process.close()
             self._inputs.destroy()
             super().destroy_node()
 

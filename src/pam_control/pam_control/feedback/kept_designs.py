@@ -23,7 +23,7 @@ import math
 import os
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ from pam_control.feedback.linear_joint import LoopTiming
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.observer_design import ObserverCost, design_with_observer
 from pam_control.feedback.pid import PidGains
+from pam_control.feedback.separate_process import SeparateProcess
 
 LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
 MOST_FILES = 512
@@ -101,6 +102,11 @@ class KeptDesigns:
         self._found: dict[DesignTask, PidGains] = {}
         self._stable: dict[Any, list[bool]] = {}
         self._report = DesignReport()
+        self._call: Callable[..., Any] = _call_here
+
+    def compute_in(self, process: SeparateProcess) -> None:
+        """Compute what is not kept in another process from now on: a loop of this one will run."""
+        self._call = process.call
 
     def take_report(self) -> DesignReport:
         """Return the summary since the last call."""
@@ -137,7 +143,7 @@ class KeptDesigns:
         if gains is not None:
             self._report.read += 1
         else:
-            gains = _design(joint, task)
+            gains = self._call(_design, joint, task)
             self._report.designed += 1
             self._write(task, gains)
         self._found[task] = gains
@@ -158,10 +164,7 @@ class KeptDesigns:
         if isinstance(kept, list) and len(kept) == len(cases):
             found = [answer is True for answer in kept]
         else:
-            # python-control takes more than a second to import
-            from pam_control.feedback.closed_loop import is_stable  # noqa: PLC0415
-
-            found = [is_stable(case, timing, gains) for case in cases]
+            found = self._call(_stable, cases, timing, gains)
             self._store(key, POLES, {"stable": found})
         self._stable[loop] = found
         return found
@@ -235,6 +238,17 @@ class KeptDesigns:
 def _design(joint: str, task: DesignTask) -> PidGains:
     design = design_pid if task.unknown_delay is None else design_with_observer
     return design(joint, task)
+
+
+def _stable(cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains) -> list[bool]:
+    # python-control takes more than a second to import
+    from pam_control.feedback.closed_loop import is_stable  # noqa: PLC0415
+
+    return [is_stable(case, timing, gains) for case in cases]
+
+
+def _call_here(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
 
 
 def _cost(task: DesignTask, gains: PidGains) -> float:
