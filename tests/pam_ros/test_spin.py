@@ -202,3 +202,22 @@ def test_a_later_signal_interrupts_a_node_that_takes_long_to_make(
         raise AssertionError("the second signal was ignored")
 
     assert spin_node(make_node, HELP, [], mistake=MisreadDrawingError) == 0
+
+
+def test_the_second_signal_of_ctrl_c_does_not_kill_a_process_that_is_ending() -> None:
+    """It came while Python freed the last objects, and launch said that the process had died."""
+    program = (
+        "import os, signal\n"
+        "from pam_ros.end_signals import EndSignals\n"
+        "class Last:\n"
+        "    def __del__(self, kill=os.kill, me=os.getpid(), number=signal.SIGINT):\n"
+        "        kill(me, number)\n"
+        "last = Last()\n"
+        "with EndSignals() as signals:\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "print(signals.asked)\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (ended.returncode, ended.stdout.strip()) == (0, "True")

@@ -27,7 +27,8 @@ class EndSignals:
 
     Where none has come, the handlers from before are back afterwards. Otherwise the process is
     ending, and the second signal of the same request may still come while its objects are freed:
-    then signals are noted until the process has gone.
+    then signals are ignored until the process has gone. (Noting them is not enough, because Python
+    takes its own handlers away before it frees the last objects.)
 
     Parameters
     ----------
@@ -81,6 +82,5 @@ class EndSignals:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if not self.asked:
-            for number, handler in self._before.items():
-                signal.signal(number, handler)
+        for number, handler in self._before.items():
+            signal.signal(number, signal.SIG_IGN if self.asked else handler)
