@@ -111,7 +111,9 @@ def answers(pressures: Samples, commands: Samples) -> list[float]:
         later = [(stamp, value) for stamp, value in commands if at < stamp < at + LONGEST]
         if earlier and later:
             windows.append((at, earlier[-1], later))
-    size = median(abs(later[-1][1] - before) for _, before, later in windows) if windows else 0.0
+    # the loop takes the jump back within some 10 ms, so that the last command is as before
+    peaks = [max(abs(value - before) for _, value in later) for _, before, later in windows]
+    size = median(peaks) if peaks else 0.0
     found = []
     for at, before, later in windows:
         jumped = [stamp for stamp, value in later if abs(value - before) > 0.5 * size]

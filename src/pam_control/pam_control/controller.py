@@ -80,6 +80,7 @@ class Controller(LoopDesign):
         self.stiffness_commands: list[float] = [settings.default_stiffness for _ in rig.joints]
         self.active = False
         self._time = math.nan
+        self._late: list[Pair] = []
         self.guard = LoopGuard(self.channels)
         self.lowering = Lowering(self.channels)
         self.use(self.prepared)
@@ -345,7 +346,8 @@ class Controller(LoopDesign):
 
     def _look_ahead(self, step: float) -> None:
         """Let the references reach as far ahead as the commands are late, told and learnt."""
-        late = max((max(channel.late_commands) for channel in self.channels), default=0.0)
+        self._late = [channel.late_commands for channel in self.channels]
+        late = max(map(max, self._late), default=0.0)
         # it shrinks more slowly than time goes on, so that no reference is changed again
         shrunk = self.references.horizon - 0.5 * step
         self.references.horizon = max(self._told_horizon + late, shrunk)
@@ -408,7 +410,7 @@ class Controller(LoopDesign):
         now_at = measured_at - channel.late_pressures
         seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
         seen_at -= channel.late_position
-        told, late, sample = channel.acting_delays, channel.late_commands, self.references.sample
+        told, late, sample = channel.acting_delays, self._late[index], self.references.sample
         acts = (time + told[0] + late[0], time + told[1] + late[1])
         acts_at = max(acts)
         now = sample(name, now_at)

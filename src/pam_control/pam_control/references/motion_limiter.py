@@ -148,13 +148,13 @@ class MotionLimiter:
             self._history.popleft()
 
     def _step(self, target: JointReference, step: float, planned: bool) -> JointReference:
-        if self._reaches(target, step, planned):
+        now = self.state
+        if self._reaches(now, target, step, planned):
             self.limited = False
             return target
         self.limited = True
-        now = self.state
-        low, high = self._accelerations(step)
-        acceleration = self._towards(target, step, low, high)
+        low, high = self._accelerations(now, step)
+        acceleration = self._towards(now, target, step, low, high)
         lower, upper = self.bounds
         if not lower <= self.limits.rest(_moved(now, acceleration, step)) <= upper:
             acceleration = self._before_the_ends(acceleration, step, low, high)
@@ -177,21 +177,24 @@ class MotionLimiter:
                 acceleration = _landing(now, wall, step, low, high, self.limits)
         return acceleration
 
-    def _accelerations(self, step: float) -> tuple[float, float]:
+    def _accelerations(self, now: JointReference, step: float) -> tuple[float, float]:
         """The range of accelerations that the limits leave for the next step [rad/s^2]."""
-        now, limits = self.state, self.limits
+        limits = self.limits
         reach, most = limits.own_jerk * step, limits.own_push
-        low = min(max(now.acceleration - reach, -most), now.acceleration + reach)
-        high = max(min(now.acceleration + reach, most), now.acceleration - reach)
+        lowest, highest = now.acceleration - reach, now.acceleration + reach
+        low = min(max(lowest, -most), highest)
+        high = max(min(highest, most), lowest)
         # so that the speed keeps its limit when the acceleration fades with the limited jerk
         faster = _fading(limits.own_speed - now.velocity, limits.own_jerk, step)
         slower = -_fading(limits.own_speed + now.velocity, limits.own_jerk, step)
         high = max(low, min(high, faster))
         return min(high, max(low, slower)), high
 
-    def _towards(self, target: JointReference, step: float, low: float, high: float) -> float:
+    def _towards(
+        self, now: JointReference, target: JointReference, step: float, low: float, high: float
+    ) -> float:
         """The acceleration [rad/s^2] of the next step towards a target at its end."""
-        now, limits = self.state, self.limits
+        limits = self.limits
         pole = min(POLE, LONGEST_POLE_STEP / step)
         at = limited(target.acceleration, -limits.own_push, limits.own_push)
         gap = now.position + step * (now.velocity + 0.5 * step * now.acceleration)
@@ -204,9 +207,11 @@ class MotionLimiter:
         aim = JointReference(target.position, target.velocity, at)
         return _landing(now, aim, step, low, high, limits)
 
-    def _reaches(self, target: JointReference, step: float, planned: bool) -> bool:
+    def _reaches(
+        self, now: JointReference, target: JointReference, step: float, planned: bool
+    ) -> bool:
         """Whether the target can be taken as it is, without leaving the limits."""
-        now, limits = self.state, self.limits
+        limits = self.limits
         way = 0.5 * (now.velocity + target.velocity) * step
         change = limits.acceleration * step
         if (
