@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import savgol_filter
 
 from pam_gap.prediction.channel_order import AGONIST_PRESSURE, BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.channels import Channels, channel_names, joint_channels
 from pam_gap.prediction.fit import Array, Predictor
+from pam_gap.prediction.local_polynomial import local_polynomial
 from pam_gap.prediction.observer import FOLLOW_BOTH, FOLLOW_MOTION, FOLLOW_PRESSURES, observe
 from pam_gap.recordings.recording import (
     LOCKED,
@@ -124,10 +124,10 @@ def restart_values(measured: Array, sample_time: float) -> Array:
     """Pressures, position and speed at every sample from local polynomials, shape (N, 4)."""
     width = max(3, round(0.012 / sample_time) // 2 * 2 + 1)
     wide = 3 * width
-    pressures = savgol_filter(measured[:, BOTH_PRESSURES], wide, 2, axis=0)
+    pressures = local_polynomial(measured[:, BOTH_PRESSURES], wide, 2)
     angle = measured[:, POSITION : POSITION + 1]
-    position = savgol_filter(angle, width, 1, axis=0)
-    rate = savgol_filter(angle, 2 * width + 1, 2, deriv=1, delta=sample_time, axis=0)
+    position = local_polynomial(angle, width, 1)
+    rate = local_polynomial(angle, 2 * width + 1, 2, derivative=1, step=sample_time)
     result: Array = np.concatenate([pressures, position, rate], axis=1)
     return result
 
