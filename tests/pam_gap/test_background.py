@@ -10,7 +10,11 @@ from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import candidates_for, nuisances_for, ordinary_sizes
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
-from pam_gap.inference.probabilities import probabilities
+from pam_gap.inference.probabilities import (
+    cause_probabilities,
+    probabilities,
+    without_doubtful_causes,
+)
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
@@ -88,8 +92,53 @@ def test_probabilities_follow_the_verdict_and_sum_to_one() -> None:
     pair = score(("command_delay", "hysteresis"), (3.5, 7.0, 20.0))
     assert given(nominal, delay, lag, ordinary(pair, "hysteresis"))["command_delay"] > 0.8
     usual = ordinary(score(("hysteresis",), (5.0, 5.5, 20.0)), "hysteresis")
-    assert given(score((), (7.0, 7.5, 35.0)), delay, usual)["none"] > 0.8
+    assert 0.5 < given(score((), (7.0, 7.5, 35.0)), delay, usual)["none"] < 0.75
     assert given(nominal, lag)["unknown"] > 0.8
+
+
+def test_a_cause_can_hide_in_a_background_but_not_in_noise() -> None:
+    """Where nothing stands out of a background, a weak cause may still be there."""
+    nominal, found = score((), (1.0, 1.0, 1.0)), score(("viscous_friction",), (1.0, 1.0, 1.0))
+    stated = {}
+    for background in (BACKGROUND, np.zeros(CHANNELS)):
+        judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=background)
+        decision = judge.decide(nominal, [found], lambda one: one)
+        assert decision.verdict == "none"
+        stated[judge.has_background] = probabilities(judge, nominal, decision)["none"]
+    assert 0.5 < stated[True] < 0.8 * stated[False]
+
+
+def test_a_second_cause_that_is_rather_absent_is_not_named() -> None:
+    nominal = score((), (33.0, 74.0, 90.0))
+    delay = score(("command_delay",), (12.0, 12.0, 50.0))
+    pair = score(("command_delay", "creep"), (9.55, 9.55, 43.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+    decision = judge.decide(nominal, [delay, pair], lambda one: one)
+    assert decision.chosen is pair
+    kept = without_doubtful_causes(judge, nominal, decision)
+    assert kept.verdict == "named"
+    assert kept.chosen is delay
+    clear = replace(pair, sums=0.5 * pair.sums)
+    decision = judge.decide(nominal, [delay, clear], lambda one: one)
+    assert without_doubtful_causes(judge, nominal, decision).chosen is clear
+
+
+def test_a_cause_counts_as_present_in_its_richer_law() -> None:
+    """Whether friction falls with speed does not make the friction itself doubtful."""
+    nominal = score((), (33.0, 74.0, 90.0))
+    delay = score(("command_delay",), (12.0, 12.0, 50.0))
+    dry = score(("command_delay", "coulomb_friction"), (9.3, 9.3, 42.0))
+    falling = score(("command_delay", "stribeck_friction"), (9.2, 9.2, 42.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+    decision = judge.decide(nominal, [delay, dry, falling], lambda one: one)
+    assert decision.chosen is dry
+    assert (
+        cause_probabilities(probabilities(judge, nominal, decision), {*dry.causes})[
+            "coulomb_friction"
+        ]
+        < DEFAULT.decision.likely
+    )
+    assert without_doubtful_causes(judge, nominal, decision).chosen is dry
 
 
 def test_a_gap_that_does_not_matter_is_most_probably_none() -> None:

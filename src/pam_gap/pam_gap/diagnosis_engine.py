@@ -25,6 +25,7 @@ from pam_gap.inference.held_out import (
 )
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
+from pam_gap.inference.probabilities import without_doubtful_causes
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
@@ -253,7 +254,8 @@ class JointDiagnosis:
             return scores
         if self.fitter.background is not None:
             bare = self.bare_scores(hypotheses)
-            if self.judge.background_share(bare, self.fitter.whole_background) >= least:
+            share = self.judge.background_share(bare, self.fitter.whole_background)
+            if share >= self.rules.decision.clean_share:
                 return scores
             self.fitter.without_background()
             scores = bare
@@ -312,6 +314,7 @@ class JointDiagnosis:
             return settled[place]
 
         decision = self.judge.decide(nominal, tried, settle, unlisted)
+        decision = without_doubtful_causes(self.judge, nominal, decision)
         retuned = nominal.hypothesis
         nominal_vector = self.fitter.vector((), retuned.result.values)
         errors = self.fitter.simulated_errors(retuned)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
-from pam_gap.answer.diagnosis import cause_probabilities
+from pam_gap.inference.probabilities import cause_probabilities
 
 CLEAR_GAP = 3.0
 """In multiples of the noise: a weaker hidden effect need not be in the answer."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from pam_gap.answer.provenance import Provenance
 from pam_gap.experiments.next_experiment import Proposal
 from pam_gap.inference.confidence import Interval
 from pam_gap.inference.hypothesis import Hypothesis
+from pam_gap.inference.probabilities import cause_probabilities
 from pam_gap.prediction.gap_figures import GapFigure
 from pam_gap.prediction.locate import Location
 from pam_gap.prediction.materiality import GapSize
@@ -66,28 +67,6 @@ class ScoredCandidate:
     level: float = 0.0
     over_floor: tuple[float, ...] = ()
     label: str = ""
-
-
-def cause_probabilities(probabilities: Mapping[str, float], named: Set[str]) -> dict[str, float]:
-    """The probability that each of the named effects is a cause, largest first.
-
-    Parameters
-    ----------
-    probabilities : mapping
-        Explanation (effects joined by " + ", `unknown` or `none`) -> probability.
-    named : set of str
-        Effects.
-
-    Returns
-    -------
-    dict of str to float
-        Of each of them the sum over all explanations that contain it.
-    """
-    found: dict[str, float] = {}
-    for explanation, probability in probabilities.items():
-        for effect in named & {*explanation.split(" + ")}:
-            found[effect] = found.get(effect, 0.0) + probability
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
 @dataclass(slots=True)

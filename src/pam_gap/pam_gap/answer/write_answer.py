@@ -124,8 +124,8 @@ class AnswerForm:
             joint=self.rig.joints[self.joint].name,
             ranking=ranking,
             preferred=why_preferred(chosen.effects, ranking) if is_named else "",
-            looks_like=decision.unlisted.unlisted
-            if verdict == "unknown" and decision.unlisted is not None
+            looks_like=decision.better.unlisted
+            if verdict == "unknown" and decision.better is not None
             else "",
             location=location,
             horizons=tuple(gap_figures(self.problem, self.problem.base.values, values)),

@@ -41,16 +41,19 @@ class Decision[S: Score]:
         Hypotheses that the data do not distinguish from it.
     tried : tuple of Score
         All final scores.
-    unlisted : Score or None
-        The cause outside the table of effects that explains the recording better than the accepted
-        hypothesis, if there is one; the verdict is unknown then.
+    unlisted : tuple of Score
+        Scores of causes outside the table of effects.
+    better : Score or None
+        The one of them that explains the recording better than the accepted hypothesis, if there
+        is one; the verdict is unknown then.
     """
 
     verdict: str
     chosen: S | None
     rivals: tuple[S, ...]
     tried: tuple[S, ...]
-    unlisted: S | None = None
+    unlisted: tuple[S, ...] = ()
+    better: S | None = None
 
     @property
     def is_named(self) -> bool:
@@ -300,11 +303,17 @@ class Judge:
             tried = [*map(settle, close), *others]
             self.set_floor([nominal, *tried, *unlisted])
             chosen = self.choose(nominal, tried)
+        return self.about(nominal, tried, chosen, unlisted)
+
+    def about[S: Score](
+        self, nominal: Score, tried: Sequence[S], chosen: S | None, unlisted: Sequence[S] = ()
+    ) -> Decision[S]:
+        """The verdict about a chosen hypothesis; the floor must be set."""
         channels = int(self.present.sum())
         usual = self.usual(nominal, tried)
         matters = has_gap(self.level(usual), channels, self.rules) and self.is_material(nominal)
         if chosen is None or not matters:
-            return Decision("none", chosen, (), tuple(tried))
+            return Decision("none", chosen, (), tuple(tried), tuple(unlisted))
         evidence = self.evidence(nominal, chosen)
         rivals = self.rivals(chosen, tried, nominal)
         left = self.is_material(chosen, unexplained=True)
@@ -316,7 +325,7 @@ class Judge:
             verdict = "unknown"
         if verdict == "unknown" and not self.is_material(nominal, unexplained=True):
             verdict = "none"
-        return Decision(verdict, chosen, tuple(rivals), tuple(tried), better)
+        return Decision(verdict, chosen, tuple(rivals), tuple(tried), tuple(unlisted), better)
 
     def weights[S: Score](
         self, decision: Decision[S], singles: Sequence[str]

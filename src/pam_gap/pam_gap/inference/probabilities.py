@@ -13,13 +13,14 @@ posteriors: Holmes and Walker, Biometrika 104, 2017; Miller and Dunson, J. Am. S
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 
 import numpy as np
 from scipy.special import expit
 
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.score import Score
+from pam_gap.inference.selection import NESTED
 from pam_gap.inference.verdict import SHARP
 
 NONE, UNKNOWN = "none", "unknown"
@@ -50,28 +51,95 @@ def probabilities[S: Score](
     removed = judge.share_removed(usual, decision.chosen) - rules.most_of_the_gap
     explained *= float(expit(removed / rules.share_temperature))
     energies: dict[str, float] = {}
-    for score in decision.tried:
-        name = " + ".join(sorted(score.causes)) or NONE
-        energy = judge.energy(score)
-        energies[name] = min(energy, energies.get(name, np.inf))
+    for score in (*decision.tried, *decision.unlisted):
+        name = UNKNOWN if score.unlisted else " + ".join(sorted(score.causes)) or NONE
+        energies[name] = min(judge.energy(score), energies.get(name, np.inf))
     values = np.array(list(energies.values()))
     shares = np.exp(-(values - values.min()) / rules.temperature)
-    shares *= gap * explained / shares.sum()
-    found = dict(zip(energies, shares.tolist(), strict=True))
-    unknown = gap * (1.0 - explained)
+    found = dict(zip(energies, (gap * shares / shares.sum()).tolist(), strict=True))
+    beyond = found.pop(UNKNOWN, 0.0)  # of causes outside the table
+    unknown = beyond + (gap - beyond) * (1.0 - explained)
+    found = {name: share * explained for name, share in found.items()}
     nothing = 1.0 - gap + found.pop(NONE, 0.0)
     if decision.verdict == NONE:  # an unexplained gap that does not matter is none either
         nothing, unknown = nothing + unknown, 0.0
     found |= {NONE: nothing, UNKNOWN: unknown}
     tempered = np.array(list(found.values())) ** (1.0 / rules.tempering)
     found = dict(zip(found, (tempered / tempered.sum()).tolist(), strict=True))
+    if judge.has_background:
+        found = _with_hidden(found, rules.hidden_share)
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def _with_hidden(found: Mapping[str, float], share: float) -> dict[str, float]:
+    """The probabilities if a cause may hide in the background although nothing stands out of it.
+
+    This share of the probability of `none` is divided among the causes in proportion.
+    """
+    causes = {name: p for name, p in found.items() if name not in (NONE, UNKNOWN)}
+    total = sum(causes.values())
+    if total <= 0.0:
+        return dict(found)
+    hidden = share * found[NONE]
+    return {
+        name: p * (1.0 + hidden / total) if name in causes else p - hidden * (name == NONE)
+        for name, p in found.items()
+    }
+
+
+def cause_probabilities(probabilities: Mapping[str, float], named: Set[str]) -> dict[str, float]:
+    """The probability that each of the named effects is a cause, largest first.
+
+    Parameters
+    ----------
+    probabilities : mapping
+        Explanation (effects joined by " + ", `unknown` or `none`) -> probability.
+    named : set of str
+        Effects.
+
+    Returns
+    -------
+    dict of str to float
+        Of each of them the sum over all explanations that contain it.
+    """
+    found: dict[str, float] = {}
+    for explanation, probability in probabilities.items():
+        for effect in named & {*explanation.split(" + ")}:
+            found[effect] = found.get(effect, 0.0) + probability
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def without_doubtful_causes[S: Score](
+    judge: Judge, nominal: Score, decision: Decision[S]
+) -> Decision[S]:
+    """The decision without those of several named causes that are more likely absent than present.
+
+    A richer law of a cause, or a simpler one, counts as this cause. The rest must be a hypothesis
+    that was scored, and be named by itself.
+    """
+    chosen = decision.chosen
+    if decision.verdict != "named" or chosen is None or chosen.size < 2:
+        return decision
+    stated: dict[str, float] = dict.fromkeys(chosen.causes, 0.0)
+    for explanation, p in probabilities(judge, nominal, decision).items():
+        inside = explanation.split(" + ")
+        for effect in stated:
+            kin = {effect, *(b for a, b in NESTED if a == effect)}
+            kin |= {a for a, b in NESTED if b == effect}
+            stated[effect] += p * (not kin.isdisjoint(inside))
+    likely = {effect for effect, p in stated.items() if p >= judge.rules.likely}
+    simpler = [score for score in decision.tried if likely and {*score.causes} == likely]
+    if not simpler or len(likely) == chosen.size:
+        return decision
+    again = judge.about(nominal, decision.tried, min(simpler, key=judge.level), decision.unlisted)
+    return again if again.is_named else decision
 
 
 def _explains(judge: Judge, nominal: Score, chosen: Score) -> float:
     """Probability that a hypothesis explains the gap, from its distance to the verdict's limits."""
     rules, evidence = judge.rules, judge.evidence(nominal, chosen)
-    limit = min((1.0 - rules.sharp_fall) * evidence.level_before, rules.sharp_left)
+    most = rules.sharp_left * evidence.channels
+    limit = min((1.0 - rules.sharp_fall) * evidence.level_before, most)
     sharp = (limit - evidence.level_after) / rules.temperature
     closed = (evidence.closed - rules.closed_at_least) / rules.share_temperature
     if not all(effect in SHARP for effect in evidence.effects):

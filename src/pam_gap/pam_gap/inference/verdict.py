@@ -103,7 +103,8 @@ def is_unknown(evidence: Evidence, rules: DecisionRules) -> bool:
     """Whether the best hypothesis leaves more error than its own law can explain."""
     fall = 1.0 - evidence.level_after / evidence.level_before
     if all(effect in SHARP for effect in evidence.effects):
-        return fall < rules.sharp_fall or evidence.level_after > rules.sharp_left
+        limit = rules.sharp_left * evidence.channels
+        return fall < rules.sharp_fall or evidence.level_after > limit
     return evidence.closed < rules.closed_at_least
 
 
