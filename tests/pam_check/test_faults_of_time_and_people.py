@@ -11,7 +11,14 @@ import pytest
 
 from pam_check.faults import acts, random_acts
 from pam_check.faults.campaign import in_a_fork, in_forks, make_chain
-from pam_check.faults.delay_draws import NEITHER, STOPS, TRACKS, DelayDraw, run_draw
+from pam_check.faults.delay_draws import (
+    NEITHER,
+    STOPS,
+    TRACKS,
+    DelayDraw,
+    by_delay,
+    run_draw,
+)
 from pam_check.faults.hidden_effects import moderate
 from pam_check.faults.rig_bounds import bounds_of
 from pam_check.faults.trial import run_trial
@@ -162,6 +169,22 @@ def test_a_draw_of_a_delay_is_out_of_bounds_if_the_joint_is_too_fast_or_goes_ast
     assert "30 ms, payload: 6.1 rad/s" in faster.problem(bounds)
     assert dataclasses.replace(drawn, outcome=STOPS).problem(bounds) == ""
     assert "neither" in dataclasses.replace(drawn, outcome=NEITHER).problem(bounds)
+
+
+def test_the_summary_counts_draws_by_their_delay_and_names_what_stopped_them():
+    draws = [
+        DelayDraw("frames_delayed_up", 0.004, "payload", TRACKS),
+        DelayDraw("frames_delayed_up", 0.006, "supply_droop", STOPS, by="supply_low"),
+        DelayDraw("frames_delayed_up", 0.07, "payload", STOPS, by="loop_too_slow"),
+        DelayDraw("frames_delayed_up", 0.08, "creep", STOPS, by="loop_too_slow"),
+        DelayDraw("frames_delayed_up", 0.05, "creep", NEITHER),
+    ]
+    assert by_delay(draws) == [
+        " 0 to 10 ms: 2 draws, 1 track, 1 stop (supply_low 1)",
+        "10 to 20 ms: 0 draws, 0 track, 0 stop",
+        "20 to 40 ms: 0 draws, 0 track, 0 stop",
+        "40 to 80 ms: 3 draws, 0 track, 2 stop (loop_too_slow 2)",
+    ]
 
 
 def test_a_small_delay_is_borne_and_a_huge_one_stops(chain):

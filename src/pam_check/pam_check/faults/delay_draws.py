@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import random
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -34,6 +34,7 @@ PLACES: Final = (
 LONGEST: Final = 0.08  # s
 MOTION: Final = 3.0  # s
 JUDGED: Final = 1.0  # s; a loop that still runs must track at the end of the motion
+RANGES: Final = (0.01, 0.02, 0.04, LONGEST)  # s, for the summary
 TRACKS, STOPS, NEITHER = "tracks", "stops", "neither"
 
 
@@ -124,6 +125,22 @@ def run_draws(rig_path: Path, count: int, seed: int, at_once: int) -> Iterator[D
     yield from in_forks(works, at_once)
 
 
+def by_delay(done: Sequence[DelayDraw]) -> list[str]:
+    """What followed in each range of delays, and what stopped the loop there; one line each."""
+    lines, low = [], 0.0
+    for high in RANGES:
+        mine = [drawn for drawn in done if low <= drawn.delay <= high]
+        stopped = Counter(drawn.by for drawn in mine if drawn.outcome == STOPS)
+        by = ", ".join(f"{kind} {count}" for kind, count in stopped.most_common())
+        lines.append(
+            f"{1e3 * low:2.0f} to {1e3 * high:2.0f} ms: {len(mine)} draws, "
+            f"{sum(drawn.outcome == TRACKS for drawn in mine)} track, "
+            f"{stopped.total()} stop{f' ({by})' if by else ''}"
+        )
+        low = high
+    return lines
+
+
 def run(given: Arguments) -> Outcome:
     """Run the draws and write their table; the command of `pam_check.__main__`."""
     path = chosen_rig(given)
@@ -146,5 +163,7 @@ def run(given: Arguments) -> Outcome:
         f"{outcomes[NEITHER]} do neither; fastest joint {fastest:.1f} rad/s, "
         f"{too_fast} above {bounds.speed:g} rad/s: {given.out}"
     )
-    numbers = {"draws": len(done), "outcomes": dict(outcomes), "fastest": fastest}
+    ranges = by_delay(done)
+    print("\n".join(ranges))
+    numbers = {"draws": len(done), "ranges": ranges, "outcomes": dict(outcomes), "fastest": fastest}
     return Outcome({**numbers, "too_fast": too_fast, "page": given.out}, problems)
