@@ -61,6 +61,19 @@ def test_silence_and_the_word_no_end_full_speed_and_the_controller_has_time_to_b
     assert people.must_be_slow(101.61)
 
 
+def test_of_two_publishers_that_disagree_the_one_that_forbids_counts() -> None:
+    people = PeopleInputs(PEOPLE, {})
+    people.hear_topic(FULL_SPEED, True, 9.95)
+    for tick in range(20):
+        people.hear_topic(FULL_SPEED, tick % 2 == 1, 10.0 + 0.05 * tick)
+        assert people.reduced_speed(10.0 + 0.05 * tick)
+    assert people.must_be_slow(10.95)
+    people.hear_topic(FULL_SPEED, True, 11.09)
+    assert people.reduced_speed(11.09), "too soon after the last word that forbids it"
+    people.hear_topic(FULL_SPEED, True, 11.11)
+    assert not people.reduced_speed(11.11)
+
+
 def test_without_the_key_full_speed_is_permitted_and_the_topic_says_nothing() -> None:
     people = PeopleInputs(People(), {})
     people.hear_topic(FULL_SPEED, False, 1.0)

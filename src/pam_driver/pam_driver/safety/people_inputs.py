@@ -68,6 +68,7 @@ class PeopleInputs:
         }
         self._topics = {name: Sample() for name, wanted in topics.items() if wanted}
         self._slowing_time = people.slowing_time
+        self._forbidden_at = NEVER  # when full speed was last forbidden [s]
         # until when full speed is permitted [s]
         self._full_speed_until = NEVER if people.full_speed_topic else math.inf
         for name, address in self._wanted.items():
@@ -85,10 +86,11 @@ class PeopleInputs:
     def hear_topic(self, name: str, permits: bool, now: float) -> None:
         """Take a message of the topic of an input, received at a monotonic time [s]."""
         if name == FULL_SPEED and self._full_speed_until < math.inf:
-            if permits:
-                self._full_speed_until = now + self._deadline
-            else:
+            if not permits:
+                self._forbidden_at = now
                 self._full_speed_until = min(self._full_speed_until, now)
+            elif now - self._forbidden_at >= self._deadline:  # of two publishers, "no" counts
+                self._full_speed_until = now + self._deadline
         if name in self._topics:
             self._topics[name] = Sample(float(permits), now)
 
