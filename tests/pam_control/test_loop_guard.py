@@ -12,6 +12,7 @@ from pam_control.control_step import Measurement
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
 from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.loop_guard import LoopGuard
 from pam_control.settings import ControlSettings
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
@@ -32,10 +33,11 @@ class Outcome:
     softened: str
 
 
-def play(controller, points, duration, *, up=0.0, down=0.0, effects=None):
+def play(controller, points, duration, *, up=0.0, down=0.0, effects=None, pauses=(0.0, 1.0)):
     """Follow a motion with hidden delays [s]; the stamps show nothing of them.
 
     The measurements are late by `up`, the commands by `down`, in addition to what the settings say.
+    The loop stands still for the first of `pauses` in each period of the second [s].
     """
     rig = controller.rig
     plant = Plant(PlantParameters.from_rig(rig).replaced(effects or {}))
@@ -43,7 +45,7 @@ def play(controller, points, duration, *, up=0.0, down=0.0, effects=None):
     controller.drop_commands()
     sensed, sent = deque(), deque()
     applied, shown, latest = (0.0, 0.0), (0.0, 0.0, 0.0), None
-    positions, errors, following = [], [], False
+    positions, times, errors, following = [], [], [], False
     name = rig.joint_names[0]
     for tick in range(round((START + duration + 0.5) / TICK)):
         time = tick * TICK
@@ -52,7 +54,7 @@ def play(controller, points, duration, *, up=0.0, down=0.0, effects=None):
             sensed.append((time, round(shown[0] / QUANTUM) * QUANTUM, pressures))
             while sensed and sensed[0][0] <= time - TOLD_UP - up + 1e-9:
                 latest = sensed.popleft()
-            if latest is not None:
+            if latest is not None and not (time >= START and time % pauses[1] < pauses[0]):
                 if not following and time >= START and controller.active:
                     controller.references.follow([name], points, start=None, now=time)
                     following = True
@@ -62,13 +64,14 @@ def play(controller, points, duration, *, up=0.0, down=0.0, effects=None):
                     break
                 sent.append((time + TOLD_DOWN + down, output.commands))
                 positions.append(plant.output["position"])
+                times.append(time)
                 if time >= START:
                     reference = controller.references.sample(name, time).position
                     errors.append(abs(reference - positions[-1]))
         while sent and sent[0][0] <= time + 1e-9:
             applied = sent.popleft()[1]
         shown = plant.step(applied, TICK)
-    speed = np.abs(np.diff(positions)).max() / (2.0 * TICK)
+    speed = np.abs(np.diff(positions) / np.diff(times)).max()
     guard = controller.guard
     return Outcome(float(speed), max(errors, default=0.0), guard.stopped, guard.softened)
 
@@ -94,6 +97,33 @@ def test_a_delay_that_the_design_bears_changes_no_gains(controller, reaching, de
     outcome = play(controller, *reaching, **{way: 1e-3 * delay})
     assert (outcome.softened, outcome.stopped) == ("", "")
     assert outcome.error < 0.07
+
+
+@pytest.mark.parametrize("pauses", [(0.026, 0.06), (0.04, 0.06), (0.04, 0.1)])
+def test_a_loop_that_pauses_again_and_again_is_stopped_before_it_shakes_the_joint(
+    controller, reaching, pauses
+):
+    outcome = play(controller, *reaching, pauses=pauses)
+    assert "the control loop paused" in outcome.stopped
+    assert outcome.speed < 0.6 * controller.rig.joints[0].max_velocity
+
+
+@pytest.mark.parametrize("pauses", [(0.04, 0.2), (0.012, 0.03)])
+def test_rare_and_short_pauses_are_borne(controller, reaching, pauses):
+    outcome = play(controller, *reaching, pauses=pauses)
+    assert outcome.stopped == ""
+    assert outcome.error < 0.1
+
+
+def test_only_pauses_within_half_a_second_count(controller):
+    guard = LoopGuard(controller.channels)
+    for time in (1.0, 1.3, 1.6, 1.9):
+        assert guard.watch_gaps(time, 0.07, 0.016) == ""
+    assert guard.watch_gaps(2.0, 0.016, 0.016) == ""
+    assert "paused 3 times for more than 16 ms" in guard.watch_gaps(2.05, 0.03, 0.016)
+    assert guard.stopped
+    guard.clear()
+    assert guard.watch_gaps(3.0, 10.0, 0.016) == "", "one long pause is a matter of the time-outs"
 
 
 def test_a_hidden_lag_of_the_pressure_sensors_is_no_limit_cycle(controller, reaching):

@@ -39,6 +39,7 @@ from pam_model.rig import Rig
 
 SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
 LONGEST_STEP = 0.02  # s; a longer time between two steps is counted as this
+GAP_PERIODS = 3.0  # beside the unknown delay; a step that is later follows a pause of the loop
 
 
 class Controller(LoopDesign):
@@ -320,6 +321,11 @@ class Controller(LoopDesign):
         )
         if not self.active or time < self._time:
             self._take_over(time, measurement)
+        normal = self.prepared.normal.settings
+        longest = GAP_PERIODS * normal.period + normal.extra_delay
+        if self.guard.watch_gaps(time, time - self._time, longest):
+            self.deactivate()
+            return ControlOutput(None, self.guard.stopped)
         step = min(max(time - self._time, 0.0), LONGEST_STEP) or self.settings.period
         self._time = time
         self._look_ahead(step)

@@ -1,4 +1,4 @@
-"""What the controller does when its loops oscillate or do not follow: soften, then stop.
+"""What the controller does when its loops oscillate, do not follow or pause: soften, then stop.
 
 First the gains are replaced by a safe set, which is designed for a much larger delay. The safe set
 stays until the driver has been vented, since the delay is still there. If the joint still
@@ -8,6 +8,7 @@ oscillates after a pause, or follows its reference with too large an error, the 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from enum import Enum
 
@@ -15,6 +16,10 @@ from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
 from pam_control.joint_channel import JointChannel
 
 PAUSE = 0.6  # s after softening; what is under way with the old gains fades in this time
+# A loop that stands still for a larger share of so long oscillates; a smaller one is borne, because
+# what one pause leaves has faded when the next one comes.
+MOST_STILL = 0.3
+GAP_MEMORY = 0.5  # s
 
 
 class Verdict(Enum):
@@ -44,12 +49,14 @@ class LoopGuard:
         self._tracking = [TrackingWatch(c.joint.max_tracking_error) for c in channels]
         self._channels = channels
         self._pause_until = -math.inf
+        self._gaps: deque[tuple[float, float]] = deque()
         self.softened = self.stopped = ""
 
     def clear(self) -> None:
         """Forget everything, after someone has vented the driver."""
         self.softened = self.stopped = ""
         self._pause_until = -math.inf
+        self._gaps.clear()
         self.restart()
 
     def restart(self) -> None:
@@ -57,6 +64,31 @@ class LoopGuard:
         for oscillation, tracking in zip(self._oscillation, self._tracking, strict=True):
             oscillation.reset()
             tracking.reset()
+
+    def watch_gaps(self, time: float, gap: float, longest: float) -> str:
+        """Stop a loop that stands still again and again; return why, or an empty text.
+
+        Its gains do not bear such gaps: the joint oscillates, with soft gains as well.
+
+        Parameters
+        ----------
+        time, gap : float
+            Present time, and time since the last control cycle [s].
+        longest : float
+            A gap above this counts [s].
+        """
+        if gap <= longest:
+            return ""
+        gaps = self._gaps
+        gaps.append((time, gap))
+        while gaps[0][0] <= time - GAP_MEMORY:
+            gaps.popleft()
+        if len(gaps) > 1 and sum(one for _, one in gaps) > MOST_STILL * GAP_MEMORY:
+            self.stopped = (
+                f"the control loop paused {len(gaps)} times for more than {1e3 * longest:.0f} ms "
+                f"within {GAP_MEMORY:g} s: the host is too slow"
+            )
+        return self.stopped
 
     def judge(self, time: float, tracking_time: float, can_soften: bool) -> Verdict:
         """Judge the telemetry of a control cycle.

@@ -308,8 +308,11 @@ class FaultChain:
             angle, speed = self.motion(self.now)
             count = len(self.rig.joints)
             self.intake.stream(self.rig.joint_names, [angle] * count, [speed] * count)
+        stopped = self.controller.guard.stopped
         output = self.controller.step(self.now, self.heard)
         self.reason = output.reason
+        if self.controller.guard.stopped != stopped:  # as the node does
+            self.at(self.now + self.command_time(), lambda: self.driver.vent(self.now))
         if output.commands is None:
             return
         self.reference = references.sample(self.rig.joint_names[0], self.now).position

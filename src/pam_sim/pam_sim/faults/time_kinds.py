@@ -36,7 +36,8 @@ TIME_KINDS: Final = (
     *(
         _K(f"{who}_pauses", "time", f"{text} for a moment, again and again", _PAUSE,
            ("loop_too_slow", "joint_too_fast", "controller", "command_timeout"),
-           _R.EITHER, 3.0, "each pause is shorter than every time-out")
+           _R.EITHER, 3.0, "each pause is shorter than every time-out; the controller stops when "
+           "it stands still for 30 % of the time", stays=Stays.TRACKING)
         for who, text in (("host", "the host pauses"), ("driver", "the driver pauses"),
                           ("controller", "the controller pauses"))
     ),
