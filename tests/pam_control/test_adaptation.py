@@ -9,7 +9,7 @@ import pytest
 
 from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
 from pam_control.adaptation.motion_functions import MotionMemory
-from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
+from pam_control.adaptation.recursive_fit import CORRELATED, RecursiveFit, Suspect
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import (
@@ -185,6 +185,21 @@ def test_a_fit_that_has_seen_one_direction_only_does_not_guess_the_other():
     for _ in range(500):
         fit.update(np.array([1.0, 1.0]), 0.6, 0.01)
     assert fit.weights == pytest.approx([0.3, 0.3], abs=0.01)
+
+
+def test_before_anything_was_seen_a_weight_is_as_uncertain_as_was_said():
+    """The inverse for the interval was singular, which ended the node that was asked for it."""
+    fit = RecursiveFit((0.2, 3.0), 0.05, 0.01)
+    assert [fit.deviation(0), fit.deviation(1)] == pytest.approx([0.2, 3.0])
+
+
+def test_the_interval_of_a_weight_is_that_of_ordinary_least_squares():
+    random, fit = np.random.default_rng(7), RecursiveFit((10.0, 10.0), 0.05, 0.01)
+    seen = random.standard_normal((40, 2)) * (1.0, 0.1)
+    for functions in seen:
+        fit.update(functions, float(functions @ (0.5, -2.0)), CORRELATED)
+    expected = 0.05 * np.sqrt(np.diag(np.linalg.inv(seen.T @ seen)))
+    assert [fit.deviation(0), fit.deviation(1)] == pytest.approx(expected, rel=0.15)
 
 
 def test_a_suspect_is_used_only_where_nothing_else_can_be_the_cause():

@@ -120,14 +120,18 @@ class RecursiveFit:
 
     def deviation(self, index: int) -> float:
         """Standard deviation of one weight, in its unit."""
-        regular = self._products + self._size * self._doubt * self._penalty
-        inverse = np.linalg.inv(regular)
+        inverse = np.linalg.inv(self._regular())
         return self._noise * math.sqrt(self._size * max(float(inverse[index, index]), 0.0))
+
+    def _regular(self) -> Array:
+        """The normal equations with what was known before."""
+        regular = self._products.copy()
+        regular.flat[:: len(regular) + 1] += self._size * self._doubt * self._penalty
+        return regular
 
     def _solved(self) -> tuple[Array, float]:
         """The weights, and the sum of the squares that they explain."""
-        regular = self._products.copy()
-        regular.flat[:: len(regular) + 1] += self._size * self._doubt * self._penalty
+        regular = self._regular()
         if self._suspect is None:
             found: Array = np.linalg.solve(regular, self._wanted)
             return found, self._explained(found)
