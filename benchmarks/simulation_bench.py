@@ -34,6 +34,7 @@ Array = npt.NDArray[np.float64]
 ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"
 PERIOD = 0.002  # s
 SECONDS = 4.0
+RECORDED = 20.0  # s, of the batches of a diagnosis; shorter ones are mostly overhead
 BATCH = 64
 REPEATS = 5
 STEPS_PER_SAMPLE = PERIOD / min(DEFAULT_STEP, PERIOD)
@@ -69,9 +70,9 @@ def _declare(parser: Parser) -> None:
 def _run(given: Arguments) -> Outcome:
     """Measure and print."""
     parameters = PlantParameters.from_rig(load_rig(ELBOW))
-    samples = round(SECONDS / PERIOD)
-    swing = 0.05 * np.sin(2.0 * np.pi * np.arange(samples) * PERIOD)
-    commands = np.column_stack((swing, -swing))
+    swing = 0.05 * np.sin(2.0 * np.pi * np.arange(round(RECORDED / PERIOD)) * PERIOD)
+    recorded = np.column_stack((swing, -swing))
+    commands = recorded[: round(SECONDS / PERIOD)]
     values = np.repeat(parameters.values[None], BATCH, axis=0)
     steps = SECONDS / min(DEFAULT_STEP, PERIOD)
     batch = partial(simulate, parameters, commands, PERIOD, values=values)
@@ -82,8 +83,8 @@ def _run(given: Arguments) -> Outcome:
         "batch": (BATCH, partial(batch, kernels=kernels)),
         "batch, two threads": (BATCH, partial(batch, kernels=kernels, threads=2)),
     }
-    for name, options in diagnosis_batches(parameters, values, commands).items():
-        calls[name] = (BATCH / STEPS_PER_SAMPLE, options)
+    for name, options in diagnosis_batches(parameters, values, recorded).items():
+        calls[name] = (BATCH / STEPS_PER_SAMPLE * RECORDED / SECONDS, options)
     rates = {}
     for name, (lanes, call) in calls.items():
         call()  # compiles

@@ -254,6 +254,7 @@ LAWS: Final = {
     **COSTLY,
     "M_TUBE": _of_muscles("M_TUBE"),
     "C_DROOP": (lay.C_DROOP,),
+    "C_PRESLIDING": (lay.C_PRESLIDING,),
     **{f"{name.upper()}_IS_ON": (found.is_on,) for name, found in lay.JOINT_EFFECTS.items()},
     **{
         f"{name.upper()}_IS_ON": (lay.AGONIST + found.is_on, lay.ANTAGONIST + found.is_on)
