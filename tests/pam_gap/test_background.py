@@ -61,6 +61,14 @@ def test_a_good_rig_with_a_background_is_told_none() -> None:
     assert decided(nominal, fitted, background=np.zeros(CHANNELS)).verdict != "none"
 
 
+def test_a_background_that_is_larger_than_usual_is_not_called_an_unknown_cause() -> None:
+    nominal, found = score((), (10.5, 10.5, 52.0)), score(("payload",), (9.9, 9.9, 49.0))
+    assert decided(nominal, found).verdict == "none"
+    assert decided(score((), (15.0, 15.0, 80.0)), found).verdict != "none"
+    no = np.zeros(CHANNELS)
+    assert decided(nominal, found, background=no).verdict == "unknown"
+
+
 def test_an_effect_outside_the_table_stays_unknown_beside_a_background() -> None:
     nominal = score((), (10.0, 10.0, 900.0))
     closest = score(("payload",), (9.0, 9.0, 700.0))
@@ -254,7 +262,7 @@ def test_a_cause_that_removes_little_beside_ordinary_effects_is_not_named() -> N
     usual = ordinary(score(("hysteresis",), (25.6, 27.0, 46.6)), "hysteresis")
     both = ordinary(score(("hysteresis", "thermal"), (16.4, 22.8, 42.4)), "hysteresis")
     floor = np.array([18.5, 18.5, 68.0]) ** 2
-    assert decided(nominal, usual, both, background=floor).verdict == "unknown"
+    assert not decided(nominal, usual, both, background=floor).is_named
     strong = ordinary(score(("hysteresis", "thermal"), (9.0, 8.0, 42.4)), "hysteresis")
     assert decided(nominal, usual, strong, background=floor).verdict == "named"
 

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.inference.background import sensor_parts
+from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import Recording
+from pam_gap.rules import DEFAULT
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
@@ -66,3 +69,21 @@ def test_pressures_that_exceed_their_commands_have_no_known_cause(
     assert valve.gap_over_floor is not None and valve.gap_over_floor > 10.0
     assert next(iter(answer.probabilities)) == "unknown"
     assert answer.improved is None
+
+
+def test_a_good_regulator_has_a_zero_a_gain_and_a_hysteresis_of_a_share_of_the_supply(
+    rig: Rig,
+) -> None:
+    """Its commands are pressures, of which the hysteresis of a spool would be no part at all."""
+    own = regulated(rig)
+    problem = PredictionProblem(own, 0, [overshooting(own)])
+    parts = {part.name: part for part in sensor_parts(problem)}
+    size = DEFAULT.decision.ordinary_regulator * (own.supply_pressure - own.gas.ambient_pressure)
+    data = problem.data[0]
+    shifted = parts["the zero of the agonist's regulator"].change(problem, data, 1.0)
+    assert np.ptp(shifted.commands - data.commands, axis=0) == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert (shifted.commands - data.commands)[0] == pytest.approx([size, 0.0])
+    scaled = parts["the gain of the antagonist's regulator"].change(problem, data, -1.0)
+    assert scaled.commands[:, 1] == pytest.approx(0.99 * data.commands[:, 1])
+    played = parts["a hysteresis of the regulators"].change(problem, data, 1.0)
+    assert np.abs(played.commands - data.commands).max() == pytest.approx(0.5 * size)

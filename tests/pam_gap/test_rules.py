@@ -55,6 +55,7 @@ NO_RULES = {
     "FEWEST_SIDE_BY_SIDE": "memory of fits, which changes no result",
     "MOST_ACTIVE_SETS": "after which another method finds the same minimum",
     "MOST_KEPT": "memory, which changes no result",
+    "HEADROOM": "sizes of real sensors",
     "ECCENTRIC_ROUNDS": "after which the angle no longer changes",
     "LARGEST": "stands for no bound",
     "FIRST_STEP": "difference step, which changes no result",

@@ -41,6 +41,8 @@ from pam_model.plant.parameters import INDEX
 
 SENSOR_RANGES = tuple(f * 10.0**k for k in (4, 5, 6, 7) for f in (1.0, 1.6, 2.5, 4.0, 6.0))
 """Usual ranges of pressure sensors [Pa] (EN 837-1, table of scale ranges)."""
+HEADROOM = 1.25
+"""Range of a pressure sensor that is chosen for a supply, at least, over the supply pressure."""
 ECCENTRIC_ROUNDS = 6
 """Fixed-point steps from a reading to the angle; each leaves the size of the error in rad."""
 
@@ -106,8 +108,14 @@ class SensorPart:
 def sensor_parts(problem: PredictionProblem) -> list[SensorPart]:
     """The parts of a background that change the recorded channels of this problem."""
     found: list[SensorPart] = []
-    if problem.has_commands:
-        found.append(SensorPart("a hysteresis of the spools", _spool_play, is_one_way=True))
+    if problem.has_commands and has_regulators(problem):
+        found.append(SensorPart("a hysteresis of the regulators", _played, is_one_way=True))
+        for channel, side in enumerate(MUSCLES):
+            zero, gain = (partial(one, channel=channel) for one in (_shifted, _scaled))
+            found.append(SensorPart(f"the zero of the {side}'s regulator", zero))
+            found.append(SensorPart(f"the gain of the {side}'s regulator", gain))
+    elif problem.has_commands:
+        found.append(SensorPart("a hysteresis of the spools", _played, is_one_way=True))
     for channel, side in enumerate(MUSCLES):
         if problem.present[BOTH_PRESSURES][channel]:
             of = f"of the {side}'s pressure sensor"
@@ -162,21 +170,51 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
     return Background(tuple(effects), LinearTerms(np.stack(changes, axis=-1), free))
 
 
-def _spool_play(problem: PredictionProblem, data: Channels, amount: float) -> Channels:
-    """Commands as spools with an ordinary hysteresis follow them: play of half its width."""
-    half = 0.5 * amount * problem.rules.decision.ordinary_spool
+def _supply(problem: PredictionProblem) -> float:
+    """Gauge pressure of the supply [Pa]."""
+    return problem.rig.supply_pressure - problem.rig.gas.ambient_pressure
+
+
+def has_regulators(problem: PredictionProblem) -> bool:
+    """Whether commands are pressures."""
+    joint = problem.rig.joints[problem.joint]
+    kinds = {problem.rig.muscle(name).valve.kind for name in joint.muscles}
+    return kinds == {"pressure_regulator"}
+
+
+def _played(problem: PredictionProblem, data: Channels, amount: float) -> Channels:
+    """Commands as valves with an ordinary hysteresis follow them: play of half its width."""
+    rules = problem.rules.decision
+    width = rules.ordinary_spool
+    if has_regulators(problem):
+        width = rules.ordinary_regulator * _supply(problem)
+    half = 0.5 * amount * width
     spool = data.commands.copy()
     for k in range(1, len(spool)):
         spool[k] = np.clip(spool[k - 1], data.commands[k] - half, data.commands[k] + half)
     return replace(data, commands=spool)
 
 
+def _shifted(problem: PredictionProblem, data: Channels, amount: float, channel: int) -> Channels:
+    """Commands of a regulator with another zero."""
+    commands = data.commands.copy()
+    commands[:, channel] += amount * problem.rules.decision.ordinary_regulator * _supply(problem)
+    return replace(data, commands=commands)
+
+
+def _scaled(problem: PredictionProblem, data: Channels, amount: float, channel: int) -> Channels:
+    """Commands of a regulator with another gain."""
+    commands = data.commands.copy()
+    commands[:, channel] *= 1.0 + amount * problem.rules.decision.ordinary_regulator
+    return replace(data, commands=commands)
+
+
 def _nonlinearity(
     problem: PredictionProblem, data: Channels, amount: float, channel: int
 ) -> Channels:
     """Readings of a pressure sensor that is right at both ends of its range, but not between."""
-    gauge = problem.rig.supply_pressure - problem.rig.gas.ambient_pressure
-    full = next((size for size in SENSOR_RANGES if size >= gauge), gauge)
+    needed = HEADROOM * _supply(problem)
+    full = next((size for size in SENSOR_RANGES if size >= needed), needed)
     measured = data.measured.copy()
     share = np.clip(measured[:, channel] / full, 0.0, 1.0)
     size = amount * problem.rules.decision.ordinary_nonlinearity * full

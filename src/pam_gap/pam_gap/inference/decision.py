@@ -323,7 +323,10 @@ class Judge:
         better = self.better_unlisted(chosen, unlisted)
         if better is not None:
             verdict = "unknown"
-        if verdict == "unknown" and not self.is_material(nominal, unexplained=True):
+        small = not self.is_material(nominal, unexplained=True)
+        if self.has_background and better is None:
+            small = small or self.level(usual) <= self.rules.no_gap_unexplained * channels
+        if verdict == "unknown" and small:
             verdict = "none"
         return Decision(verdict, chosen, tuple(rivals), tuple(tried), tuple(unlisted), better)
 

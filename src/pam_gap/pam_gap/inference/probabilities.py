@@ -58,9 +58,11 @@ def probabilities[S: Score](
     shares = np.exp(-(values - values.min()) / rules.temperature)
     found = dict(zip(energies, (gap * shares / shares.sum()).tolist(), strict=True))
     beyond = found.pop(UNKNOWN, 0.0)  # of causes outside the table
-    unknown = beyond + (gap - beyond) * (1.0 - explained)
+    unexplained = (gap - beyond) * (1.0 - explained)
+    large = _is_large(judge, usual)
+    unknown = beyond + unexplained * large
     found = {name: share * explained for name, share in found.items()}
-    nothing = 1.0 - gap + found.pop(NONE, 0.0)
+    nothing = 1.0 - gap + unexplained * (1.0 - large) + found.pop(NONE, 0.0)
     if decision.verdict == NONE:  # an unexplained gap that does not matter is none either
         nothing, unknown = nothing + unknown, 0.0
     found |= {NONE: nothing, UNKNOWN: unknown}
@@ -146,6 +148,14 @@ def _explains(judge: Judge, nominal: Score, chosen: Score) -> float:
         return float(expit(closed))
     left = judge.is_material(chosen, unexplained=True)
     return float(expit(sharp if left else max(sharp, closed)))
+
+
+def _is_large(judge: Judge, usual: Score) -> float:
+    """Probability that an unexplained gap is larger than the background of some good rig."""
+    if not judge.has_background:
+        return 1.0
+    limit = judge.rules.no_gap_unexplained * int(judge.present.sum())
+    return float(expit((judge.level(usual) - limit) / judge.rules.temperature))
 
 
 def _matters(judge: Judge, nominal: Score) -> float:
