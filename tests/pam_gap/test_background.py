@@ -69,6 +69,26 @@ def test_a_background_that_is_larger_than_usual_is_not_called_an_unknown_cause()
     assert decided(nominal, found, background=no).verdict == "unknown"
 
 
+def test_a_cause_outside_the_table_must_remove_most_of_the_gap() -> None:
+    """Of two explanations that explain little, the better one is no reason for `unknown`."""
+    nominal, found = score((), (10.5, 10.5, 52.0)), score(("payload",), (9.9, 9.9, 49.0))
+    encoder = replace(score((), (9.5, 9.5, 47.0)), unlisted="an eccentricity of the encoder")
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+    decision = judge.decide(nominal, [found], lambda one: one, [encoder])
+    assert (decision.verdict, decision.better) == ("none", None)
+    strong = score((), (33.0, 74.0, 90.0))
+    decision = judge.decide(
+        strong, [score(("payload",), (20.0, 30.0, 60.0))], lambda s: s, [encoder]
+    )
+    assert (decision.verdict, decision.better) == ("unknown", encoder)
+
+
+def test_a_delay_may_leave_a_background_larger_than_usual() -> None:
+    """That the law of a delay has only one form says nothing about what else the rig has."""
+    nominal, delay = score((), (33.0, 74.0, 90.0)), score(("command_delay",), (15.0, 18.0, 75.0))
+    assert decided(nominal, delay).verdict == "named"
+
+
 def test_an_effect_outside_the_table_stays_unknown_beside_a_background() -> None:
     nominal = score((), (10.0, 10.0, 900.0))
     closest = score(("payload",), (9.0, 9.0, 700.0))

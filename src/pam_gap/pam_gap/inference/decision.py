@@ -165,10 +165,17 @@ class Judge:
         causes = 1 if score.unlisted else score.size
         return self.priced_level(score) + self.rules.further_gain * (causes - 1)
 
-    def better_unlisted[S: Score](self, chosen: Score, unlisted: Sequence[S]) -> S | None:
-        """The cause outside the table that explains more than a hypothesis; None without any."""
+    def better_unlisted[S: Score](
+        self, usual: Score, chosen: Score, unlisted: Sequence[S]
+    ) -> S | None:
+        """The cause outside the table that explains more than a hypothesis; None without any.
+
+        As a cause of the table must, it removes most of the error of the rig without causes.
+        """
         best = min(unlisted, key=self.energy, default=None)
-        return best if best is not None and self.energy(best) < self.energy(chosen) else None
+        if best is None or self.energy(best) >= self.energy(chosen):
+            return None
+        return best if self.share_removed(usual, best) >= self.rules.most_of_the_gap else None
 
     def usual[S: Score](self, nominal: Score, tried: Sequence[S]) -> Score:
         """Score of the best hypothesis without causes: re-tuned, with effects of ordinary size."""
@@ -209,7 +216,9 @@ class Judge:
         )
         if not (over_floor > self.rules.gap_of_channel).any():
             closed = 1.0 - after / max(before, 1e-9)  # no gap of a channel is wide enough to count
-        return Evidence(chosen.causes, before, after, int(self.present.sum()), closed)
+        return Evidence(
+            chosen.causes, before, after, int(self.present.sum()), closed, self.has_background
+        )
 
     def choose[S: Score](self, nominal: Score, scores: Sequence[S]) -> S | None:
         """The accepted hypothesis: the one with the fewest causes that no other clearly beats."""
@@ -320,7 +329,7 @@ class Judge:
         verdict = decide(evidence, [r.label for r in rivals], self.rules, left)
         if self.share_removed(usual, chosen) < self.rules.most_of_the_gap:
             verdict = "unknown"
-        better = self.better_unlisted(chosen, unlisted)
+        better = self.better_unlisted(usual, chosen, unlisted)
         if better is not None:
             verdict = "unknown"
         small = not self.is_material(nominal, unexplained=True)

@@ -21,7 +21,6 @@ from scipy.special import expit
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.score import Score
 from pam_gap.inference.selection import NESTED
-from pam_gap.inference.verdict import SHARP
 
 NONE, UNKNOWN = "none", "unknown"
 
@@ -144,7 +143,7 @@ def _explains(judge: Judge, nominal: Score, chosen: Score) -> float:
     limit = min((1.0 - rules.sharp_fall) * evidence.level_before, most)
     sharp = (limit - evidence.level_after) / rules.temperature
     closed = (evidence.closed - rules.closed_at_least) / rules.share_temperature
-    if not all(effect in SHARP for effect in evidence.effects):
+    if not evidence.is_sharp:
         return float(expit(closed))
     left = judge.is_material(chosen, unexplained=True)
     return float(expit(sharp if left else max(sharp, closed)))

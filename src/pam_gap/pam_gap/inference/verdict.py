@@ -34,6 +34,8 @@ class Evidence:
         Number of channels.
     closed : float
         Share of the RMS gap closed on held-out data, mean over the channels with a gap.
+    has_background : bool
+        Whether an ordinary background is assumed, whose laws are approximate.
     """
 
     effects: tuple[str, ...]
@@ -41,6 +43,15 @@ class Evidence:
     level_after: float
     channels: int
     closed: float
+    has_background: bool = False
+
+    @property
+    def is_sharp(self) -> bool:
+        """Whether the laws of all effects have only one form, and nothing else should remain.
+
+        A background remains beside an effect, whatever the law of the effect.
+        """
+        return not self.has_background and all(effect in SHARP for effect in self.effects)
 
 
 def has_gap(level_before: float, channels: int, rules: DecisionRules) -> bool:
@@ -102,7 +113,7 @@ def is_rival(
 def is_unknown(evidence: Evidence, rules: DecisionRules) -> bool:
     """Whether the best hypothesis leaves more error than its own law can explain."""
     fall = 1.0 - evidence.level_after / evidence.level_before
-    if all(effect in SHARP for effect in evidence.effects):
+    if evidence.is_sharp:
         limit = rules.sharp_left * evidence.channels
         return fall < rules.sharp_fall or evidence.level_after > limit
     return evidence.closed < rules.closed_at_least
