@@ -4,8 +4,9 @@
   (`end_at_signals`). An exception would be shown with a traceback there, and code of an imported
   library might catch it.
 - While a command runs, both signals interrupt it, so that it ends the programs that it has started
-  (`interruptible`). A signal that follows within `ONE_REQUEST` belongs to the same request: the
-  terminal and the program that has started this one may both send it.
+  (`interruptible`); during an import as soon as this has ended. A signal that follows within
+  `ONE_REQUEST` belongs to the same request: the terminal and the program that has started this one
+  may both send it.
 - A node notes signals and ends at a moment of its own choice (`pam_ros.end_signals`).
 
 Only the standard library is imported here, and nothing that takes time.
@@ -24,6 +25,7 @@ from typing import Final
 
 ONE_REQUEST: Final = 1.0
 """Signals within this time are one request to end [s]."""
+LATER: Final = 0.02  # s, after which a signal that met an import is tried again
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 STOPPED: Final = "stopped"
 """What a program that was stopped says on standard error."""
@@ -53,12 +55,23 @@ def _leave(number: int, frame: FrameType | None) -> None:
     os._exit(exit_code(number))
 
 
+def _imports(frame: FrameType | None) -> bool:
+    """Whether an import is in progress in a stack of frames."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
 @contextmanager
 def interruptible() -> Iterator[None]:
     """SIGINT and SIGTERM raise KeyboardInterrupt, the latter as `Terminated`, until the end.
 
     Handlers that the caller has set are left alone, and so is a thread that cannot set any.
     """
+    from threading import Timer, main_thread  # noqa: PLC0415  (what is above must be fast)
+
     first = -math.inf
     process = os.getpid()
 
@@ -67,6 +80,11 @@ def interruptible() -> Iterator[None]:
         if os.getpid() != process:  # a worker that was forked has nothing to say
             signal.signal(number, signal.SIG_DFL)
             os.kill(os.getpid(), number)
+        if _imports(frame):  # its code may swallow an exception, or make another one of it
+            again = Timer(LATER, signal.pthread_kill, (main_thread().ident, number))
+            again.daemon = True
+            again.start()
+            return
         now = time.monotonic()
         if now - first < ONE_REQUEST:
             return
