@@ -257,6 +257,20 @@ def test_a_fit_follows_what_has_changed():
         assert fit.weights == pytest.approx([load], abs=0.02)
 
 
+@pytest.mark.parametrize("hidden", [0.0, 0.5])
+def test_a_suspect_is_either_fitted_like_the_others_or_changes_nothing(hidden):
+    random, deviations = np.random.default_rng(5), (1.0, 2.0, 1.0)
+    count = 3 if hidden else 2
+    plain = RecursiveFit(deviations[:count], 0.05, 0.01)
+    watched = RecursiveFit(deviations, 0.05, 0.01, Suspect(least=1e-3, better=2.0))
+    for _ in range(500):
+        functions = random.normal(size=3)
+        value = functions @ (0.4, -0.3, hidden) + 0.05 * random.normal()
+        plain.update(functions[:count], value, 0.01)
+        watched.update(functions, value, 0.01)
+    assert watched.weights == pytest.approx([*plain.weights, 0.0][:3], rel=1e-9)
+
+
 def test_slip_elements_make_a_loop_that_closes():
     memory, there, back = MotionMemory(), [], []
     sweep = np.linspace(-0.5, 0.5, 400)
