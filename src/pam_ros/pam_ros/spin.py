@@ -61,7 +61,7 @@ def spin_node(
         rclpy.init(
             args=None if arguments is None else list(arguments), signal_handler_options=options
         )
-        node = None
+        node = executor = None
         try:
             with signals.interruptible():
                 node = make_node()
@@ -77,6 +77,8 @@ def spin_node(
             tell_mistake(error)
             return MISTAKE
         finally:
+            if executor is not None:  # else the middleware's threads may call what is gone
+                executor.shutdown()
             if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
