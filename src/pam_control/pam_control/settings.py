@@ -119,7 +119,7 @@ class ControlSettings:
     measurement_delay: float = 0.001
     command_delay: float = 0.003
     extra_delay: float = 0.01
-    lead_ratio: float = 0.4
+    lead_ratio: float = 0.7
     pressure_gain: float | None = None
     derivative_filter: float = 0.01
     phase_margin: float = math.radians(50.0)

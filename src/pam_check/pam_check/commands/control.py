@@ -119,6 +119,20 @@ def _adapted_rig(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_improved_rig(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+    parser.add_argument(
+        "--effects", nargs="+", metavar="NAME", help="effects to hide (default: each)"
+    )
+
+
+def _improved_rig(given: Arguments) -> Outcome:
+    from pam_check.control.improved_rigs import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "rough-control",
@@ -156,5 +170,14 @@ COMMANDS = (
         _adapted_rig,
         bad_news="if an error grows with the written file, or fewer than 85 % of the intervals "
         "hold the true number",
+    ),
+    Command(
+        "improved-rig",
+        "hide each effect from the controller, diagnose what it recorded, and compare its error "
+        "with that of the improved rig file",
+        _declare_improved_rig,
+        _improved_rig,
+        bad_news="if an error above 1 mrad is more than half of that before, or an error grows",
+        examples=("python -m pam_check improved-rig --effects hysteresis payload",),
     ),
 )

@@ -116,10 +116,21 @@ def true_rig(rig: Rig) -> tuple[TruthJoint, Muscles]:
 
 
 class Trace:
-    """What happened in a run, one row per period: true angle, reference, pressures, commands."""
+    """What happened in a run, one row per period.
+
+    Attributes
+    ----------
+    position, measured : ndarray
+        True angle, and that of the encoder [rad].
+    reference : ndarray
+        Angle, velocity and acceleration [rad], [rad/s], [rad/s^2].
+    pressures, commands : ndarray
+        Measured [Pa]; spool positions computed from this sample [-].
+    """
 
     def __init__(self, count: int) -> None:
         self.position = np.full(count, math.nan)
+        self.measured = np.full(count, math.nan)
         self.reference = np.full((count, 3), math.nan)  # with velocity and acceleration
         self.pressures = np.full((count, 2), math.nan)
         self.commands = np.zeros((count, 2))
@@ -173,7 +184,7 @@ def play(
         reference = controller.references.sample(name, now)
         trace.reference[k] = reference.position, reference.velocity, reference.acceleration
         trace.position[k] = plant.truth[k, 2] + offset
-        trace.pressures[k] = shown[:2]
+        trace.pressures[k], trace.measured[k] = shown[:2], shown[2]
         trace.commands[k] = commands
     moving = slice(begin, begin + round(motion / PERIOD))
     spools = trace.commands[moving]

@@ -212,7 +212,14 @@ HEADER: Final = (
 )
 
 
-def _chosen(names: Sequence[str] | None) -> list[str]:
+def chosen_effects(names: Sequence[str] | None) -> list[str]:
+    """The effects to hide, `NOTHING` first if none is named.
+
+    Raises
+    ------
+    PamError
+        For an unknown name.
+    """
     known = [NOTHING, *HIDDEN]
     for name in names or ():
         if name not in known:
@@ -246,7 +253,7 @@ def run(given: Arguments) -> Outcome:
     PamError
         For a rig, an effect or a file that cannot be used.
     """
-    effects = _chosen(given.effects)
+    effects = chosen_effects(given.effects)
     settings = TOLD.replace(observer=given.observer, adaptation=not given.no_adaptation)
     rig = load_rig(chosen_rig(given))
     rough = RoughControl(rig, settings, given.seed, given.tune_pressure_loops, given.plays)

@@ -17,6 +17,7 @@ from typing import Protocol
 from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
 from pam_control.compensation.valve_inverse import ValveInverse
 from pam_control.feedback.pressure_watch import PressureWatch
+from pam_control.feedback.valve_lead import ValveLead
 from pam_control.limited import limited
 from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import Leak
@@ -152,7 +153,7 @@ class FlowValveLoop:
         self._leaks = tuple(
             (slot.law, values) for _, slot, values in switched_on(Leak, muscle.effects)
         )
-        self._time_constant = valve_time_constant(muscle)
+        self._lead = ValveLead(valve_time_constant(muscle))
         self._dead_volume = gas_space.dead_volume
         self._ambient = rig.gas.ambient_pressure
         self._supply = rig.supply_pressure
@@ -161,12 +162,10 @@ class FlowValveLoop:
         self._exponent = rig.gas.polytropic_exponent
         self._full = self._full_flow(True, self._ambient)
         self.adaptation = FlowAdaptation(self._full)
-        self._opening = math.nan
-        self._lagged = 0.0
 
     def reset(self) -> None:
         """Reset the lead compensator and the watch."""
-        self._opening = math.nan
+        self._lead.reset()
         self._watch.reset()
         self.adaptation.restart()
 
@@ -250,21 +249,8 @@ class FlowValveLoop:
             self.adaptation.learn(step, sample)
         opening = self._inverse.opening(opening)
         wanted = self._inverse.spool(limited(opening, -limit, limit))
-        command = self._lead(wanted, settings.lead_ratio, step)
+        command = self._lead.command(wanted, settings.lead_ratio, step)
         return limited(command, -limit, limit), abs(opening) >= limit
-
-    def _lead(self, opening: float, ratio: float, step: float) -> float:
-        """(tau s + 1)/(ratio tau s + 1) on the opening, backward Euler."""
-        tau = self._time_constant
-        if tau <= 0.0 or ratio >= 1.0:
-            return opening
-        if math.isnan(self._opening):
-            self._opening = self._lagged = opening
-        lag = ratio * tau
-        weight = step / (lag + step)
-        self._lagged += weight * (opening - self._lagged)
-        self._opening = opening
-        return self._lagged + tau * weight * (opening - self._lagged) / max(step, 1e-9)
 
 
 class RegulatorLoop:
