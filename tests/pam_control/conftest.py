@@ -122,7 +122,9 @@ class ClosedLoop:
         due = [s for s in self._sensed if s[0] <= self.time - self.measurement_delay + 1e-9]
         if not due:
             return
-        stamp, seen, felt = due[-1]
+        sampled, seen, felt = due[-1]
+        # the controller is told this delay from the sample to the stamp
+        stamp = sampled + self.controller.settings.measurement_delay
         if before_step is not None:
             before_step(self.time)
         output = self.controller.step(self.time, Measurement(seen, felt, stamp, stamp))

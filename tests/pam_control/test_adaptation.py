@@ -28,6 +28,7 @@ SETTLE = 1.0
 DESIGNS = KeptDesigns()
 PAYLOAD = {"payload.mass": 0.5, "payload.distance": 0.2}
 STEP = 0.002
+SUPPLY = 7e5  # Pa absolute
 VISCOUS = 3  # index of the weight of the speed
 
 
@@ -284,7 +285,7 @@ def test_slip_elements_make_a_loop_that_closes():
 def test_a_supply_that_falls_while_air_is_taken_is_told_from_a_narrow_path():
     """Its share of the flow is asked for in addition while it lacks, and not after a rest."""
     full, per_rate = 3e-3, 2e-9
-    adaptation = FlowAdaptation(full)
+    adaptation = FlowAdaptation(full, SUPPLY)
     pressure, taken = 2e5, 0.0
     for cycle in range(10000):
         now = STEP * cycle
@@ -295,34 +296,37 @@ def test_a_supply_that_falls_while_air_is_taken_is_told_from_a_narrow_path():
         pressure += STEP * (promised - 4.0 * up * taken) / per_rate
         adaptation.learn(STEP, FlowSample(promised, full, pressure, per_rate, 0.0, 0.0))
     wanted = 0.3 * full
-    asked = adaptation.corrected(wanted, 0.0, full)
+    asked = adaptation.corrected(wanted, 0.0, full, pressure)
     assert asked * (1.0 - 4.0 * taken) == pytest.approx(wanted, rel=0.03)
     assert asked > 1.1 * wanted
 
 
-def _true_flow(promised, exhaust, offset, overlap, capacity):
+def _true_flow(promised, exhaust, offset, overlap, leak, pressure, capacity):
     opening = promised / capacity + offset
     opening = math.copysign(max(abs(opening) - overlap, 0.0), opening)
-    return (exhaust if opening < 0.0 else 1.0) * opening * capacity
+    path = exhaust if opening < 0.0 else 1.0
+    return (path * opening - leak * pressure / SUPPLY) * capacity
 
 
 @pytest.mark.parametrize(
-    ("exhaust", "offset", "overlap"), [(0.6, 0.0, 0.0), (1.0, 0.03, 0.0), (1.0, 0.0, 0.05)]
+    ("exhaust", "offset", "overlap", "leak"),
+    [(0.6, 0.0, 0.0, 0.0), (1.0, 0.03, 0.0, 0.0), (1.0, 0.0, 0.05, 0.0), (1.0, 0.0, 0.0, 0.04)],
 )
-def test_a_valve_gives_what_is_asked_for_after_its_flow_was_learnt(exhaust, offset, overlap):
+def test_a_valve_gives_what_is_asked_for_after_its_flow_was_learnt(exhaust, offset, overlap, leak):
     full, per_rate, delay = 3e-3, 2e-9, 0.005
-    adaptation = FlowAdaptation(full)
+    adaptation = FlowAdaptation(full, SUPPLY)
     random, pressure, late = np.random.default_rng(5), 2e5, 0.0
     for cycle in range(4000):
         now = STEP * cycle
         promised = full * (0.3 * math.sin(5.0 * now) + 0.15 * math.sin(13.0 * now))
         late += STEP / (delay + STEP) * (promised - late)
-        pressure += STEP * _true_flow(late, exhaust, offset, overlap, full) / per_rate
+        given = _true_flow(late, exhaust, offset, overlap, leak, pressure, full)
+        pressure += STEP * given / per_rate
         shown = pressure + 70.0 * random.standard_normal()
         adaptation.learn(STEP, FlowSample(promised, full, shown, per_rate, 0.0, delay))
     for wanted in (-0.3 * full, 0.3 * full):
-        asked = adaptation.corrected(wanted, 0.0, full)
-        given = _true_flow(asked, exhaust, offset, overlap, full)
+        asked = adaptation.corrected(wanted, 0.0, full, pressure)
+        given = _true_flow(asked, exhaust, offset, overlap, leak, pressure, full)
         assert given == pytest.approx(wanted, rel=0.06)
 
 

@@ -79,7 +79,7 @@ NOTHING = (1e-4, "nothing: the compensation inverts the effect exactly")
 
 REMAINS = {
     "valve_dead_zone": (1e-4, "the jump across the overlap is a straight line within ROUNDED"),
-    "valve_lag": (1.5e-4, "the lead leaves `lead_ratio` of the longer lag"),
+    "valve_lag": (6e-4, "what the lead leaves of the longer lag is taken for a delay"),
     "exhaust_restriction": (1e-2, "the valve is at its limit: the muscle empties no faster"),
     "dead_volume": (2.5e-4, "the valve is at its limit: the muscle fills and empties no faster"),
     "command_delay": (1.5e-4, "the longer delay asks for lower gains"),

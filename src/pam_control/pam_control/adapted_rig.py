@@ -213,13 +213,15 @@ def _with_opening(rig: Rig, muscle: Muscle, opening: float, half: float) -> tupl
 
 def _of_flow(name: str, flow: FlowAdaptation) -> list[str]:
     """What was learnt of a valve's flow and is not written."""
-    supply, exhaust, _, _, overlap, *_ = flow.weights
+    supply, exhaust, _, _, overlap, _, leak, _ = flow.weights
     told = []
     for what, share in (("supply path", supply), ("exhaust path", exhaust)):
         if abs(share) > LARGE_SHARE:
             told.append(f"{what} {share:+.0%} of its flow")
     if overlap < -LEAST_OPENING:
         told.append(f"an overlap of about {-overlap:.1%} of the stroke")
+    if leak > LEAST_OPENING:
+        told.append(f"a leak of about {leak:.1%} of the valve's flow")
     if flow.delay > LONG_DELAY:
         told.append(f"commands {1e3 * flow.delay:.0f} ms late")
     return [f"{name}: not written, because its cause is open: {', '.join(told)}"] if told else []

@@ -3,14 +3,15 @@
 With the flow u that the data promise for the command, the flow m that the measured pressure and the
 motion of the muscle show, the part w of m that the motion takes, and the full flow c,
 
-    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c)) - s max(u, 0) r - d du/dt
+    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c)) - s max(u, 0) r - l P - d du/dt
 
 a and b are what the supply and the exhaust path give more, or the gas volume takes less; r is the
 share of the full flow that was taken lately, and s tells that the supply falls with it; o is an
-opening that nobody commanded; e tells that the gas is not isothermal, or that its volume is another
+opening that nobody commanded; l is a leak, whose flow grows with the pressure P and does not depend
+on what the valve does; e tells that the gas is not isothermal, or that its volume is another
 than written; z is negative if the spool overlaps its ports; d is a delay or a lag that nobody told.
-A fit over the last seconds of work finds the seven. The command of the valve is computed with the
-first six, and the feedforward looks ahead by d as well.
+A fit over the last seconds of work finds the eight. The command of the valve is computed with the
+first seven, and the feedforward looks ahead by d as well.
 
 Both sides pass the same slow filter, so that neither a pressure nor a flow is differentiated.
 
@@ -34,10 +35,11 @@ EVERY: Final = 0.02  # s between two updates of the fit
 NOISE: Final = 0.01  # of the full flow
 TRIFLE: Final = 0.003  # of the full flow; less is left to the pressure loop
 LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells nothing
-DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 3.0, 0.02)  # the last one in s
-LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, 0.0, -math.inf)
-HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf, math.inf)
+DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 3.0, 0.05, 0.02)  # the last one in s
+LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, 0.0, 0.0, -math.inf)
+HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf, 0.08, math.inf)
 OPENED: Final = 2  # index of o
+LEAK: Final = 6  # index of l
 QUANTILE: Final = 1.645  # of the normal distribution, for an interval of 90 %
 LATELY: Final = 10.0  # s, time constant of r
 MOST_DROOP: Final = 0.5  # of the flow
@@ -60,13 +62,13 @@ class FlowSample:
     capacity : float
         Full flow in its direction [kg/s].
     pressure : float
-        Measured [Pa].
+        Measured [Pa absolute].
     per_rate : float
         V/(k R T), flow per pressure rate [kg/Pa].
     moved : float
-        Flow that the motion of the muscle takes, P dV/dt/(R T) [kg/s].
+        Flow that the motion of the muscle takes, P dV/dt/(R T), when the command acts [kg/s].
     delay : float
-        Until the command acts [s].
+        From the measurement until the command acts [s].
     """
 
     promised: float
@@ -84,6 +86,8 @@ class FlowAdaptation:
     ----------
     full_flow : float
         Of the open valve from the supply [kg/s].
+    supply : float
+        Its pressure [Pa absolute].
 
     Attributes
     ----------
@@ -91,9 +95,9 @@ class FlowAdaptation:
         Delay or lag of the commands beside what the rig file tells [s].
     """
 
-    def __init__(self, full_flow: float) -> None:
-        self._full = full_flow
-        self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE)
+    def __init__(self, full_flow: float, supply: float) -> None:
+        self._full, self._per_pressure = full_flow, full_flow / supply
+        self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, positive=LEAK)
         self.forget()
         self.restart()
 
@@ -106,12 +110,12 @@ class FlowAdaptation:
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
         self._smooth: list[float] = []
-        self._late = self._taken = 0.0
+        self._late = self._moved = self._taken = 0.0
         self._since = 0.0
 
     @property
     def weights(self) -> list[float]:
-        """a, b, o, e, z, s and d [s] within their bounds."""
+        """a, b, o, e, z, s, l and d [s] within their bounds."""
         return self._weights
 
     def _bound(self) -> None:
@@ -136,7 +140,7 @@ class FlowAdaptation:
         """Share of the flow that the supply lacks now [-]."""
         return min(self._weights[5] * self._taken, MOST_DROOP)
 
-    def corrected(self, flow: float, moved: float, capacity: float) -> float:
+    def corrected(self, flow: float, moved: float, capacity: float, pressure: float) -> float:
         """The flow to ask the valve's data for, so that the valve gives `flow` [kg/s].
 
         Parameters
@@ -147,9 +151,11 @@ class FlowAdaptation:
             The part of it that the motion of the muscle takes [kg/s].
         capacity : float
             Full flow in its direction [kg/s].
+        pressure : float
+            In the muscle [Pa absolute].
         """
-        a, b, o, e, z, *_ = self._weights
-        left = flow - o * capacity - e * moved
+        a, b, o, e, z, _, leak, _ = self._weights
+        left = flow - o * capacity - e * moved + leak * self._per_pressure * pressure
         left -= z * capacity * limited(left / (USED_EDGE * capacity), -1.0, 1.0)
         return left / max(1.0 + (a - self._droop if left > 0.0 else b), LEAST_SHARE)
 
@@ -157,13 +163,16 @@ class FlowAdaptation:
         """Take a sample, `step` [s] after the last one."""
         if step <= 0.0:
             return
-        self._late += step / (max(sample.delay, 0.0) + step) * (sample.promised - self._late)
+        share = step / (max(sample.delay, 0.0) + step)
+        self._late += share * (sample.promised - self._late)
+        self._moved += share * (sample.moved - self._moved)
         u, c = self._late, sample.capacity
         overlap = c * limited(u / (LEARNT_EDGE * c), -1.0, 1.0)
         up, down = (u, 0.0) if u > 0.0 else (0.0, u)
         self._taken += step / LATELY * (up / self._full - self._taken)
         drooped = -up * self._taken
-        raw = (sample.pressure, up, down, c, sample.moved, overlap, drooped)
+        leaking = -self._per_pressure * sample.pressure
+        raw = (sample.pressure, up, down, c, self._moved, overlap, drooped, leaking)
         weight = step / (FILTER + step)
         # without `strict`, which would take as long as the rest
         pairs = zip(self._smooth or raw, raw)  # noqa: B905

@@ -66,6 +66,9 @@ class RecursiveFit:
         Root mean square that the weights must explain to be used at all, in the value's unit.
     suspect : Suspect, optional
         The last function is one.
+    positive : int, optional
+        Number of a function whose weight cannot be negative; it is left out where it would be.
+        Not for a fit with a suspect.
 
     Attributes
     ----------
@@ -79,10 +82,11 @@ class RecursiveFit:
         noise: float,
         threshold: float,
         suspect: Suspect | None = None,
+        positive: int | None = None,
     ) -> None:
         self._noise = noise
         self._penalty: Array = (noise / np.array(deviations, dtype=np.float64)) ** 2
-        self._threshold, self._suspect = threshold, suspect
+        self._threshold, self._suspect, self._positive = threshold, suspect, positive
         self.forget()
 
     def doubt(self, functions: slice, doubted: bool) -> None:
@@ -131,9 +135,14 @@ class RecursiveFit:
 
     def _solved(self) -> tuple[Array, float]:
         """The weights, and the sum of the squares that they explain."""
+        if self._positive is not None:
+            self._doubt[self._positive] = 1.0
         regular = self._regular()
         if self._suspect is None:
             found: Array = np.linalg.solve(regular, self._wanted)
+            if self._positive is not None and found[self._positive] < 0.0:
+                self._doubt[self._positive] = DOUBTED
+                found = np.linalg.solve(self._regular(), self._wanted)
             return found, self._explained(found)
         # with and without the suspect from one factorisation, by its Schur complement
         column = regular[:-1, -1]

@@ -161,7 +161,7 @@ class FlowValveLoop:
         self._density = reference_density(rig.gas.temperature)
         self._exponent = rig.gas.polytropic_exponent
         self._full = self._full_flow(True, self._ambient)
-        self.adaptation = FlowAdaptation(self._full)
+        self.adaptation = FlowAdaptation(self._full, self._supply)
 
     def reset(self) -> None:
         """Reset the lead compensator and the watch."""
@@ -230,7 +230,8 @@ class FlowValveLoop:
         if adapts:
             # none at the supply's pressure, or in an empty muscle
             capacity = max(abs(full), LEAST_CAPACITY * self._full)
-            flow = self.adaptation.corrected(flow, absolute * volume_rate * per_pressure, capacity)
+            moved = absolute * volume_rate * per_pressure
+            flow = self.adaptation.corrected(flow, moved, capacity, absolute)
             if (flow >= 0.0) != fills:
                 full = self._full_flow(not fills, absolute)
         opening = opening_for_flow(flow, full)
@@ -241,7 +242,7 @@ class FlowValveLoop:
             sample = FlowSample(
                 given - leaving,
                 capacity,
-                pressure,
+                inside,
                 volume * per_pressure / self._exponent,
                 inside * volume_rate * per_pressure,
                 settings.acting_delay,
