@@ -84,10 +84,13 @@ REMAINS = {
     "dead_volume": (2.5e-4, "the valve is at its limit: the muscle fills and empties no faster"),
     "command_delay": (1.5e-4, "the longer delay asks for lower gains"),
     "hysteresis": (1.5e-4, "the friction along the reference is not quite that along the motion"),
-    "braid_extensibility": (8e-4, "the flow is computed without the growth of the volume by dp/dt"),
-    "cable_compliance": (1.5e-4, "the flow is computed for the path's length, not the muscle's"),
-    "coulomb_friction": (4e-4, "the friction's jump is a slope within SMOOTHING_SPEED"),
-    "stribeck_friction": (1e-3, "the friction's jump is a slope within SMOOTHING_SPEED"),
+    "braid_extensibility": (
+        1.8e-3,
+        "the flow is computed without the growth of the volume by dp/dt",
+    ),
+    "cable_compliance": (4e-4, "the flow is computed for the path's length, not the muscle's"),
+    "coulomb_friction": (1.1e-3, "the friction's jump is a slope within SMOOTHING_SPEED"),
+    "stribeck_friction": (2.6e-3, "the friction's jump is a slope within SMOOTHING_SPEED"),
 }
 """What compensation leaves of an effect: RMS error [rad] above that of a rig without any effect,
 and why. The limits are about twice what was measured, and at least 0.1 mrad."""
@@ -138,7 +141,7 @@ def test_where_the_valve_is_not_at_its_limit_nothing_of_a_flow_effect_remains(
     away = record.error(SETTLE)[~at_limit]
     assert at_limit.any() == (effect == "exhaust_restriction")
     assert len(away) > 0.7 * len(spools)
-    assert np.sqrt(np.mean(away**2)) < 1.1 * floor
+    assert np.sqrt(np.mean(away**2)) < floor + 3e-4
 
 
 def test_leaks_are_filled_up(rig, nominal, closed_loop):
