@@ -213,7 +213,7 @@ def _with_opening(rig: Rig, muscle: Muscle, opening: float, half: float) -> tupl
 
 def _of_flow(name: str, flow: FlowAdaptation) -> list[str]:
     """What was learnt of a valve's flow and is not written."""
-    supply, exhaust, _, _, overlap, _, leak, _ = flow.weights
+    supply, exhaust, _, _, overlap, _, leak, *_ = flow.weights
     told = []
     for what, share in (("supply path", supply), ("exhaust path", exhaust)):
         if abs(share) > LARGE_SHARE:

@@ -3,15 +3,19 @@
 With the flow u that the data promise for the command, the flow m that the measured pressure and the
 motion of the muscle show, the part w of m that the motion takes, and the full flow c,
 
-    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c)) - s max(u, 0) r - l P - d du/dt
+    m - u = a max(u, 0) + b min(u, 0) + o c + e w + z c sat(u/(h c)) - s max(u, 0) r - l P
+            + t g - d du/dt
 
 a and b are what the supply and the exhaust path give more, or the gas volume takes less; r is the
 share of the full flow that was taken lately, and s tells that the supply falls with it; o is an
 opening that nobody commanded; l is a leak, whose flow grows with the pressure P and does not depend
 on what the valve does; e tells that the gas is not isothermal, or that its volume is another
 than written; z is negative if the spool overlaps its ports; d is a delay or a lag that nobody told.
-A fit over the last seconds of work finds the eight. The command of the valve is computed with the
-first seven, and the feedforward looks ahead by d as well.
+g is the average of u - w over the last second or two, and t tells that the gas gives its heat to
+the wall in such a time: compressed gas with the exponent k and the time constant T of the wall has
+(k - 1) T s/(T s + 1) (u - w), which is a = b = k - 1 and e = t = 1 - k.
+A fit over the last seconds of work finds the nine. The command of the valve is computed with the
+first eight, and the feedforward looks ahead by d as well.
 
 Both sides pass the same slow filter, so that neither a pressure nor a flow is differentiated.
 
@@ -35,12 +39,13 @@ EVERY: Final = 0.02  # s between two updates of the fit
 NOISE: Final = 0.01  # of the full flow
 TRIFLE: Final = 0.003  # of the full flow; less is left to the pressure loop
 LEAST_WORK: Final = 0.004  # of the full flow; a valve that is nearly shut tells nothing
-DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 3.0, 0.05, 0.02)  # the last one in s
-LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, 0.0, 0.0, -math.inf)
-HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf, 0.08, math.inf)
+DEVIATIONS: Final = (0.3, 0.3, 0.05, 0.5, 0.05, 3.0, 0.05, 0.3, 0.02)  # the last one in s
+LOWEST: Final = (-0.5, -0.5, -0.08, -1.0, -0.1, 0.0, 0.0, -0.5, -math.inf)
+HIGHEST: Final = (0.5, 0.5, 0.08, 1.0, 0.0, math.inf, 0.08, 0.0, math.inf)
 OPENED: Final = 2  # index of o
 LEAK: Final = 6  # index of l
 QUANTILE: Final = 1.645  # of the normal distribution, for an interval of 90 %
+WALL: Final = 1.5  # s, time constant of g; of a muscle of 0.2 l with natural convection
 LATELY: Final = 10.0  # s, time constant of r
 MOST_DROOP: Final = 0.5  # of the flow
 LEAST_SHARE: Final = 0.4  # of the promised flow
@@ -110,12 +115,12 @@ class FlowAdaptation:
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
         self._smooth: list[float] = []
-        self._late = self._moved = self._taken = 0.0
+        self._late = self._moved = self._taken = self._warm = 0.0
         self._since = 0.0
 
     @property
     def weights(self) -> list[float]:
-        """a, b, o, e, z, s, l and d [s] within their bounds."""
+        """a, b, o, e, z, s, l, t and d [s] within their bounds."""
         return self._weights
 
     def _bound(self) -> None:
@@ -154,8 +159,9 @@ class FlowAdaptation:
         pressure : float
             In the muscle [Pa absolute].
         """
-        a, b, o, e, z, _, leak, _ = self._weights
-        left = flow - o * capacity - e * moved + leak * self._per_pressure * pressure
+        a, b, o, e, z, _, leak, wall, _ = self._weights
+        left = flow - o * capacity - e * moved - wall * self._warm
+        left += leak * self._per_pressure * pressure
         left -= z * capacity * limited(left / (USED_EDGE * capacity), -1.0, 1.0)
         return left / max(1.0 + (a - self._droop if left > 0.0 else b), LEAST_SHARE)
 
@@ -171,8 +177,10 @@ class FlowAdaptation:
         up, down = (u, 0.0) if u > 0.0 else (0.0, u)
         self._taken += step / LATELY * (up / self._full - self._taken)
         drooped = -up * self._taken
+        self._warm += step / (WALL + step) * (u - self._moved - self._warm)
         leaking = -self._per_pressure * sample.pressure
-        raw = (sample.pressure, up, down, c, self._moved, overlap, drooped, leaking)
+        still = (overlap, drooped, leaking, self._warm)
+        raw = (sample.pressure, up, down, c, self._moved, *still)
         weight = step / (FILTER + step)
         # without `strict`, which would take as long as the rest
         pairs = zip(self._smooth or raw, raw)  # noqa: B905
