@@ -31,7 +31,7 @@ from typing import Final
 
 import numpy as np
 
-from pam_control.adaptation.recursive_fit import RecursiveFit
+from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
 from pam_control.limited import limited
 
 FILTER: Final = 0.06  # s
@@ -51,6 +51,7 @@ MOST_DROOP: Final = 0.5  # of the flow
 LEAST_SHARE: Final = 0.4  # of the promised flow
 LEAST_DELAY: Final = 4e-3  # s; less is left to the feedback
 LONGEST_DELAY: Final = 0.04  # s
+LATE: Final = Suspect(LEAST_DELAY, 4.0)  # a soft gas volume looks a little like a delay
 DELAY_RATE: Final = 0.02  # s/s, at which the feedforward is moved to a delay that was found
 LEARNT_EDGE: Final = 0.03  # h, of the full flow
 USED_EDGE: Final = 0.01  # the same for the command: an overlap is not filled within it, for calm
@@ -102,7 +103,7 @@ class FlowAdaptation:
 
     def __init__(self, full_flow: float, supply: float) -> None:
         self._full, self._per_pressure = full_flow, full_flow / supply
-        self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, positive=LEAK)
+        self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
         self.forget()
         self.restart()
 

@@ -68,7 +68,6 @@ class RecursiveFit:
         The last function is one.
     positive : int, optional
         Number of a function whose weight cannot be negative; it is left out where it would be.
-        Not for a fit with a suspect.
 
     Attributes
     ----------
@@ -135,14 +134,19 @@ class RecursiveFit:
 
     def _solved(self) -> tuple[Array, float]:
         """The weights, and the sum of the squares that they explain."""
-        if self._positive is not None:
-            self._doubt[self._positive] = 1.0
+        if self._positive is None:
+            return self._with_or_without_suspect()
+        self._doubt[self._positive] = 1.0
+        found = self._with_or_without_suspect()
+        if found[0][self._positive] >= 0.0:
+            return found
+        self._doubt[self._positive] = DOUBTED
+        return self._with_or_without_suspect()
+
+    def _with_or_without_suspect(self) -> tuple[Array, float]:
         regular = self._regular()
         if self._suspect is None:
             found: Array = np.linalg.solve(regular, self._wanted)
-            if self._positive is not None and found[self._positive] < 0.0:
-                self._doubt[self._positive] = DOUBTED
-                found = np.linalg.solve(self._regular(), self._wanted)
             return found, self._explained(found)
         # with and without the suspect from one factorisation, by its Schur complement
         column = regular[:-1, -1]
