@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from pam_check.blind.campaign import run_campaign
+from pam_check.blind.campaign import diagnose_case, run_campaign
 from pam_check.blind.score import reliability, reliability_of_causes
 from pam_model.errors import PamError
 
@@ -102,3 +103,18 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
     result = run_campaign(2, 5, tmp_path, 1, resume=True)
     assert begun == ["000", "001", "001"]
     assert result["shares"]["false_name_on_clean"]["of"] == 2
+
+
+@pytest.mark.parametrize("experiment", [False, True])
+def test_a_campaign_seeks_an_experiment_only_if_it_is_run(
+    experiment: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[str] = []
+
+    def run(command: list[str], **_options: object) -> SimpleNamespace:
+        given.extend(command)
+        return SimpleNamespace(returncode=1, stderr="")
+
+    monkeypatch.setattr("subprocess.run", run)
+    assert diagnose_case(tmp_path, tmp_path, experiment=experiment)["verdict"] == "crash"
+    assert ("--answer-only" in given) is not experiment

@@ -16,6 +16,7 @@ import pam_gap
 from pam_gap.__main__ import main
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import candidates_for
+from pam_gap.inference.decision import Decision
 from pam_gap.inference.evidence import decide_again
 from pam_gap.inference.held_out import score_held_out
 from pam_gap.inference.named_effects import merged_groups
@@ -204,6 +205,18 @@ def test_command_line_writes_what_the_contract_asks(
     assert improved.muscles[0].effects["leakage"]["conductance"] == pytest.approx(8e-11, rel=0.1)
     assert (out / "report.html").stat().st_size > 10_000
     assert "leakage" in capsys.readouterr().out
+
+
+def test_without_an_experiment_none_is_sought(
+    rig: Rig, record: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sought: list[object] = []
+    monkeypatch.setattr("pam_gap.diagnosis_engine.propose", lambda *given: sought.append(given))
+    recording, unknown = record(duration=9.0), Decision("unknown", None, (), ())
+    for wanted in (True, False):
+        engine = JointDiagnosis(rig, 0, [recording], with_experiment=wanted)
+        assert engine.proposal(unknown, ()) is None
+        assert len(sought) == 1
 
 
 def test_mistakes_end_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,6 +98,11 @@ def _declare_diagnose(parser: Parser) -> None:
         action="store_true",
         help="write evidence.npz too, from which the verdict can be decided again",
     )
+    parser.add_argument(
+        "--answer-only",
+        action="store_true",
+        help="no report page and no next experiment, which take half of the time or more",
+    )
 
 
 def _fleet(given: Arguments) -> Outcome:

@@ -110,6 +110,7 @@ def diagnose_joint(
     threads: int = 0,
     progress: Progress = silent,
     rules: Rules = DEFAULT,
+    with_experiment: bool = True,
 ) -> tuple[JointDiagnosis, Diagnosis]:
     """Diagnose the joint with this number; return the engine with all its trials, and the answer.
 
@@ -123,6 +124,8 @@ def diagnose_joint(
         Recordings without computed channels.
     threads, progress, rules
         As in `diagnose`.
+    with_experiment : bool
+        Whether the next experiment is sought.
     """
     recordings = [
         without_saturated(without_still(r, rig, number, rules.recording), rules.recording)
@@ -130,8 +133,9 @@ def diagnose_joint(
     ]
     workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
     engine = JointDiagnosis(
-        rig, number, recordings, rules=rules, threads=workers, progress=progress
-    )
+        rig, number, recordings, rules=rules, threads=workers, progress=progress,
+        with_experiment=with_experiment,
+    )  # fmt: skip
     diagnosis = engine.run()
     diagnosis.repairs = tuple(f"{r.source.name}: {text}" for r in recordings for text in r.repairs)
     diagnosis.left_out = tuple(

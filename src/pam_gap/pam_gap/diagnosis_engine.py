@@ -65,6 +65,8 @@ class JointDiagnosis:
         Number of simulations that run in parallel.
     progress : callable
         Called with the current task and the completed share.
+    with_experiment : bool
+        Whether the experiment is sought that would tell more; it takes many simulations.
     """
 
     def __init__(
@@ -76,8 +78,10 @@ class JointDiagnosis:
         rules: Rules = DEFAULT,
         threads: int = 1,
         progress: Progress = silent,
+        with_experiment: bool = True,
     ) -> None:
         self.rig = rig
+        self.with_experiment = with_experiment
         self.rules = rules
         self.joint = joint
         self.progress = progress
@@ -284,7 +288,7 @@ class JointDiagnosis:
         self, decision: Decision[HeldOut], survivors: Sequence[Hypothesis]
     ) -> Proposal | None:
         """The next experiment, if the verdict leaves something open."""
-        if decision.verdict not in ("ambiguous", "unknown"):
+        if not self.with_experiment or decision.verdict not in ("ambiguous", "unknown"):
             return None
         self.progress("next experiment", 0.97)
         if decision.verdict == "unknown":  # the hypotheses that come closest

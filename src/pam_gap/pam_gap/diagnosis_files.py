@@ -171,6 +171,7 @@ def diagnose_files(
     keep_evidence: bool = False,
     command: str = "",
     map_path: str | Path | None = None,
+    answer_only: bool = False,
 ) -> list[Diagnosis]:
     """Diagnose every joint in the recordings, or one, and write the results to `out`.
 
@@ -200,6 +201,8 @@ def diagnose_files(
         The command line, for the record of what the answer was made from.
     map_path : str or Path, optional
         Map file that names the columns of the channels, for tables with other names or units.
+    answer_only : bool
+        Leave out the report page and the search for the next experiment, which take time.
 
     Raises
     ------
@@ -226,8 +229,9 @@ def diagnose_files(
                 bar.show(share, f"{name}: {task}"[:48].ljust(48))
 
             engine, diagnosis = diagnose_joint(
-                rig, number, read, threads=threads, progress=tell, rules=rules
-            )
+                rig, number, read, threads=threads, progress=tell, rules=rules,
+                with_experiment=not answer_only,
+            )  # fmt: skip
         diagnosis.provenance = origin
         improved_name = ""
         for made, file in ((diagnosis.improved, IMPROVED_RIG), (diagnosis.retuned, RETUNED_RIG)):
@@ -239,7 +243,9 @@ def diagnose_files(
         diagnosis.write(folder / "diagnosis.json")
         if keep_evidence and engine.evidence is not None:
             engine.evidence.save(folder / EVIDENCE)
-        write_report(report_data(engine.problem, diagnosis, improved_name), folder / "report.html")
+        if not answer_only:
+            data = report_data(engine.problem, diagnosis, improved_name)
+            write_report(data, folder / "report.html")
         answers.append(diagnosis)
     return answers
 
@@ -266,6 +272,7 @@ def run(given: Arguments) -> Outcome:
         map_path=given.map,
         command=shlex.join(sys.orig_argv),
         keep_evidence=given.keep_evidence,
+        answer_only=given.answer_only,
         rules=_rules(given),
     )
     for answer in answers:

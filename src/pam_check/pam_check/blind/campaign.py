@@ -97,13 +97,15 @@ def finished_answers(out: Path) -> dict[str, dict[str, Any]]:
 
 
 def diagnose_case(
-    case: Path, out: Path, keep_evidence: bool = False, threads: int = 1
+    case: Path, out: Path, keep_evidence: bool = False, threads: int = 1, experiment: bool = False
 ) -> dict[str, Any]:
     """Diagnose one case in a process that gets only its recording and rig file.
 
-    The process keeps to its `threads`, because others diagnose at the same time.
+    The process keeps to its `threads`, because others diagnose at the same time. Without
+    `experiment`, it seeks no next experiment and writes no report page.
     """
     options = ["--keep-evidence"] if keep_evidence else []
+    options += [] if experiment else ["--answer-only"]
     started = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", DIAGNOSIS, "diagnose", str(case / "recording.csv.gz"),
@@ -203,7 +205,12 @@ def run_campaign(
     with ThreadPoolExecutor(workers) as pool:
         runs = {
             pool.submit(
-                diagnose_case, out / "cases" / n, out / "answers" / n, keep_evidence, threads
+                diagnose_case,
+                out / "cases" / n,
+                out / "answers" / n,
+                keep_evidence,
+                threads,
+                experiments,
             ): n
             for n in names
         }
