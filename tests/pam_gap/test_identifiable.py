@@ -14,7 +14,12 @@ from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.inference.candidates import candidates_for
 from pam_gap.inference.excitation import excitation
 from pam_gap.prediction.gap_figures import noise_level
-from pam_gap.prediction.identifiable import cautions, counted_seconds, what_is_missing
+from pam_gap.prediction.identifiable import (
+    cautions,
+    counted_seconds,
+    small_motion,
+    what_is_missing,
+)
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import Recording
 from pam_gap.recordings.saturation import without_saturated
@@ -68,6 +73,19 @@ def test_an_answer_from_little_data_says_so(rig: Rig, rubbing: Recording) -> Non
     assert "Only 11 s of data count" in caution
     doubled = PredictionProblem(rig, 0, [rubbing, rubbing])
     assert cautions(doubled) == ()
+
+
+def test_an_answer_without_a_cause_from_a_small_motion_says_so(
+    rig: Rig, rubbing: Recording
+) -> None:
+    """A load of 0.5 kg was hidden in a motion of +-0.3 rad, and the answer was `none`."""
+    lower, upper = rig.joints[0].position_limits
+    position = rubbing.values["joint_states.elbow.position"]
+    for share in (0.3, 0.7):
+        swing = share * (upper - lower) / np.ptp(position)
+        values = {**rubbing.values, "joint_states.elbow.position": swing * position}
+        found = small_motion(PredictionProblem(rig, 0, [replace(rubbing, values=values)]))
+        assert found == () if share > 0.5 else "30 % of its range" in found[0]
 
 
 def test_a_recording_in_which_nothing_changes_is_too_still(rig: Rig, rubbing: Recording) -> None:

@@ -34,7 +34,7 @@ from pam_gap.inference.verdict import has_gap
 from pam_gap.prediction.channel_order import BOTH_FORCES, POSITION
 from pam_gap.prediction.fit import FitResult
 from pam_gap.prediction.gap_figures import noise_level
-from pam_gap.prediction.identifiable import cautions, what_is_missing
+from pam_gap.prediction.identifiable import cautions, small_motion, what_is_missing
 from pam_gap.prediction.locate import locate
 from pam_gap.prediction.materiality import squared_motion
 from pam_gap.prediction.problem import PredictionProblem
@@ -351,7 +351,9 @@ class JointDiagnosis:
         }
         diagnosis.facts = facts
         diagnosis.cautions = cautions(self.problem)
-        if decision.is_named and shown is None:
+        if not decision.is_named:
+            diagnosis.cautions += small_motion(self.problem)
+        elif shown is None:
             diagnosis.cautions += (NOT_IMPROVED,)
         diagnosis.not_shown = not_shown(self.problem, self.candidates(), self.floor)
         self.progress("done", 1.0)

@@ -11,12 +11,13 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from pam_gap.rules import DEFAULT
 from pam_model.rig import Rig
 
 WANTED_DURATION = 40.0  # s
 WANTED_RATE = 200.0  # Hz
 REST_TIME = 2.0  # s
-RANGE_SHARE = 0.5  # of the range of a joint
+RANGE_SHARE = DEFAULT.recording.wanted_range  # of the range of a joint
 SWING_SHARE = 0.3  # of the largest pressure of a muscle
 STILL_ANGLE = 0.01  # rad
 STILL_SHARE = 0.01  # of the largest pressure

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pam_gap.prediction.channel_order import UNITS
+from pam_gap.prediction.channel_order import POSITION, UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
@@ -90,6 +90,26 @@ def cautions(problem: PredictionProblem) -> tuple[str, ...]:
     return (
         f"Only {seconds:.3g} s of data count, so that little is left to check a cause on data that "
         f"took no part in its fit. {USUAL}",
+    )
+
+
+def small_motion(problem: PredictionProblem) -> tuple[str, ...]:
+    """What an answer without a cause may have missed, in full sentences.
+
+    A load, for example, hardly acts while the joint stays near the angle at which it balances.
+    """
+    if not problem.present[POSITION]:
+        return ()
+    position = np.concatenate([data.measured[:, POSITION] for data in problem.data])
+    lower, upper = problem.rig.joints[problem.joint].position_limits
+    share = float(np.nanmax(position) - np.nanmin(position)) / (upper - lower)
+    wanted = problem.rules.recording.wanted_range
+    if share >= wanted:
+        return ()
+    return (
+        f"The joint has used {100.0 * share:.0f} % of its range only. Effects that depend on its "
+        f"angle, such as a load, may be hidden; record a motion over {100.0 * wanted:.0f} % of the "
+        "range or more.",
     )
 
 

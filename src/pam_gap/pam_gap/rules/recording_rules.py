@@ -99,6 +99,16 @@ class RecordingRules:
         origin="Three whole pairs of folds of 4 s, less their guards: recordings of 15 s.",
         acts=PROPOSAL,
     )
+    wanted_range: float = rule(
+        0.5,
+        unit="of the joint's range",
+        decides="Share of its range that a joint should use in a recording. An answer without a "
+        "cause carries a warning below it.",
+        trades="Larger: more answers carry it. Smaller: a load that hardly acts in a small motion "
+        "may be missed without a warning.",
+        origin="Chosen by hand.",
+        acts=PROPOSAL,
+    )
     longest_step: float = rule(
         0.04,
         unit="s",
