@@ -288,6 +288,32 @@ def test_a_turn_without_pressure_means_a_dead_sensor(elbow: Rig, turn: float) ->
 
 
 @pytest.mark.parametrize("turn", [0.009, SEEN_TURN, -SEEN_TURN])
+def test_a_turn_of_the_agonist_that_is_not_seen_tells_nothing(elbow: Rig, turn: float) -> None:
+    desk = desk_of(elbow, shows=lambda air: [0.0, air[1]], turns=lambda air: turn * (air[0] > 0))
+    desk.run()
+    ((subject, text),) = desk.findings
+    assert subject == "elbow_flexor"
+    assert "shows no pressure after a pulse" in text
+
+
+def test_a_pressure_that_rises_by_less_than_half_a_pulse_is_noise(elbow: Rig) -> None:
+    desk = desk_of(
+        elbow, shows=lambda air: [a + 0.49 * b for a, b in zip(air, air[::-1], strict=True)]
+    )
+    desk.run()
+    assert desk.findings == []
+
+
+def test_a_pulse_is_judged_when_the_sensors_had_time_to_show_it(elbow: Rig) -> None:
+    """The other muscle is not touched before, also if the pressure has fallen at once."""
+    desk = desk_of(elbow, now=1000.0)
+    told = desk.run(until=1060.0)
+    last = max(cycle for cycle, fractions in enumerate(told) if fractions[0] > 0.0)
+    first = min(cycle for cycle, fractions in enumerate(told) if fractions[1] > 0.0)
+    assert (first - last) * TICK >= 0.3 + 0.25, "settling of the sensors, then stillness"
+
+
+@pytest.mark.parametrize("turn", [0.009, SEEN_TURN, -SEEN_TURN])
 def test_nothing_at_all_means_valve_hose_or_sensor(elbow: Rig, turn: float) -> None:
     desk = desk_of(elbow, shows=lambda air: [air[0], 0.0], turns=lambda air: turn * (air[1] > 0))
     told = desk.run()
