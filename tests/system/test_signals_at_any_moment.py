@@ -4,12 +4,13 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from pam_model.command_line import Command, Outcome, run_command
-from pam_model.program_signals import Terminated, interruptible
+from pam_model.program_signals import Terminated, interruptible, postponed
 from support.source_tree import ROOT, modules
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
@@ -181,3 +182,16 @@ def test_a_later_signal_interrupts_again(monkeypatch: pytest.MonkeyPatch) -> Non
         for _ in range(2):
             with pytest.raises(Terminated):
                 os.kill(os.getpid(), signal.SIGTERM)
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_signal_while_a_process_is_started_comes_after_it_is_known(number: int) -> None:
+    """A node that the demo had just started was left running."""
+    known = []
+    with pytest.raises(KeyboardInterrupt), interruptible():
+        with postponed():
+            os.kill(os.getpid(), number)
+            for _ in range(1000):
+                known.append(len(known))  # the handler would run between two instructions
+        time.sleep(30.0)
+    assert len(known) == 1000

@@ -15,6 +15,7 @@ from typing import Self
 
 from pam_check.processes import NodeProcess, Setting
 from pam_check.programs import MODULES
+from pam_model.program_signals import postponed
 from pam_model.rig import load_rig
 
 ON_THE_BUS = ("rig", "driver")
@@ -147,8 +148,9 @@ class Chain:
         if name in ON_THE_BUS:
             settings.update(self.bus.parameters_for(tuple(load_rig(self.params_files[0]).buses)))
         settings.update(parameters or {})
-        process = NodeProcess(MODULES[name], settings, self.params_files, self.environment)
-        self.processes[name] = process
+        with postponed():  # a process that is started must be known, so that it is ended
+            process = NodeProcess(MODULES[name], settings, self.params_files, self.environment)
+            self.processes[name] = process
         return process
 
     def check(self) -> None:

@@ -30,6 +30,8 @@ SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 STOPPED: Final = "stopped"
 """What a program that was stopped says on standard error."""
 
+_postponing: list[None] = []  # one for each `postponed` that has begun and not ended
+
 
 class Terminated(KeyboardInterrupt):
     """SIGTERM has interrupted a command."""
@@ -65,6 +67,16 @@ def _imports(frame: FrameType | None) -> bool:
 
 
 @contextmanager
+def postponed() -> Iterator[None]:
+    """Inside `interruptible`: a signal interrupts after this, so that no work is half done."""
+    _postponing.append(None)
+    try:
+        yield
+    finally:
+        _postponing.pop()
+
+
+@contextmanager
 def interruptible() -> Iterator[None]:
     """SIGINT and SIGTERM raise KeyboardInterrupt, the latter as `Terminated`, until the end.
 
@@ -80,7 +92,8 @@ def interruptible() -> Iterator[None]:
         if os.getpid() != process:  # a worker that was forked has nothing to say
             signal.signal(number, signal.SIG_DFL)
             os.kill(os.getpid(), number)
-        if _imports(frame):  # its code may swallow an exception, or make another one of it
+        # the code of an import may swallow an exception, or make another one of it
+        if _postponing or _imports(frame):
             again = Timer(LATER, signal.pthread_kill, (main_thread().ident, number))
             again.daemon = True
             again.start()
