@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pam_control.laws.position_stiffness import PositionStiffnessController
@@ -192,6 +192,7 @@ position = st.floats(-1.0, 1.0)
         max_size=8,
     )
 )
+@example(acts=[("trajectory", 1.0, 1.0, 0.28125)])  # leaves the range between its points
 def test_no_sequence_of_commands_exceeds_the_limits(acts):
     played = Played().run(0.02)
     for kind, target, velocity, pause in acts:

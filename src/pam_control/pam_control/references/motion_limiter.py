@@ -170,12 +170,21 @@ class MotionLimiter:
 
     def _before_the_ends(self, acceleration: float, step: float, low: float, high: float) -> float:
         """The acceleration [rad/s^2] with which the motion can stop before the range ends."""
-        now = self.state
-        for bound, sign in zip(self.bounds, (-1.0, 1.0), strict=True):
-            if sign * (self.limits.rest(_moved(now, acceleration, step)) - bound) > 0.0:
-                wall = JointReference(bound)
-                acceleration = _landing(now, wall, step, low, high, self.limits)
+        for bound, sign, brake in zip(self.bounds, (-1.0, 1.0), (high, low), strict=True):
+            if self._passes(bound, sign, acceleration, step):
+                # the end is at rest, so that the whole step is judged, unlike with a moving target
+                too_much, acceleration = acceleration, brake
+                for _ in range(HALVINGS):
+                    middle = 0.5 * (acceleration + too_much)
+                    if self._passes(bound, sign, middle, step):
+                        too_much = middle
+                    else:
+                        acceleration = middle
         return acceleration
+
+    def _passes(self, bound: float, sign: float, acceleration: float, step: float) -> bool:
+        """Whether the motion would only stop behind a bound after a step with an acceleration."""
+        return sign * (self.limits.rest(_moved(self.state, acceleration, step)) - bound) > 0.0
 
     def _accelerations(self, now: JointReference, step: float) -> tuple[float, float]:
         """The range of accelerations that the limits leave for the next step [rad/s^2]."""
