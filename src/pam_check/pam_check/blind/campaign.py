@@ -214,10 +214,14 @@ def run_campaign(
             ): n
             for n in names
         }
-        with progress(len(runs), "diagnosing") as bar:
-            for number, done in enumerate(as_completed(runs), 1):
-                answers[runs[done]] = done.result()
-                bar.show(number)
+        try:
+            with progress(len(runs), "diagnosing") as bar:
+                for number, done in enumerate(as_completed(runs), 1):
+                    answers[runs[done]] = done.result()
+                    bar.show(number)
+        except BaseException:  # such as Ctrl-C: what waits is not begun
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     labels = open_labels(out / "sealed", digest)
     add_untouched(out, answers)
     result = score(labels, answers)
