@@ -87,11 +87,24 @@ def test_the_answer_says_where_what_and_how_much() -> None:
     )
 
 
+def test_an_interval_is_never_shown_without_width() -> None:
+    """A report said "torque 1.12 N m (1.12 to 1.12)"."""
+    narrow = FoundParameter(Interval(1.1181, 1.1172, 1.1189), "N m")
+    found = replace(NAMED, parameters={"coulomb_friction": {"torque": narrow}})
+    assert "torque 1.118 N m (1.117 to 1.119)." in verdict_sentence(found)
+
+
+def test_a_large_error_is_told_without_powers_of_ten() -> None:
+    best = ScoredCandidate(("payload",), 0.9, Interval(0.57, 0.4, 0.7), over_floor=(243.0,))
+    unknown = replace(NAMED, verdict="unknown", effects=(), parameters={}, ranking=(best,))
+    assert "an RMS error of 240 times the noise floor" in verdict_sentence(unknown)
+
+
 def test_what_remains_is_said_if_it_matters() -> None:
     rest = replace(NAMED, sizes=(replace(SIZE, after=0.0022),))
     assert verdict_sentence(rest).endswith(
         "explains 69 % of an error of 7.1 mrad at joint_states.elbow.position. 2.2 mrad at "
-        "joint_states.elbow.position remain unexplained, 0.31 % of its motion."
+        "joint_states.elbow.position remain unexplained, 0.31 % of its range."
     )
     left = rest.to_json()["leftover"]
     assert left["material"] is True
@@ -105,7 +118,7 @@ def test_a_gap_that_does_not_matter_is_told_with_its_size_and_limit() -> None:
     none = replace(NAMED, verdict="none", stage=None, effects=(), parameters={}, sizes=(small,))
     assert verdict_sentence(none) == (
         "Nothing is worth a cause: the rig file, re-tuned within its tolerance, is wrong by 0.3 "
-        "mrad at joint_states.elbow.position, 0.043 % of its motion of 0.7 rad. This is below the "
+        "mrad at joint_states.elbow.position, 0.043 % of its range of 0.7 rad. This is below the "
         "limit of 0.1 % (0.7 mrad)."
     )
     larger = replace(none, sizes=(replace(small, retuned=0.0012),))
@@ -121,7 +134,7 @@ def test_an_unknown_cause_says_how_large_the_gap_is_and_what_comes_closest() -> 
     unknown = replace(NAMED, verdict="unknown", effects=(), parameters={}, ranking=(best,))
     assert (
         "is unknown: the rig file, re-tuned within its tolerance, is wrong by 6.6 mrad at "
-        "joint_states.elbow.position, 0.94 % of its motion; the closest explanation removes 43 % "
+        "joint_states.elbow.position, 0.94 % of its range; the closest explanation removes 43 % "
         "of the gap; the best known effect (payload) still leaves"
     ) in verdict_sentence(unknown)
 

@@ -134,11 +134,9 @@ def test_only_the_stage_to_blame_is_coloured(drawn: list[Figure]) -> None:
 
 def test_the_measured_curve_is_wide_and_light_and_all_curves_have_names() -> None:
     """The measured line was hidden under the improved one."""
-    trace = replace(
-        data().traces[0], closest=data().traces[0].nominal, closest_name="closest: creep"
-    )
+    trace = replace(data().traces[0], closest=data().traces[0].nominal, closest_name="creep")
     page = "".join(draw([trace], trace).script.split("docs_json")[1:])
-    for name in ("measured", "rig file as written", "improved rig file", "closest: creep"):
+    for name in ("measured", "as written", "improved", "closest"):
         assert f'"value":"{name}"' in page
     assert f'"line_color":"{MEASURED}","line_width":4.0' in page
 
@@ -191,7 +189,7 @@ def test_sizes_stand_in_the_units_of_the_user() -> None:
             }
         )
     )
-    for text in ("7.1 mrad", "0.9 mrad", "0.7 mrad", "0.1 % of the motion", "0.7 rad",
+    for text in ("7.1 mrad", "0.9 mrad", "0.7 mrad", "0.1 % of the range", "0.7 rad",
                  "yes; what is left does not"):  # fmt: skip
         assert text in page
 
@@ -208,13 +206,47 @@ def test_probabilities_are_shown_and_why_a_simpler_cause_was_preferred() -> None
     assert "How probable" not in render(data())
 
 
+def test_the_first_figure_is_of_the_channel_that_the_verdict_tells_of() -> None:
+    """Of a rig with nothing hidden, the sentence told of one muscle and the figure of another."""
+    size = {"motion": 1.0, "after": 0.01, "limit": 0.001, "limit_unexplained": 0.003,
+            "background": 0.02, "unit": "rad"}  # fmt: skip
+    other = replace(data().traces[0], channel="joint_states.wrist.position")
+    channels = {
+        CHANNEL: size | {"before": 0.02, "retuned": 0.02},
+        other.channel: size | {"before": 0.5, "retuned": 0.01},
+    }
+    changes: dict[str, object] = {
+        "materiality": {"limit": 0.001, "limit_unexplained": 0.003, "channels": channels},
+        "verdict": "none",
+        "effects": [],
+    }
+    page = without_scripts(render(replace(data(**changes), traces=[other, data().traces[0]])))
+    assert f"<b>{CHANNEL}: predicted minus measured</b>" in page[: page.index("<h2>")]
+    assert "yes; what is left is ordinary" in page
+
+
+def test_a_long_name_of_what_comes_closest_stands_beside_the_figure_not_in_it() -> None:
+    """In the legend it made the page of an unknown cause wider than a phone."""
+    first = replace(
+        data().traces[0], closest=data().traces[0].nominal, closest_name="hysteresis + creep",
+        limit=0.0013,
+    )  # fmt: skip
+    page = render(replace(data(), traces=[first]))
+    assert "effects that come closest (hysteresis + creep)" in without_scripts(page)
+    assert "In the grey band, ± 1.3 mrad, an error does not matter." in without_scripts(page)
+    assert '"value":"closest"' in page and "hysteresis + creep" not in draw([first], first).script
+
+
 def test_what_is_left_is_said_with_its_size() -> None:
     left = {"rms": 0.0009, "unit": "rad", "channel": CHANNEL, "share_of_motion": 0.0013,
             "material": True, "ordinary": False}  # fmt: skip
-    assert f"0.9 mrad at {CHANNEL}, 0.13 % of its motion, are not explained. That matters." in (
+    assert f"0.9 mrad at {CHANNEL}, 0.13 % of its range, are not explained. That matters." in (
         render(data(leftover=left))
     )
     assert "no more than ordinary imperfections" in render(data(leftover=left | {"ordinary": True}))
+    none = render(data(leftover=left, verdict="none"))
+    assert "are not explained. No effect stands out of it." in none
+    assert "That matters." not in none
 
 
 def test_a_page_of_many_long_traces_is_below_three_megabytes() -> None:
@@ -223,7 +255,7 @@ def test_a_page_of_many_long_traces_is_below_three_megabytes() -> None:
     noise = np.random.default_rng(1).standard_normal((3, time.size))
     long = [
         replace(trace, channel=f"c{k}", time=time, measured=noise[0], nominal=noise[1],
-                improved=noise[2], closest=noise[0], closest_name="closest: creep")
+                improved=noise[2], closest=noise[0], closest_name="creep")
         for k in range(6)
     ]  # fmt: skip
     assert len(render(replace(data(), traces=long)).encode()) < 3_000_000

@@ -138,10 +138,12 @@ def test_a_gap_of_an_ordinary_background_is_told_as_such() -> None:
     )
     assert verdict_sentence(none) == (
         "Ordinary imperfections: the rig file, re-tuned within its tolerance, is wrong by "
-        "5 mrad at joint_states.elbow.position, 0.5 % of its motion of 1 rad. The small "
-        "imperfections of a good rig can leave 6 mrad, and no effect stands out of them. Found "
-        "was hysteresis of a size that every good rig has."
+        "5 mrad at joint_states.elbow.position, 0.5 % of its range of 1 rad. This is no more than "
+        "the 6 mrad that the small imperfections of a good rig can leave, and no effect stands "
+        "out of them. Found was hysteresis of a size that every good rig has."
     )
+    larger = verdict_sentence(replace(none, sizes=(size(9.0, 9.0, 6.0),)))
+    assert "The small imperfections of a good rig leave 6 mrad or somewhat more" in larger
 
 
 def test_effects_of_ordinary_size_are_told_beside_the_cause_and_so_is_what_remains() -> None:
@@ -150,5 +152,5 @@ def test_effects_of_ordinary_size_are_told_beside_the_cause_and_so_is_what_remai
         "The cause is hysteresis at the muscle stage. Beside it there is leakage of a size that "
         "every good rig has. It explains 75 % of an error of 20 mrad at "
         "joint_states.elbow.position. 5 mrad at joint_states.elbow.position remain unexplained, "
-        "0.5 % of its motion, no more than ordinary imperfections of a good rig leave."
+        "0.5 % of its range, no more than ordinary imperfections of a good rig leave."
     )

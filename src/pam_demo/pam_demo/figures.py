@@ -246,7 +246,7 @@ def _truth_figures(
     for window in motion.windows:
         scored |= (times >= window.start) & (times <= window.end)
     error = (asked_position(motion, times) - part.values[:, 0])[scored]
-    text = "real-arm motion, RMS error of the true angle"
+    text = f"{motion.title}: RMS error of the true angle"
     return [Figure("arm_rms_truth", text, float(np.sqrt(np.mean(error**2))), "rad")]
 
 
@@ -313,7 +313,9 @@ def evaluate(
     arm, chirp = by["full", "arm"], by["full", "chirp"]
     to_1, to_2 = (chirp.motion.windows[:1], chirp.motion.windows[1:])
     figures = [
-        Figure("arm_rms", "real-arm motion, RMS error", arm.rms(arm.motion.windows), "rad", 0.01),
+        Figure(
+            "arm_rms", f"{arm.motion.title}: RMS error", arm.rms(arm.motion.windows), "rad", 0.01
+        ),
         Figure("chirp_1hz_rms", "chirp to 1 Hz, RMS error", chirp.rms(to_1), "rad", 0.015),
         Figure("chirp_2hz_rms", "chirp to 2 Hz, RMS error", chirp.rms(to_2), "rad"),
     ]
@@ -330,7 +332,8 @@ def evaluate(
             ratio = rms / by["full", name].rms(windows)
             figures.append(Figure(f"{name}_rms_{law}", text, rms, "rad"))
             text = (
-                f"{by[law, name].motion.title}: error of {NAMES[law]}, times the full controller's"
+                f"{by[law, name].motion.title}: error of {NAMES[law]}, in multiples of the full "
+                "controller's"
             )
             figures.append(Figure(f"{name}_ratio_{law}", text, ratio, "-", 3.0, True))
     if ("full", "steps") in by:

@@ -104,7 +104,7 @@ def _motion_plot(plays: list[Play], muscles: Mapping[str, str]) -> Canvas:
         label="reference",
     )
     stiffness.set_ylabel("stiffness\n[N m/rad]")
-    stiffness.set_ylim(bottom=0.0)
+    stiffness.set_ylim(0.0, 1.1 * stiffness.get_ylim()[1])
     for element, (colour, (name, kind)) in enumerate(zip(PAIR, muscles.items(), strict=False)):
         _line(
             pressure,
@@ -139,8 +139,9 @@ def _histogram(results: Results) -> Canvas:
     for axes, (topic, periods) in zip(columns, results.periods.items(), strict=True):
         inside = np.clip(periods, edges[0], edges[-1])
         axes.hist(1e3 * inside, bins=1e3 * edges, color=COLOURS["full"])
-        axes.axvline(1e3 * (PERIOD + LATE), color=PAIR[0], linewidth=1.0)
+        axes.axvline(1e3 * (PERIOD + LATE), color=PAIR[0], linewidth=1.0, label="late from here")
         axes.set_yscale("log")
+        axes.legend(loc="upper right")
         axes.set_title(topic, fontsize=10)
         axes.set_xlabel("time between stamps [ms]; the last bar counts all longer times")
     columns[0].set_ylabel("count")

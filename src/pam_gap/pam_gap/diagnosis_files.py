@@ -19,6 +19,7 @@ from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.provenance import provenance
 from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, write_report
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace
+from pam_gap.answer.user_units import plain
 from pam_gap.diagnose_recordings import UnknownJointError, diagnose_joint, joints_to_diagnose
 from pam_gap.experiments.files import FOLDER
 from pam_gap.prediction.channel_order import UNITS
@@ -97,9 +98,7 @@ def traces_of(problem: PredictionProblem, diagnosis: Diagnosis) -> list[Trace]:
                 nominal=predicted[0],
                 improved=predicted[1] if has_answer else None,
                 closest=predicted[2] if len(known) > 2 else None,
-                closest_name=f"closest: {' + '.join(diagnosis.ranking[0].effects)}"
-                if diagnosis.ranking
-                else "",
+                closest_name=" + ".join(diagnosis.ranking[0].effects) if diagnosis.ranking else "",
                 improved_name=WITH_ANSWER if diagnosis.effects else RETUNED,
                 limit=limits.get(problem.names[c], 0.0),
             )
@@ -112,7 +111,7 @@ def _delay(seconds: float) -> str:
     shown = round(1e3 * seconds, 1)
     if shown == 0.0:
         return "by less than 0.05 ms"
-    return f"{shown:.1f} ms late" if shown > 0.0 else f"{-shown:.1f} ms early"
+    return f"{plain(shown)} ms late" if shown > 0.0 else f"{plain(-shown)} ms early"
 
 
 def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name: str) -> ReportData:
@@ -122,7 +121,8 @@ def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name:
     shown = [StageGap(s.stage, s.gap_over_floor, s.note) for s in stages]
     if location is not None and location.delays:
         late = "; ".join(f"{name} {_delay(delay)}" for name, delay in location.delays)
-        shown.append(StageGap("sensing", None, f"measured behind the re-tuned rig file: {late}"))
+        words = f"{late}, against the re-tuned rig file; friction and lag shift signals too"
+        shown.append(StageGap("sensing", None, words))
     return ReportData(
         title=f"Diagnosis of {diagnosis.joint}",
         verdict_sentence=diagnosis.sentence,

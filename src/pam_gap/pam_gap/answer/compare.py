@@ -207,7 +207,7 @@ def _appeared(
     if effect in silent.content.get("not_shown", ()):
         return _untold(f"{word}, but the other recording could not show it")
     if silent.content["verdict"] in ("unknown", "not_identifiable"):
-        return _untold(f"not named by the verdict `{silent.content['verdict']}`")
+        return _untold(f"not named by the verdict “{silent.content['verdict']}”")
     neutral, known = _neutral(effect, parameter), other if first is None else first
     if neutral is None or known is None:
         return _untold(word)
@@ -257,7 +257,7 @@ def _changes(answers: tuple[Answer, ...], rows: Sequence[Row]) -> list[str]:
         where = f"{letter(place + 1)}: " if len(answers) > 2 else ""
         verdict = answer.content["verdict"]
         if verdict != first:
-            said.append(f"{where}the verdict changed from `{first}` to `{verdict}`.")
+            said.append(f"{where}the verdict changed from “{first}” to “{verdict}”.")
         changed: dict[str, dict[str, Difference]] = {}
         for row in rows:
             if row.differences[place].sure:

@@ -23,7 +23,7 @@ from pam_gap.answer.compare import (
     read_answers,
 )
 from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
-from pam_gap.answer.user_units import plain, told, user_unit
+from pam_gap.answer.user_units import interval_digits, plain, told, user_unit
 from pam_model.command_line import Arguments, Outcome
 
 PAGE = "compare.html"
@@ -37,7 +37,7 @@ _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Comparison of diagnoses</title>
-<style>{{ style | safe }}</style></head><body>
+<style>{{ style | safe }}</style></head><body><main>
 <h1>Comparison of {{ names | length }} diagnoses</h1>
 <p>{% for name in names %}<b>{{ letters[loop.index0] }}</b>: {{ name }}<br>{% endfor %}</p>
 {% for joint in joints %}
@@ -50,8 +50,8 @@ _PAGE = """<!doctype html>
 {% for answer in joint.answers %}<p><b>{{ letters[loop.index0] }}: {{ answer.word }}.</b>
 {{ answer.sentence }}</p>{% endfor %}
 {% if joint.picture %}<h3>Size of the gap</h3>
-<div class="wide"><img alt="{{ joint.alt }}" src="{{ joint.picture }}"></div>
-<div class="wide"><table>
+<div class="wide" tabindex="0"><img alt="{{ joint.alt }}" src="{{ joint.picture }}"></div>
+<div class="wide" tabindex="0"><table>
 <tr><th>channel</th><th>error</th>
 {% for _ in names %}<th class="n">{{ letters[loop.index0] }}</th>{% endfor %}</tr>
 {% for row in joint.gaps %}<tr><td>{{ row.channel }}</td><td>{{ row.kind }}</td>
@@ -62,7 +62,7 @@ with
 the rig file of each diagnosis. They have no intervals, and depend on the motion, too.</p>{%
 endif %}
 {% if joint.rows %}<h3>Parameters</h3>
-<div class="wide"><table>
+<div class="wide" tabindex="0"><table>
 <tr><th>effect</th><th>parameter</th>
 {% for _ in names %}<th class="n">{{ letters[loop.index0] }}</th>{% endfor %}
 {% for _ in names[1:] %}<th>{{ letters[loop.index] }} against A</th>{% endfor %}</tr>
@@ -74,7 +74,7 @@ endif %}
 </table></div>
 <p class="quiet">Values with their 90 % intervals. {{ how }}</p>{% endif %}
 {% endfor %}
-</body></html>
+</main></body></html>
 """
 
 
@@ -83,7 +83,8 @@ def _cell(value: Mapping[str, float] | None, unit: str) -> str:
         return "not named"
     size = max(abs(value[key]) for key in ("value", "low", "high"))
     name, factor = user_unit(size, unit)
-    low, here, high = (plain(factor * value[key], 3) for key in ("low", "value", "high"))
+    digits = interval_digits(factor * value["low"], factor * value["high"])
+    low, here, high = (plain(factor * value[key], digits) for key in ("low", "value", "high"))
     return f"{here} ({low} to {high})" + ("" if name in ("", "-") else f" {name}")
 
 

@@ -20,10 +20,12 @@ STYLE = """
  .n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
  img { max-width: 100%; min-width: 38rem; background: #fff; border-radius: .3rem; }
  .plot { margin: 1rem 0; background: #fff; color: #1c1c1c; border-radius: .3rem; padding: .3rem; }
+ .plot b { display: block; padding: .3rem .6rem; font-size: .95rem; overflow-wrap: anywhere; }
  .plot figcaption { color: #555; padding: 0 .6rem .3rem; font-size: .92rem; }
  .bars { width: 100%; } .bars td { white-space: normal; }
  .bar { width: 45%; } .bar span { display: block; height: .8rem; margin-top: .35rem;
-        background: #00798c; border-radius: .15rem; min-width: 1px; }
+        print-color-adjust: exact; background: #00798c; border-radius: .15rem; min-width: 1px; }
+ .origin td { overflow-wrap: anywhere; }
  code { background: var(--box); padding: 0 .25rem; }
  .quiet { color: var(--quiet); }
  @media print { body { margin: 0; } img { min-width: 0; } h2 { break-after: avoid; } }

@@ -22,8 +22,8 @@ from pam_gap.answer.report_figures import (
     draw_shrinkage,
     draw_stages,
 )
-from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw
-from pam_gap.answer.user_units import percent, plain, told, user_unit
+from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw, short_name
+from pam_gap.answer.user_units import percent, told
 from pam_model.effects import EFFECTS
 
 __all__ = ["RankedCandidate", "ReportData", "StageGap", "Trace", "render", "write_report"]
@@ -55,21 +55,23 @@ _PAGE = """<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{{ d.title }}</title>
 <style>
-{{ style | safe }}</style></head><body>
+{{ style | safe }}</style></head><body><main>
 <h1>{{ d.title }}</h1>
 <div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>{{ d.verdict_sentence }}
 {% if closed %}<small>{{ closed }}</small>{% endif %}</div>
 
-{% if drawn %}<figure class="plot" role="group" aria-label="Error of the prediction of
-{{ headline_channel }} over the whole recording: {{ headline_words }}">{{ drawn.parts[0] | safe }}
-<figcaption class="quiet">{{ headline_words }} {{ band }}Drag over a part to enlarge it; the
-circular arrow shows all again; a click on a name in the legend hides its curve.</figcaption>
+{% if drawn %}<figure class="plot" aria-label="Error of the prediction of
+{{ first.channel }} over the whole recording: {{ headline_words }}">
+<b>{{ first.channel }}: predicted minus measured</b>{{ drawn.parts[0] | safe }}
+<figcaption class="quiet">{{ headline_words }} {{ legend }} {{ band }}Drag over a part
+to enlarge it; the circular arrow shows all again; a click on a name in the legend hides its
+curve.</figcaption>
 </figure><noscript><p>The traces need JavaScript, which is in this page itself.</p></noscript>
 {% endif %}
 
 {% if probabilities %}<h2>How probable each explanation is</h2>
-<div class="wide"><table class="bars">
-<tr><th>explanation</th><th class="n">probability</th><th></th></tr>
+<div class="wide" tabindex="0"><table class="bars">
+<tr><th>explanation</th><th class="n">probability</th><td></td></tr>
 {% for p in probabilities %}<tr><td>{{ p.name }}</td><td class="n">{{ p.words }}</td>
 <td class="bar"><span style="width: {{ '%.1f' % p.width }}%"></span></td></tr>
 {% endfor %}</table></div>
@@ -80,8 +82,8 @@ ordinary good rig. How far such numbers can be trusted was measured on simulated
 {% if leftover %}<p><b>What is left.</b> {{ leftover }}</p>{% endif %}
 
 {% if sizes %}<h2>How large the gap is</h2>
-<div class="wide"><table>
-<tr><th>channel</th><th class="n">moves by</th><th class="n">error as written</th>
+<div class="wide" tabindex="0"><table>
+<tr><th>channel</th><th class="n">range</th><th class="n">error as written</th>
 <th class="n">re-tuned</th><th class="n">with the answer</th><th class="n">limit</th>
 <th>does it matter?</th></tr>
 {% for s in sizes %}<tr><td>{{ s.channel }}</td><td class="n">{{ s.motion }}</td>
@@ -90,11 +92,11 @@ ordinary good rig. How far such numbers can be trusted was measured on simulated
 {% endfor %}</table></div>
 <p class="quiet">RMS errors of predictions on held-out data, without the part that noise causes.
 Re-tuned: the numbers of the rig file changed within their tolerance, without any effect. An error
-below the limit, {{ limit }} of the motion, does not matter; of what no effect explains, up to
+below the limit, {{ limit }} of the range, does not matter; of what no effect explains, up to
 {{ limit_unexplained }} does not.</p>{% endif %}
 
 {% if diagnosis.parameters %}<h2>What was found</h2>
-<div class="wide"><table>
+<div class="wide" tabindex="0"><table>
 <tr><th>effect</th><th>parameter</th><th class="n">value</th><th class="n">90 % interval</th>
 <th>unit</th></tr>
 {% for effect, parameters in diagnosis.parameters.items() %}
@@ -104,8 +106,8 @@ below the limit, {{ limit }} of the motion, does not matter; of what no effect e
 {% endfor %}{% endfor %}</table></div>{% endif %}
 
 {% if d.stages %}<h2>Where the gap arises</h2>
-<div class="wide"><img alt="The chain of stages from valve to sensing, with the error of each as a
-multiple of its noise" src="{{ stages }}"></div>
+<div class="wide" tabindex="0"><img alt="The chain of stages from valve to sensing, with the error
+of each as a multiple of its noise" src="{{ stages }}"></div>
 <p class="quiet">Each stage is simulated from its measured inputs. {{ stage_words }}</p>
 {% for s in d.stages if s.note %}<p class="quiet">{{ s.stage }}: {{ s.note }}</p>{% endfor %}
 {% if d.regimes %}<p>The gap is largest in these regimes of the motion:
@@ -113,8 +115,10 @@ multiple of its noise" src="{{ stages }}"></div>
 the average squared error){{ ', ' if not loop.last }}{% endfor %}.</p>{% endif %}{% endif %}
 
 {% if ranking %}<h2>Which effect explains the gap</h2>
-<div class="wide"><img alt="Share of the gap that each candidate leaves, with intervals"
-src="{{ ranking }}"></div>
+<div class="wide" tabindex="0"><img alt="Share of the gap that each candidate leaves, with
+intervals" src="{{ ranking }}"></div>
+<p class="quiet">Best first, by the sum of the logarithms of the errors of all channels, so that a
+channel with small errors counts as well. The shares are of the RMS error of all together.</p>
 {% if diagnosis.get('preferred') and not probabilities %}<p>{{ diagnosis.preferred }}</p>{% endif %}
 {% endif %}
 {% if diagnosis.indistinguishable %}
@@ -123,10 +127,10 @@ src="{{ ranking }}"></div>
 {% endif %}
 
 {% if diagnosis.gap and shrinkage %}<h2>How far the gap closes</h2>
-<div class="wide"><img alt="Error of each channel over its noise floor, as written and with the
-answer" src="{{ shrinkage }}"></div>
+<div class="wide" tabindex="0"><img alt="Error of each channel over its noise floor, as written and
+with the answer" src="{{ shrinkage }}"></div>
 {% endif %}
-{% if horizons %}<div class="wide"><table>
+{% if horizons %}<div class="wide" tabindex="0"><table>
 <tr><th>horizon</th><th>channel</th><th class="n">as written</th><th class="n">with the answer</th>
 <th class="n">noise alone</th></tr>
 {% for h, channel, before, after, floor in horizons %}
@@ -135,9 +139,9 @@ answer" src="{{ shrinkage }}"></div>
 {% endfor %}</table></div>{% endif %}
 
 {% if drawn %}<h2>Measured and predicted</h2>
-{% for trace in d.traces %}<figure class="plot" role="group" aria-label="{{ trace.channel }}:
-measured and predicted">{{ drawn.parts[2 * loop.index0 + 1] | safe }}</figure>
-<figure class="plot" role="group" aria-label="{{ trace.channel }}: predicted minus measured">
+{% for trace in d.traces %}<figure class="plot"><b>{{ trace.channel }}: measured and predicted</b>
+{{ drawn.parts[2 * loop.index0 + 1] | safe }}</figure>
+<figure class="plot"><b>{{ trace.channel }}: predicted minus measured</b>
 {{ drawn.parts[2 * loop.index0 + 2] | safe }}</figure>{% endfor %}{% endif %}
 
 <h2>What to do next</h2>
@@ -154,10 +158,11 @@ within their tolerance.{% endif %}</p>{% endif %}
 in this recording, so that nothing is said about them:
 {{ diagnosis.not_shown | join(', ') }}.</li>{% endif %}</ul>
 <h2>Where this answer comes from</h2>
-<div class="wide"><table>
+<div class="wide" tabindex="0"><table class="origin">
 {% for key, value in origin %}<tr><td>{{ key }}</td><td>{{ value }}</td></tr>{% endfor %}
 {% for key, value in d.facts.items() %}<tr><td>{{ key }}</td><td>{{ value }}</td></tr>
 {% endfor %}</table></div>
+</main>
 {% if drawn %}{{ drawn.script | safe }}{% endif %}
 </body></html>
 """
@@ -190,7 +195,6 @@ def _stage_words(blamed: Collection[str], verdict: str) -> str:
     return f"The coloured stage is that of {why}; errors of the others can come from it."
 
 
-BAND_WORDS = "In the grey band, an error does not matter. "
 LEAST_SHOWN = 0.005
 """Probability below which an explanation is told together with the others."""
 
@@ -204,17 +208,43 @@ def _probabilities(found: Mapping[str, float]) -> list[dict[str, Any]]:
     return [{"name": n, "words": percent(p), "width": min(100.0 * p, 100.0)} for n, p in rows]
 
 
-def _leftover(left: Mapping[str, Any] | None) -> str:
+def _leftover(left: Mapping[str, Any] | None, verdict: str) -> str:
     """What the answer does not explain, where it is largest."""
     if not left:
         return ""
     amount = (
         f"{told(left['rms'], left['unit'])} at {left['channel']}, "
-        f"{percent(left['share_of_motion'])} of its motion, are not explained."
+        f"{percent(left['share_of_motion'])} of its range, are not explained."
     )
     if left["ordinary"]:
         return f"{amount} That is no more than ordinary imperfections of a good rig leave."
-    return f"{amount} {'That matters.' if left['material'] else 'That is too little to matter.'}"
+    if not left["material"]:
+        return f"{amount} That is too little to matter."
+    return f"{amount} {'No effect stands out of it.' if verdict == 'none' else 'That matters.'}"
+
+
+def _headline(traces: Sequence[Trace], channels: Mapping[str, Any], named: bool) -> Trace | None:
+    """The trace of the channel that the verdict tells of."""
+
+    def share(trace: Trace) -> float:
+        size = channels.get(trace.channel)
+        if not size:
+            return 0.0
+        return float(size["before" if named else "retuned"]) / max(float(size["motion"]), 1e-300)
+
+    return max(traces, key=share, default=None)
+
+
+def _legend_words(first: Trace) -> str:
+    """What the short names of the curves mean."""
+    words = ["As written: predicted by the rig file as written."]
+    if first.improved is not None:
+        words.append(
+            f"{short_name(first.improved_name).capitalize()}: by the {first.improved_name}."
+        )
+    if first.closest is not None:
+        words.append(f"Closest: by the effects that come closest ({first.closest_name}).")
+    return " ".join(words)
 
 
 def _headline_words(first: Trace, channels: Mapping[str, Any]) -> str:
@@ -234,15 +264,11 @@ def _size_rows(materiality: Mapping[str, Any]) -> list[dict[str, str]]:
     rows = []
     for channel, size in materiality.get("channels", {}).items():
         unit = str(size["unit"])
-        shown, factor = user_unit(max(size["before"], size["limit"]), unit)
         rows.append(
             {
                 "channel": channel,
                 "motion": told(size["motion"], unit, 3),
-                **{
-                    key: f"{plain(factor * size[key], 2)} {shown}"
-                    for key in ("before", "retuned", "after", "limit")
-                },
+                **{key: told(size[key], unit) for key in ("before", "retuned", "after", "limit")},
                 "matters": _matters(size),
             }
         )
@@ -253,9 +279,11 @@ def _matters(size: Mapping[str, float]) -> str:
     limit = size["limit"]
     if max(size["before"], size["retuned"]) <= limit:
         return "no"
-    if size["after"] > size["limit_unexplained"]:
-        return "yes, also what is left"
-    return "yes; what is left does not"
+    if size["after"] <= size["limit_unexplained"]:
+        return "yes; what is left does not"
+    if size["after"] <= size.get("background", 0.0):
+        return "yes; what is left is ordinary"
+    return "yes, also what is left"
 
 
 def _origin(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
@@ -283,15 +311,8 @@ def render(data: ReportData) -> str:
     verdict = str(diagnosis["verdict"])
     materiality = diagnosis.get("materiality") or {}
     channels = materiality.get("channels", {})
-    first = max(
-        data.traces,
-        key=lambda t: (
-            channels.get(t.channel, {}).get("before", 0.0)
-            / max(channels.get(t.channel, {}).get("motion", 1.0), 1e-300)
-        ),
-        default=None,
-    )
     named = list(diagnosis["effects"])
+    first = _headline(data.traces, channels, bool(named))
     blamed = _blamed_stages(diagnosis)
     return environment.from_string(_PAGE).render(
         d=data,
@@ -301,11 +322,14 @@ def render(data: ReportData) -> str:
         word=VERDICT_WORDS.get(verdict, verdict),
         closed=_closed_sentence(diagnosis.get("closed")) if named else "",
         drawn=None if first is None else draw(data.traces, first),
-        headline_channel=first.channel if first is not None else "",
+        first=first,
+        legend=_legend_words(first) if first is not None else "",
         headline_words=_headline_words(first, channels) if first is not None else "",
-        band=BAND_WORDS if first is not None and first.limit > 0.0 else "",
+        band=f"In the grey band, ± {told(first.limit, first.unit)}, an error does not matter. "
+        if first is not None and first.limit > 0.0
+        else "",
         probabilities=_probabilities(diagnosis.get("probabilities") or {}),
-        leftover=_leftover(diagnosis.get("leftover")),
+        leftover=_leftover(diagnosis.get("leftover"), verdict),
         sizes=_size_rows(materiality),
         limit=percent(materiality.get("limit", 0.0)),
         limit_unexplained=percent(materiality.get("limit_unexplained", 0.0)),

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pam_gap.answer.traces import IMPROVED, NOMINAL, WITH_ANSWER, WRITTEN
-from pam_gap.answer.user_units import percent, told
+from pam_gap.answer.user_units import percent, plain, told
 
 GUILTY, NEUTRAL = "#fbd5c0", "#f4f4f4"
 STAGES = ("valve", "muscle", "joint", "sensing")
@@ -77,7 +77,7 @@ def draw_stages(stages: Sequence[StageGap], blamed: Collection[str]) -> str:
             edgecolor=NOMINAL if is_named else "0.4", linewidth=3 if is_named else 1,
         )  # fmt: skip
         axis.add_patch(box)
-        figures = "not measured alone" if gap is None else f"{gap:.1f} × noise"
+        figures = "not measured alone" if gap is None else f"{plain(gap, 2)} × noise"
         axis.text(x + 0.95, 0.95, stage, ha="center", va="center", weight="bold", fontsize=11)
         axis.text(x + 0.95, 0.68, STAGE_FLOW[stage], ha="center", va="center", fontsize=8)
         axis.text(x + 0.95, 0.43, figures, ha="center", va="center", fontsize=9)
@@ -139,8 +139,11 @@ def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSW
                 row + offset, ratio, height=0.34, color=colour,
                 label={"before": WRITTEN, "after": answer}[key] if row == 0 else None,
             )  # fmt: skip
-            text = f" {told(float(entry[key]), str(entry['unit']))}"
-            axis.text(ratio, row + offset, text, va="center", fontsize=8)
+            text = told(float(entry[key]), str(entry["unit"]))
+            axis.annotate(
+                text, (ratio, row + offset), (4, 0), textcoords="offset points", va="center",
+                fontsize=8,
+            )  # fmt: skip
     axis.axvline(1.0, color="0.2", ls="--", lw=1, label="noise alone")
     axis.set_yticks(range(len(gap)), list(gap))
     axis.invert_yaxis()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.user_units import percent, plain, told, user_unit
+from pam_gap.answer.user_units import interval_digits, percent, plain, told, user_unit
 from pam_gap.prediction.materiality import GapSize
 from pam_model.effects import EFFECTS
 
@@ -54,8 +54,8 @@ def best_left(diagnosis: Diagnosis) -> str:
         ("effect", "leaves", "its law") if len(best.effects) == 1 else ("effects", "leave", "these")
     )
     return (
-        f"the best known {subject} ({names}) still {verb} an RMS error of {worst:.2g} times the "
-        f"noise floor in the worst channel, which is more than {owner} should leave."
+        f"the best known {subject} ({names}) still {verb} an RMS error of {plain(worst, 2)} times "
+        f"the noise floor in the worst channel, which is more than {owner} should leave."
     )
 
 
@@ -65,9 +65,10 @@ def with_parameters(diagnosis: Diagnosis, effect: str) -> str:
     for name, found in list(diagnosis.parameters.get(effect, {}).items())[:MOST_PARAMETERS]:
         value, low, high = found.interval.value, found.interval.low, found.interval.high
         unit, factor = user_unit(value, found.unit)
-        ends = " to ".join(plain(factor * end) for end in (low, high))
+        digits = interval_digits(factor * low, factor * high)
+        ends = " to ".join(plain(factor * end, digits) for end in (low, high))
         words = name.replace("_", " ").replace(".", " of the ")
-        number = f"{plain(factor * value)} {unit}".removesuffix(" -")
+        number = f"{plain(factor * value, digits)} {unit}".removesuffix(" -")
         shown.append(f"{words} {number} ({ends})")
     return ", ".join(shown)
 
@@ -95,7 +96,7 @@ def what_is_left(diagnosis: Diagnosis) -> str:
     usual = ", no more than ordinary imperfections of a good rig leave"
     return (
         f"{told(size.after, size.unit)} at {size.channel} remain unexplained, "
-        f"{percent(size.share_left)} of its motion{usual if size.leaves_ordinary else ''}."
+        f"{percent(size.share_left)} of its range{usual if size.leaves_ordinary else ''}."
     )
 
 
@@ -111,12 +112,17 @@ def nothing_material(diagnosis: Diagnosis) -> str:
     """The verdict `none` for a gap above the noise that is too small to matter."""
     size = diagnosis.sizes[0]
     if size.retuned > size.limit and size.background > 0.0:
+        usual = told(size.background, size.unit)
+        compared = (
+            f"This is no more than the {usual} that the small imperfections of a good rig can leave"
+            if size.retuned <= size.background
+            else f"The small imperfections of a good rig leave {usual} or somewhat more"
+        )
         return (
             "Ordinary imperfections: the rig file, re-tuned within its tolerance, is wrong by "
             f"{told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its "
-            f"motion of {told(size.motion, size.unit)}. The small imperfections of a good rig can "
-            f"leave {told(size.background, size.unit)}, and no effect stands out of them."
-            f"{_ordinary(diagnosis, 'Found was')}"
+            f"range of {told(size.motion, size.unit, 3)}. {compared}, and no effect stands out of "
+            f"them.{_ordinary(diagnosis, 'Found was')}"
         )
     limit, reason = size.limit, "This is"
     if size.is_material:
@@ -124,8 +130,8 @@ def nothing_material(diagnosis: Diagnosis) -> str:
     share = limit / max(size.motion, 1e-300)
     return (
         f"Nothing is worth a cause: the rig file, re-tuned within its tolerance, is wrong by "
-        f"{told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its motion "
-        f"of {told(size.motion, size.unit)}. {reason} below the limit of {percent(share)} "
+        f"{told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its range "
+        f"of {told(size.motion, size.unit, 3)}. {reason} below the limit of {percent(share)} "
         f"({told(limit, size.unit)})."
     )
 
@@ -161,7 +167,7 @@ def _unknown_size(diagnosis: Diagnosis) -> str:
         closest = f"the closest explanation removes {percent(explained)} of the gap; "
     return (
         f"the rig file, re-tuned within its tolerance, is wrong by {told(size.retuned, size.unit)} "
-        f"at {size.channel}, {percent(size.share)} of its motion; {closest}"
+        f"at {size.channel}, {percent(size.share)} of its range; {closest}"
     )
 
 
@@ -170,7 +176,7 @@ def _nothing(diagnosis: Diagnosis) -> str:
         return nothing_material(diagnosis)
     ratios = [gap.after / gap.floor for gap in diagnosis.gap.values() if gap.floor > 0.0]
     left = (
-        f" The largest RMS error of a channel is {max(ratios):.2g} times its noise floor."
+        f" The largest RMS error of a channel is {plain(max(ratios), 2)} times its noise floor."
         if ratios
         else ""
     )

@@ -28,7 +28,14 @@ MAX_POINTS = 4000
 MOST_POINTS = 110_000
 """Of all curves of a page together, so that it stays below 3 MB."""
 WRITTEN, RETUNED, WITH_ANSWER = "rig file as written", "rig file re-tuned", "improved rig file"
-_TOOLS = "xpan,xbox_zoom,xwheel_zoom,reset,save"
+_TOOLS = "xpan,xbox_zoom,xwheel_zoom,reset"
+_HEIGHT = 160
+"""Of a figure without axes and legend [pixels]: as much as its tools need beside it."""
+
+
+def short_name(name: str) -> str:
+    """The name of a rig file in a legend, which has to fit on a phone: "as written", "improved"."""
+    return name.replace("rig file", "").strip()
 
 
 @dataclass(frozen=True)
@@ -46,16 +53,17 @@ class Trace:
     closest: Array | None = None
     """Prediction with the effects that come closest, where none explains the gap."""
     closest_name: str = ""
+    """The effects that come closest."""
     limit: float = 0.0
     """Error below which a gap does not matter, in the channel's unit; 0 for none."""
 
     def curves(self) -> list[tuple[str, Array, str]]:
-        """The predictions with their names and colours."""
-        found = [(WRITTEN, self.nominal, NOMINAL)]
+        """The predictions with their short names and colours."""
+        found = [(short_name(WRITTEN), self.nominal, NOMINAL)]
         if self.improved is not None:
-            found.append((self.improved_name, self.improved, IMPROVED))
+            found.append((short_name(self.improved_name), self.improved, IMPROVED))
         if self.closest is not None:
-            found.append((self.closest_name, self.closest, CLOSEST))
+            found.append(("closest", self.closest, CLOSEST))
         return found
 
 
@@ -113,14 +121,12 @@ class _Page:
         ends = [t for trace in traces for t in (trace.time[0], trace.time[-1])]
         self.range: Any = Range1d(min(ends), max(ends), bounds="auto")
 
-    def _figure(self, height: int, label: str, title: str) -> Any:
+    def _figure(self, label: str) -> Any:
         made: Any = figure(
-            height=height, sizing_mode="stretch_width", x_range=self.range, tools=_TOOLS,
-            active_drag="xbox_zoom", output_backend="canvas", title=title, y_axis_label=label,
-            min_width=280,
+            frame_height=_HEIGHT, sizing_mode="stretch_width", x_range=self.range, tools=_TOOLS,
+            active_drag="xbox_zoom", output_backend="canvas", y_axis_label=label, min_width=280,
         )  # fmt: skip
         made.toolbar.logo = None
-        made.title.text_font_size = "11pt"
         made.xgrid.grid_line_color = made.ygrid.grid_line_color = "#e6e6e6"
         made.axis.axis_label_text_font_style = "normal"
         made.axis.major_label_text_font_size = made.axis.axis_label_text_font_size = "10pt"
@@ -143,7 +149,7 @@ class _Page:
         """The error of each prediction of a channel."""
         left = [(name, values - trace.measured, colour) for name, values, colour in trace.curves()]
         unit, scale = user_unit(max(_size_of(error) for _, error, _ in left), trace.unit)
-        made = self._figure(250, f"error [{unit}]", f"Predicted minus measured, {trace.channel}")
+        made = self._figure(f"error [{unit}]")
         if trace.limit > 0.0:
             reach = scale * trace.limit
             made.add_layout(
@@ -160,7 +166,7 @@ class _Page:
     def values(self, trace: Trace) -> Any:
         """A channel as measured, wide and light, and its predictions above it."""
         unit, scale = user_unit(_size_of(trace.measured), trace.unit)
-        made = self._figure(270, f"[{unit}]", trace.channel)
+        made = self._figure(f"[{unit}]")
         self._line(
             made, trace.time, scale * trace.measured, color=MEASURED, line_width=4.0,
             legend_label="measured",

@@ -27,6 +27,11 @@ def plain(value: float, digits: int = 3) -> str:
     return "0" if float(text) == 0.0 else text
 
 
+def interval_digits(low: float, high: float) -> int:
+    """Significant digits, three or more, with which the ends of an interval differ."""
+    return next((n for n in range(3, 7) if plain(low, n) != plain(high, n)), 3)
+
+
 def told(value: float, unit: str, digits: int = 2) -> str:
     """A value with its unit, such as "0.3 mrad" or "150 kPa"; "-" is no unit."""
     name, factor = user_unit(value, unit)

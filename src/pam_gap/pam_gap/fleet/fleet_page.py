@@ -32,14 +32,14 @@ _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Fleet</title>
-<style>{{ style | safe }}</style></head><body>
+<style>{{ style | safe }}</style></head><body><main>
 <h1>Fleet: {{ count }} recordings</h1>
 <div class="verdict" style="--verdict: {{ colour }}"><b>{{ word }}</b>
 {% for text in changed %}{{ text }}<br>{% else %}{{ nothing }}{% endfor %}
 <small>{{ span }}</small></div>
 
 {% if document.next %}<h2>What will need repair next</h2>
-<div class="wide"><table>
+<div class="wide" tabindex="0"><table>
 <tr><th>robot</th><th>joint</th><th>what grows</th><th class="n">weeks left</th>
 <th>until it</th></tr>
 {% for row in document.next %}<tr><td>{{ row.robot }}</td><td>{{ row.joint }}</td>
@@ -52,7 +52,7 @@ told.</p>{% endif %}
 {% for group in groups %}<h2>{{ group.title }}</h2>
 {% if not group.plots %}<p>No effect was found in several recordings, so that none is followed.</p>
 {% endif %}
-{% for plot in group.plots %}<div class="wide">
+{% for plot in group.plots %}<div class="wide" tabindex="0">
 <img alt="{{ plot.alt }}" src="{{ plot.picture }}"></div>
 {% for text in plot.sentences %}<p>{{ text }}</p>{% endfor %}{% endfor %}
 {% for name, reason in group.failures %}<p class="quiet">Not fitted: {{ name }}: {{ reason }}</p>
@@ -64,12 +64,12 @@ constant with steps and slopes where the Bayesian information criterion asks for
 date of a change; orange: its 90 % interval.</p>{% endif %}
 
 {% if failed %}<h2>Recordings that failed</h2>
-<div class="wide"><table><tr><th>recording</th><th>reason</th></tr>
+<div class="wide" tabindex="0"><table><tr><th>recording</th><th>reason</th></tr>
 {% for row in failed %}<tr><td>{{ row.recording }}</td><td>{{ row.failure }}</td></tr>{% endfor %}
 </table></div>{% endif %}
 
 <h2>All recordings</h2>
-<div class="wide"><table>
+<div class="wide" tabindex="0"><table>
 <tr><th>date (UTC)</th><th>recording</th><th>robot</th><th>joint</th><th>verdict</th>
 <th>effects</th></tr>
 {% for row in rows %}<tr><td class="n">{{ row.date }}</td>
@@ -78,7 +78,7 @@ date of a change; orange: its 90 % interval.</p>{% endif %}
 <td>{{ row.effects }}</td></tr>
 {% endfor %}</table></div>
 <p class="quiet">{{ sources }}</p>
-</body></html>
+</main></body></html>
 """
 
 

@@ -55,32 +55,33 @@ _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Preview of {{ name }}</title>
-<style>{{ style | safe }}</style></head><body>
+<style>{{ style | safe }}</style></head><body><main>
 <h1>Preview of {{ name }}</h1>
 <div class="verdict" style="--verdict: {{ '#c2410c' if p.problems else '#00798c' }}">
 <b>{{ 'A diagnosis would refuse this' if p.problems else 'Understood' }}</b>
 {% for text in p.problems %}{{ text }}<br>{% else %}{{ summary }}{% endfor %}</div>
 {% if rows %}<h2>Channels</h2>
-<div class="wide"><table>
+<div class="wide" tabindex="0"><table>
 <tr><th>channel</th><th>column of the log</th><th>read as</th><th class="n">smallest</th>
 <th class="n">largest</th></tr>
 {% for row in rows %}<tr><td>{{ row.channel }}</td><td>{{ row.column }}</td><td>{{ row.how }}</td>
 <td class="n">{{ row.low }}</td><td class="n">{{ row.high }}</td></tr>
 {% endfor %}</table></div>{% endif %}
-{% for plot in plots %}<figure class="plot" role="group" aria-label="{{ plot.alt }}">
+{% for plot in plots %}<figure class="plot" aria-label="{{ plot.alt }}">
 {{ plot.part | safe }}</figure>{% endfor %}
 {% if p.recording and p.recording.repairs %}<h2>Repairs</h2>
 <ul>{% for text in p.recording.repairs %}<li>{{ text }}</li>{% endfor %}</ul>{% endif %}
 {% if p.missing %}<h2>What is missing</h2>
 <ul>{% for text in p.missing %}<li>{{ text }}</li>{% endfor %}</ul>{% endif %}
 {% if unused %}<h2>Columns that are not used</h2>
-<div class="wide"><table><tr><th>column</th><th class="n">values</th><th class="n">smallest</th>
+<div class="wide" tabindex="0"><table><tr><th>column</th><th class="n">values</th>
+<th class="n">smallest</th>
 <th class="n">largest</th></tr>
 {% for row in unused %}<tr><td>{{ row[0] }}</td><td class="n">{{ row[1] }}</td>
 <td class="n">{{ '%.4g' % row[2] }}</td><td class="n">{{ '%.4g' % row[3] }}</td></tr>{% endfor %}
 </table></div>{% endif %}
 {{ script | safe }}
-</body></html>
+</main></body></html>
 """
 
 
