@@ -2,18 +2,25 @@
 
 import threading
 
+import pytest
+
+from pam_model.plant import compiled
 from pam_model.plant.compile_beside import WORTH, CompileBeside
+from pam_model.plant.compiled import HAVE_NUMBA
+
+if HAVE_NUMBA:
+    import numba
 
 
 def test_little_work_compiles_nothing() -> None:
-    kernels, calls = CompileBeside(), []
+    kernels, calls = CompileBeside("none"), []
     assert not kernels.is_ready("a", WORTH // 2, lambda: calls.append("a"))
     assert not kernels.is_ready("a", WORTH // 4, lambda: calls.append("a"))
     assert calls == []
 
 
 def test_the_work_goes_on_until_the_kernel_is_ready() -> None:
-    kernels, go_on, done = CompileBeside(), threading.Event(), threading.Event()
+    kernels, go_on, done = CompileBeside("none"), threading.Event(), threading.Event()
 
     def compile_it() -> None:
         go_on.wait()
@@ -30,10 +37,33 @@ def test_the_work_goes_on_until_the_kernel_is_ready() -> None:
     assert not kernels.is_ready("b", 1, compile_it)
 
 
+def test_machine_code_on_disk_is_used_for_any_work() -> None:
+    kernels, calls = CompileBeside("none"), []
+    assert kernels.is_ready("a", 1, lambda: calls.append("a"), on_disk=True)
+    assert kernels.is_ready("a", 1, lambda: calls.append("again"), on_disk=True)
+    assert calls == ["a"]
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="without numba there is no machine code")
+def test_machine_code_on_disk_is_found_by_name(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(compiled, "_CACHE", "")
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+
+    def twice_a_number(x: float) -> float:
+        return 2.0 * x
+
+    twice_a_number.__qualname__ = "twice_a_number"
+    entry = compiled.entry_point(twice_a_number)
+    assert not compiled.is_on_disk("twice_a_number")
+    assert entry(2.0) == 4.0
+    assert compiled.is_on_disk("twice_a_number")
+    assert not compiled.is_on_disk("a_number")
+
+
 def test_a_kernel_that_cannot_be_compiled_is_not_used(monkeypatch) -> None:
     told = []
     monkeypatch.setattr(threading, "excepthook", told.append)
-    kernels = CompileBeside()
+    kernels = CompileBeside("none")
 
     def fails() -> None:
         raise RuntimeError("no such instruction")

@@ -247,7 +247,7 @@ def _compiled_observer(off: Off) -> Callable[..., None]:
     return entry_point(made)
 
 
-_KERNELS = CompileBeside()
+_KERNELS = CompileBeside("_observe")
 
 
 def observe(

@@ -1,7 +1,7 @@
 """Compiles a faster kernel in a thread of its own, while the work goes on with a slower one.
 
-The compilation takes about ten seconds once on a machine; numba keeps its result on disk. Nobody
-has to wait for it, because both kernels give the same result.
+The compilation takes about ten seconds once on a machine. Nobody has to wait for it, because both
+kernels give the same result. Numba keeps the machine code on disk, from where it is read at once.
 """
 
 from __future__ import annotations
@@ -10,15 +10,16 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Hashable
-from functools import partial
+from functools import cache, partial
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.plant.compiled import HAVE_NUMBA
+from pam_model.plant.compiled import HAVE_NUMBA, is_on_disk
 from pam_model.plant.lane_blocks import FEW
 from pam_model.plant.lane_kernel import LaneKernel, lane_kernels
+from pam_model.plant.lane_twins import Off, kernel_name
 
 WORTH: Final = 4_000_000
 """Samples or steps of one joint that a kernel must have to simulate: about a second of work."""
@@ -26,16 +27,34 @@ SWITCH_INTERVAL: Final = 5e-4
 """Longest time [s] that the compilation keeps the interpreter from the work."""
 
 
-class CompileBeside:
-    """Kernels that are compiled when a process has work for them."""
+READING: Final = 1.0
+"""Longest time [s] that machine code on disk is waited for; reading it takes less than 0.1 s."""
 
-    def __init__(self) -> None:
+
+@cache
+def _on_disk(function: str, off: Off) -> bool:
+    return is_on_disk(f"{function}_{kernel_name(off)}")
+
+
+class CompileBeside:
+    """Kernels that are compiled when a process has work for them.
+
+    Parameters
+    ----------
+    function : str
+        Qualified name of the function from which the kernels are made.
+    """
+
+    def __init__(self, function: str) -> None:
+        self._function = function
         self._lock = threading.Lock()
         self._threads: dict[Hashable, threading.Thread] = {}
         self._failed: set[Hashable] = set()
         self._work: Counter[Hashable] = Counter()
 
-    def is_ready(self, kernel: Hashable, work: int, compile_it: Callable[[], object]) -> bool:
+    def is_ready(
+        self, kernel: Hashable, work: int, compile_it: Callable[[], object], on_disk: bool = False
+    ) -> bool:
         """Whether a kernel is compiled; if it is worth it, its compilation begins.
 
         Parameters
@@ -46,16 +65,18 @@ class CompileBeside:
             Samples or steps that it could simulate now.
         compile_it : callable
             Calls the kernel once.
+        on_disk : bool
+            Whether its machine code seems to be on disk, so that it is worth it for any work.
         """
         with self._lock:
             self._work[kernel] += work
             thread = self._threads.get(kernel)
-            if thread is None and self._work[kernel] >= WORTH:
+            if thread is None and (on_disk or self._work[kernel] >= WORTH):
                 arguments = (kernel, compile_it)
                 thread = threading.Thread(target=self._run, args=arguments, name="compile")
                 self._threads[kernel] = thread
                 thread.start()
-                return False
+                thread.join(READING if on_disk else 0.0)
         return thread is not None and not thread.is_alive() and kernel not in self._failed
 
     def ready_kernels(
@@ -79,7 +100,10 @@ class CompileBeside:
         for kernel in lane_kernels(constants):
             own = np.flatnonzero(kernel.serves & left)
             if own.size > FEW and self.is_ready(
-                kernel.off, own.size * work, partial(compile_it, kernel, int(own[0]))
+                kernel.off,
+                own.size * work,
+                partial(compile_it, kernel, int(own[0])),
+                _on_disk(self._function, kernel.off),
             ):
                 ready.append(kernel)
             left[own] = False

@@ -139,6 +139,15 @@ def _compiled[F: Callable[..., Any]](function: F, *, cache: bool, inlined: bool 
     return result
 
 
+def is_on_disk(name: str) -> bool:
+    """Whether the cache holds machine code of the entry point with this qualified name.
+
+    It may be out of date; numba compiles the entry point anew then.
+    """
+    folder = _CACHE or (numba.config.CACHE_DIR if HAVE_NUMBA else "")
+    return bool(folder) and any(Path(folder).glob(f"*/*.{name}-*.nbi"))
+
+
 def for_kernel(array: npt.NDArray[Any]) -> Any:
     """The array for a compiled kernel, or nested lists of Python floats for a plain one."""
     return np.ascontiguousarray(array) if HAVE_NUMBA else array.tolist()

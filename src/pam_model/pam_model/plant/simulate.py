@@ -45,7 +45,7 @@ from pam_model.plant.trajectory import Trajectory
 Array = npt.NDArray[np.float64]
 
 DEFAULT_STEP = 2.5e-4  # s
-_KERNELS = CompileBeside()
+_KERNELS = CompileBeside("run_block")
 
 
 def initial_state(
