@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from pam_check.blind.campaign import diagnose_case, run_campaign
+from pam_check.blind import diagnosing_process
+from pam_check.blind.campaign import run_campaign
+from pam_check.blind.diagnosing_process import DiagnosingProcess
 from pam_check.blind.score import reliability, reliability_of_causes
 from pam_model.errors import PamError
 
@@ -77,7 +78,7 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
         (out / "sealed" / "labels.json").write_text(text)
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def diagnose(case: Path, out: Path, *_options: object) -> dict[str, object]:
+    def diagnose(_process: DiagnosingProcess, case: Path, out: Path) -> dict[str, object]:
         begun.append(case.name)
         if begun == ["000", "001"]:
             raise RuntimeError("the machine went off")
@@ -90,7 +91,7 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
         return found | {"wall_time": 2.0}
 
     monkeypatch.setattr(f"{CAMPAIGN}.draw_sealed", draw)
-    monkeypatch.setattr(f"{CAMPAIGN}.diagnose_case", diagnose)
+    monkeypatch.setattr(DiagnosingProcess, "diagnose", diagnose)
     monkeypatch.setattr(f"{CAMPAIGN}.draw_confusion", lambda pairs, path: None)
     with pytest.raises(PamError, match="no campaign to resume"):
         run_campaign(2, 5, tmp_path, 1, resume=True)
@@ -105,16 +106,43 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
     assert result["shares"]["false_name_on_clean"]["of"] == 2
 
 
+def broken_case(folder: Path, name: str) -> Path:
+    case = folder / name
+    case.mkdir()
+    (case / "rig.yaml").write_text("joints: [elbow]\n")
+    (case / "recording.csv.gz").write_bytes(b"")
+    return case
+
+
+def test_a_case_that_fails_is_counted_and_the_next_one_is_diagnosed(tmp_path: Path) -> None:
+    with DiagnosingProcess() as process:
+        for name in ("000", "001"):
+            answer = process.diagnose(broken_case(tmp_path, name), tmp_path / "answers" / name)
+            assert answer["verdict"] == "crash"
+            assert f"{name}/rig.yaml" in answer["error"]
+
+
+def test_a_process_that_is_killed_costs_one_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = broken_case(tmp_path, "000")
+    with DiagnosingProcess() as process:
+        with monkeypatch.context() as killed:
+            killed.setattr(diagnosing_process, "DIAGNOSE_CASES", "no_such_program")
+            answer = process.diagnose(case, tmp_path / "answers")
+        assert answer["verdict"] == "crash"
+        assert "no_such_program" in answer["error"]
+        assert "rig.yaml" in process.diagnose(case, tmp_path / "answers")["error"]
+
+
 @pytest.mark.parametrize("experiment", [False, True])
 def test_a_campaign_seeks_an_experiment_only_if_it_is_run(
     experiment: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given: list[str] = []
-
-    def run(command: list[str], **_options: object) -> SimpleNamespace:
-        given.extend(command)
-        return SimpleNamespace(returncode=1, stderr="")
-
-    monkeypatch.setattr("subprocess.run", run)
-    assert diagnose_case(tmp_path, tmp_path, experiment=experiment)["verdict"] == "crash"
-    assert ("--answer-only" in given) is not experiment
+    given: dict[str, object] = {}
+    monkeypatch.setattr(
+        diagnosing_process, "diagnose_files", lambda *_files, **options: given.update(options)
+    )
+    with DiagnosingProcess(experiment=experiment) as process:
+        assert diagnosing_process._diagnose(process.task(tmp_path, tmp_path)) == ""
+    assert given["answer_only"] is not experiment

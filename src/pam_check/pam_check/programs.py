@@ -18,5 +18,6 @@ MODULES: Final[Mapping[str, str]] = {
 """The nodes of a simulated rig, in the order in which they start."""
 
 DIAGNOSIS: Final = "pam_gap"
+DIAGNOSE_CASES: Final = "pam_check.blind.diagnosing_process"
 DRAW_CASES: Final = "pam_check.blind.cases"
 CARRY_OUT_EXPERIMENT: Final = "pam_check.blind.carry_out"

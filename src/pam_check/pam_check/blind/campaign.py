@@ -1,8 +1,8 @@
 """`python -m pam_check blind`: draw hidden effects, diagnose the recordings, open labels, score.
 
-The cases are drawn in a separate process (`pam_check.blind.cases`). Each diagnosis runs in its own
-process, which gets only a recording and a rig file. The digest of the labels is stored before the
-first diagnosis and compared when the labels are opened.
+The cases are drawn in a separate process (`pam_check.blind.cases`). The diagnoses run in processes
+that get only recordings and rig files (`pam_check.blind.diagnosing_process`). The digest of the
+labels is stored before the first diagnosis and compared when the labels are opened.
 """
 
 from __future__ import annotations
@@ -13,9 +13,12 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import matplotlib as mpl
@@ -23,11 +26,12 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from pam_check.blind.cases import LABELS
+from pam_check.blind.diagnosing_process import DiagnosingProcess
 from pam_check.blind.draw import KNOWN, OUTSIDE
 from pam_check.blind.experiments import run_experiments
 from pam_check.blind.score import score
 from pam_check.blind.untouched import with_untouched
-from pam_check.programs import DIAGNOSIS, DRAW_CASES
+from pam_check.programs import DRAW_CASES
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
@@ -96,33 +100,40 @@ def finished_answers(out: Path) -> dict[str, dict[str, Any]]:
     return answers
 
 
-def diagnose_case(
-    case: Path, out: Path, keep_evidence: bool = False, threads: int = 1, experiment: bool = False
-) -> dict[str, Any]:
-    """Diagnose one case in a process that gets only its recording and rig file.
+def diagnose_all(
+    names: Sequence[str],
+    out: Path,
+    workers: int,
+    *,
+    keep_evidence: bool = False,
+    experiment: bool = False,
+) -> dict[str, dict[str, Any]]:
+    """Diagnose the cases of a campaign with these names, in processes that see no label."""
+    threads = max(1, (os.cpu_count() or 1) // workers)
+    free: SimpleQueue[DiagnosingProcess] = SimpleQueue()
 
-    The process keeps to its `threads`, because others diagnose at the same time. Without
-    `experiment`, it seeks no next experiment and writes no report page.
-    """
-    options = ["--keep-evidence"] if keep_evidence else []
-    options += [] if experiment else ["--answer-only"]
-    started = time.monotonic()
-    done = subprocess.run(
-        [sys.executable, "-m", DIAGNOSIS, "diagnose", str(case / "recording.csv.gz"),
-         "--rig", str(case / "rig.yaml"), "--out", str(out), "--no-progress",
-         "--threads", str(threads), *options],
-        capture_output=True, text=True, check=False,
-        env=os.environ | {"OPENBLAS_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads)},
-    )  # fmt: skip
-    result = out / "diagnosis.json"
-    answer: dict[str, Any] = (
-        json.loads(result.read_text())
-        if done.returncode == 0 and result.exists()
-        else {"verdict": "crash", "effects": [], "indistinguishable": [], "stage": None,
-              "candidates": [], "error": done.stderr[-2000:]}
-    )  # fmt: skip
-    answer["wall_time"] = time.monotonic() - started
-    return answer
+    def diagnose(name: str) -> dict[str, Any]:
+        process = free.get()
+        try:
+            return process.diagnose(out / "cases" / name, out / "answers" / name)
+        finally:
+            free.put(process)
+
+    answers = {}
+    with ThreadPoolExecutor(workers) as pool, ExitStack() as processes:
+        for _ in range(workers):
+            process = DiagnosingProcess(threads, keep_evidence=keep_evidence, experiment=experiment)
+            free.put(processes.enter_context(process))
+        runs = {pool.submit(diagnose, name): name for name in names}
+        try:
+            with progress(len(runs), "diagnosing") as bar:
+                for number, done in enumerate(as_completed(runs), 1):
+                    answers[runs[done]] = done.result()
+                    bar.show(number)
+        except BaseException:  # such as Ctrl-C: what waits is not begun
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return answers
 
 
 def open_labels(sealed: Path, digest: str) -> list[dict[str, Any]]:
@@ -201,27 +212,9 @@ def run_campaign(
         drawn.seal(out, digest)
     answers = finished_answers(out)
     names = sorted(p.name for p in (out / "cases").iterdir() if p.name not in answers)
-    threads = max(1, (os.cpu_count() or 1) // workers)
-    with ThreadPoolExecutor(workers) as pool:
-        runs = {
-            pool.submit(
-                diagnose_case,
-                out / "cases" / n,
-                out / "answers" / n,
-                keep_evidence,
-                threads,
-                experiments,
-            ): n
-            for n in names
-        }
-        try:
-            with progress(len(runs), "diagnosing") as bar:
-                for number, done in enumerate(as_completed(runs), 1):
-                    answers[runs[done]] = done.result()
-                    bar.show(number)
-        except BaseException:  # such as Ctrl-C: what waits is not begun
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    answers |= diagnose_all(
+        names, out, workers, keep_evidence=keep_evidence, experiment=experiments
+    )
     labels = open_labels(out / "sealed", digest)
     add_untouched(out, answers)
     result = score(labels, answers)

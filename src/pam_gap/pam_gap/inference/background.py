@@ -189,10 +189,17 @@ def _played(problem: PredictionProblem, data: Channels, amount: float) -> Channe
     if has_regulators(problem):
         width = rules.ordinary_regulator * _supply(problem)
     half = 0.5 * amount * width
-    spool = data.commands.copy()
-    for k in range(1, len(spool)):
-        spool[k] = np.clip(spool[k - 1], data.commands[k] - half, data.commands[k] + half)
-    return replace(data, commands=spool)
+    spool = [_play(valve, half) for valve in data.commands.T.tolist()]
+    return replace(data, commands=np.ascontiguousarray(np.transpose(spool)))
+
+
+def _play(commands: list[float], half: float) -> list[float]:
+    """Positions of a spool that stays where it is until a command is `half` away."""
+    at, found = commands[0], []
+    for command in commands:
+        at = min(max(at, command - half), command + half)
+        found.append(at)
+    return found
 
 
 def _shifted(problem: PredictionProblem, data: Channels, amount: float, channel: int) -> Channels:
