@@ -29,6 +29,7 @@ from pam_check.blind.cases import LABELS
 from pam_check.blind.diagnosing_process import DiagnosingProcess
 from pam_check.blind.draw import KNOWN, OUTSIDE
 from pam_check.blind.experiments import run_experiments
+from pam_check.blind.plants import FIRST
 from pam_check.blind.score import score
 from pam_check.blind.untouched import with_untouched
 from pam_check.programs import DRAW_CASES
@@ -36,7 +37,9 @@ from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
 
-def draw_sealed(cases: int, seed: int, out: Path, background: bool = False) -> str:
+def draw_sealed(
+    cases: int, seed: int, out: Path, background: bool = False, plant: str = FIRST
+) -> str:
     """Draw the cases in another process; return the digest of the sealed labels.
 
     Raises
@@ -47,7 +50,7 @@ def draw_sealed(cases: int, seed: int, out: Path, background: bool = False) -> s
     done = subprocess.run(
         [sys.executable, "-m", DRAW_CASES, "--cases", str(cases), "--seed", str(seed),
          "--folder", str(out / "cases"), "--sealed", str(out / "sealed"),
-         *(["--background"] if background else [])],
+         "--plant", plant, *(["--background"] if background else [])],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode != 0:
@@ -65,6 +68,7 @@ class Drawn:
     cases: int
     seed: int
     background: bool
+    plant: str = FIRST
 
     def seal(self, out: Path, digest: str) -> None:
         """Write down the digest of the labels before the first diagnosis."""
@@ -82,10 +86,10 @@ class Drawn:
         if not (out / SEAL).exists():
             raise PamError(f"{out}: no campaign to resume; expected {SEAL}, which --out writes")
         found = json.loads((out / SEAL).read_text())
-        if found["drawn"] != asdict(self):
+        if {"plant": FIRST} | found["drawn"] != asdict(self):
             raise PamError(
-                f"{out}: holds a campaign of {found['drawn']}; give the same --cases, --seed and "
-                "--background to resume it"
+                f"{out}: holds a campaign of {found['drawn']}; give the same --cases, --seed, "
+                "--background and --plant to resume it"
             )
         return str(found["labels_sha256"])
 
@@ -187,12 +191,14 @@ def run_campaign(
     keep_evidence: bool = False,
     background: bool = False,
     resume: bool = False,
+    plant: str = FIRST,
 ) -> dict[str, Any]:
     """Draw, diagnose and score `cases` cases; all files are written into `out`.
 
     With `experiments`, the experiment that each ambiguous diagnosis proposes is run and scored as
     well. With `keep_evidence`, every diagnosis keeps the evidence that `sensitivity` needs.
     With `background`, every rig has an ordinary background besides its hidden effects.
+    With `plant`, another plant of `plants.PLANTS` makes the recordings.
     With `resume`, a campaign that was interrupted goes on: cases with an answer keep it.
 
     Raises
@@ -201,14 +207,14 @@ def run_campaign(
         When `out` already contains a campaign (with `resume`: another or none), or the generator
         fails.
     """
-    drawn = Drawn(cases, seed, background)
+    drawn = Drawn(cases, seed, background, plant)
     if resume:
         digest = drawn.sealed_in(out)
     elif (out / "cases").exists():
         raise PamError(f"{out}: holds a campaign already; give another --out, or --resume")
     else:
         out.mkdir(parents=True, exist_ok=True)
-        digest = draw_sealed(cases, seed, out, background)
+        digest = draw_sealed(cases, seed, out, background, plant)
         drawn.seal(out, digest)
     answers = finished_answers(out)
     names = sorted(p.name for p in (out / "cases").iterdir() if p.name not in answers)
@@ -219,10 +225,11 @@ def run_campaign(
     add_untouched(out, answers)
     result = score(labels, answers)
     if experiments:
-        result["experiments"] = run_experiments(out, labels, answers, workers)
+        result["experiments"] = run_experiments(out, labels, answers, workers, plant)
     result |= {
         "cases": cases,
         "seed": seed,
+        "plant": plant,
         "labels_sha256": digest,
         "untouched": {
             name: answer["closed"]["untouched"]
@@ -250,7 +257,7 @@ def run(given: Arguments) -> Outcome:
     seed = given.seed if given.seed is not None else time.time_ns() % 2**32
     result = run_campaign(
         given.cases, seed, given.out, given.workers, given.experiments, given.keep_evidence,
-        given.background, given.resume,
+        given.background, given.resume, given.plant,
     )  # fmt: skip
     print(f"seed {seed}; labels sealed as {result['labels_sha256'][:16]}…")
     shares = dict(result["shares"])

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from pam_check.blind.cases import LABELS, to_table
+from pam_check.blind.plants import FIRST, PLANTS
 from pam_check.blind.truth_plant import (
     Array,
     Sensors,
     TruthJoint,
     TruthMuscle,
     TruthRecording,
-    run_truth,
 )
 from pam_check.blind.truth_plant import Excitation as TruthExcitation
 from pam_gap.experiments.excitations import Excitation
@@ -52,6 +52,7 @@ def carry_out(
     sensors: Sensors,
     excitation: Excitation,
     seed: int,
+    plant: str = FIRST,
 ) -> TruthRecording:
     """Play an excitation on a true rig: in closed loop, then with its valve commands if it has any.
 
@@ -67,14 +68,14 @@ def carry_out(
         excitation.sample_time,
         position_gain=excitation.position_gain,
     )
-    mounted = _mounted(joint, excitation.mounting)
-    recording = run_truth(mounted, muscles, played, sensors, np.random.default_rng(seed))
+    mounted, run = _mounted(joint, excitation.mounting), PLANTS[plant]
+    recording = run(mounted, muscles, played, sensors, np.random.default_rng(seed))
     opened = excitation.time >= excitation.open_from
     if not opened.any():
         return recording
     # The same noise again, so that nothing differs until the direct valve commands begin.
     commands: Array = np.where(opened[:, None], excitation.open_commands, recording.commands)
-    return run_truth(
+    return run(
         mounted, muscles, played, sensors, np.random.default_rng(seed), fixed_commands=commands
     )
 
@@ -95,6 +96,9 @@ def _declare(parser: Parser) -> None:
         "--out", type=output_file, required=True, help="recording to write (.csv.gz)"
     )
     parser.add_argument("--seed", type=count(0), default=1, metavar="N", help="seed of the noise")
+    parser.add_argument(
+        "--plant", choices=list(PLANTS), default=FIRST, help="plant that made the case"
+    )
 
 
 def _run(given: Arguments) -> Outcome:
@@ -104,7 +108,7 @@ def _run(given: Arguments) -> Outcome:
         raise PamError(f"{given.sealed}: no case {given.case}")
     joint, muscles, sensors = rig_of(label)
     excitation = read_experiment(given.experiment)
-    made = carry_out(joint, muscles, sensors, excitation, given.seed)
+    made = carry_out(joint, muscles, sensors, excitation, given.seed, given.plant)
     table = to_table(made, bool(label["load_cells"]))
     table.to_csv(make_parents(given.out), index=False, float_format="%.7g")
     return Outcome({"recording": given.out})

@@ -31,6 +31,7 @@ from pam_check.blind.draw import (
     draw_sensors,
     perturbed,
 )
+from pam_check.blind.plants import FIRST, PLANTS
 from pam_check.blind.rough import TOLERANCES, BuriedError, draw_rough_rig, uneven
 from pam_check.blind.truth_plant import (
     Array,
@@ -38,7 +39,6 @@ from pam_check.blind.truth_plant import (
     TruthJoint,
     TruthMuscle,
     TruthRecording,
-    run_truth,
 )
 from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
@@ -162,7 +162,12 @@ def _over_floor(recording: TruthRecording, without: TruthRecording, sensors: Sen
 
 
 def make_case(
-    name: str, kind: str, folder: Path, sealed: Path, random: np.random.Generator
+    name: str,
+    kind: str,
+    folder: Path,
+    sealed: Path,
+    random: np.random.Generator,
+    plant: str = FIRST,
 ) -> Label:
     """Draw one case, write rig.yaml and recording.csv.gz, and return its label.
 
@@ -174,7 +179,7 @@ def make_case(
     RuntimeError
         When MAX_TRIES draws give no rig that can run.
     """
-    effects = _choose(random, kind)
+    effects, run = _choose(random, kind), PLANTS[plant]
     for _ in range(MAX_TRIES):
         joint, muscle = believed_rig(random)
         tolerance = float(random.choice([0.0, 0.01, 0.02]))
@@ -187,10 +192,10 @@ def make_case(
         sensors = draw_sensors(random)
         hidden = (draw.muscles[0], draw.muscles[1])
         try:
-            recording = run_truth(draw.joint, hidden, excitation, sensors, random)
+            recording = run(draw.joint, hidden, excitation, sensors, random)
             check_motion = draw_excitation(random, joint, excitation.sample_time)
-            check = run_truth(draw.joint, hidden, check_motion, sensors, random)
-            without = run_truth(
+            check = run(draw.joint, hidden, check_motion, sensors, random)
+            without = run(
                 plain_joint, plain, excitation, sensors, random, fixed_commands=recording.commands
             )
         except FloatingPointError:
@@ -221,7 +226,12 @@ def make_case(
 
 
 def make_rough_case(
-    name: str, kind: str, folder: Path, sealed: Path, random: np.random.Generator
+    name: str,
+    kind: str,
+    folder: Path,
+    sealed: Path,
+    random: np.random.Generator,
+    plant: str = FIRST,
 ) -> Label:
     """Draw one case with an ordinary background, as `make_case` draws one without.
 
@@ -235,7 +245,7 @@ def make_rough_case(
         believed = believed_rig(random)
         tolerance = float(random.choice(TOLERANCES))
         try:
-            drawn = draw_rough_rig(believed, tolerance, effects, random)
+            drawn = draw_rough_rig(believed, tolerance, effects, random, plant)
         except (FloatingPointError, BuriedError):
             continue
         if not _moves_well(drawn.recording, believed[0]):
@@ -267,18 +277,28 @@ def make_rough_case(
     raise RuntimeError(f"no rig with {effects} that can run in {MAX_TRIES} draws")
 
 
-def make_cases(count: int, seed: int, folder: Path, sealed: Path, background: bool = False) -> str:
+def make_cases(
+    count: int,
+    seed: int,
+    folder: Path,
+    sealed: Path,
+    background: bool = False,
+    plant: str = FIRST,
+) -> str:
     """Write `count` cases into `folder`, their labels into `sealed`; return the labels' SHA-256.
 
     Half of the cases hide one effect. The others hide none, two, or one outside the table, in equal
-    shares. With `background`, every rig has an ordinary background besides.
+    shares. With `background`, every rig has an ordinary background besides. Every plant gets the
+    same draws from the same seed, as long as the drawn rigs can run on it.
     """
     random = np.random.default_rng(seed)
     kinds = random.permutation(
         [("one", "none", "one", "two", "one", "outside")[k % 6] for k in range(count)]
     )
     make = make_rough_case if background else make_case
-    labels = [make(f"{k:03d}", str(kind), folder, sealed, random) for k, kind in enumerate(kinds)]
+    labels = [
+        make(f"{k:03d}", str(kind), folder, sealed, random, plant) for k, kind in enumerate(kinds)
+    ]
     text = json.dumps([asdict(label) for label in labels], indent=1)
     (sealed / LABELS).write_text(text)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -295,10 +315,15 @@ def _declare(parser: Parser) -> None:
         help="folder for labels and second recordings",
     )
     parser.add_argument("--background", action="store_true", help="rigs with a background")
+    parser.add_argument(
+        "--plant", choices=list(PLANTS), default=FIRST, help="plant that makes the recordings"
+    )
 
 
 def _run(given: Arguments) -> Outcome:
-    digest = make_cases(given.cases, given.seed, given.folder, given.sealed, given.background)
+    digest = make_cases(
+        given.cases, given.seed, given.folder, given.sealed, given.background, given.plant
+    )
     print(digest)
     return Outcome({"labels_sha256": digest})
 

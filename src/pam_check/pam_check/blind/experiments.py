@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from pam_check.blind.plants import FIRST
 from pam_check.blind.score import reported_set, share
 from pam_check.programs import CARRY_OUT_EXPERIMENT, DIAGNOSIS
 from pam_gap.experiments.files import DETAILS, FOLDER
@@ -29,7 +30,7 @@ def ambiguity(answer: Mapping[str, Any]) -> int:
     return max((len(group) for group in answer["indistinguishable"]), default=1)
 
 
-def experiment_on_case(campaign: Path, case: str) -> dict[str, Any]:
+def experiment_on_case(campaign: Path, case: str, plant: str = FIRST) -> dict[str, Any]:
     """Run the proposed experiment of one case and diagnose again.
 
     Raises
@@ -43,7 +44,8 @@ def experiment_on_case(campaign: Path, case: str) -> dict[str, Any]:
     environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
     done = subprocess.run(
         [sys.executable, "-m", CARRY_OUT_EXPERIMENT, "--sealed", str(campaign / "sealed"),
-         "--case", case, "--experiment", str(proposal), "--out", str(recording)],
+         "--case", case, "--experiment", str(proposal), "--out", str(recording),
+         "--plant", plant],
         capture_output=True, text=True, check=False, env=environment,
     )  # fmt: skip
     if done.returncode != 0:
@@ -86,6 +88,7 @@ def run_experiments(
     labels: list[dict[str, Any]],
     answers: Mapping[str, Mapping[str, Any]],
     workers: int,
+    plant: str = FIRST,
 ) -> dict[str, Any]:
     """Run the proposed experiments of all ambiguous cases of a scored campaign.
 
@@ -99,6 +102,8 @@ def run_experiments(
         Answers of the campaign.
     workers : int
         Number of parallel processes.
+    plant : str
+        Plant that made the recordings of the campaign.
 
     Returns
     -------
@@ -114,7 +119,7 @@ def run_experiments(
         and (campaign / "answers" / name / FOLDER / DETAILS).exists()
     ]
     with ThreadPoolExecutor(workers) as pool:
-        results = list(pool.map(lambda name: experiment_on_case(campaign, name), names))
+        results = list(pool.map(lambda name: experiment_on_case(campaign, name, plant), names))
     truth = {str(label["case"]): set(label["effects"]) for label in labels}
     kept = [
         truth[r["case"]] <= set(r.get("after", ()))

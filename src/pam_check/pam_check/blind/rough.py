@@ -23,6 +23,7 @@ from pam_check.blind.background import (
     wrong_numbers,
 )
 from pam_check.blind.draw import KNOWN, OUTSIDE, Draw, draw_excitation, draw_sensors
+from pam_check.blind.plants import FIRST, PLANTS
 from pam_check.blind.truth_plant import (
     Array,
     Excitation,
@@ -31,7 +32,6 @@ from pam_check.blind.truth_plant import (
     TruthJoint,
     TruthMuscle,
     TruthRecording,
-    run_truth,
 )
 
 STRENGTHS = {"weak": (1.0, 3.0), "medium": (3.0, 10.0), "strong": (10.0, 30.0)}
@@ -110,6 +110,7 @@ def draw_rough_rig(
     tolerance: float,
     effects: list[str],
     random: np.random.Generator,
+    plant: str = FIRST,
 ) -> DrawnRig:
     """Draw the true rig that belongs to a believed one.
 
@@ -123,6 +124,8 @@ def draw_rough_rig(
         Hidden effects of `draw.KNOWN` and `draw.OUTSIDE`.
     random : numpy.random.Generator
         Source of every draw.
+    plant : str
+        Plant of `plants.PLANTS` that makes the recordings.
 
     Raises
     ------
@@ -156,7 +159,7 @@ def draw_rough_rig(
 
     def run(rig: Draw, motion: Excitation, commands: Array | None = None) -> TruthRecording:
         muscles = (rig.muscles[0], rig.muscles[1])
-        return run_truth(
+        return PLANTS[plant](
             rig.joint, muscles, motion, sensors, np.random.default_rng(seed),
             fixed_commands=commands, supply=supply,
         )  # fmt: skip
@@ -168,7 +171,7 @@ def draw_rough_rig(
         without = run(plain, motions[0], recording.commands)
         if not effects:
             break
-        ideal = run_truth(
+        ideal = PLANTS[plant](
             exact.joint, (exact.muscles[0], exact.muscles[1]), motions[0], sensors,
             np.random.default_rng(seed), fixed_commands=recording.commands,
         )  # fmt: skip

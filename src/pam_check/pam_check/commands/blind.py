@@ -48,9 +48,17 @@ def _declare_blind(parser: Parser) -> None:
         help="draw rigs as they are: each with an ordinary background of small imperfections",
     )
     parser.add_argument(
+        "--plant",
+        choices=["first", "second"],
+        default="first",
+        help="laws that make the recordings: `second` is from other literature "
+        "(default: %(default)s)",
+    )
+    parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on with the interrupted campaign in --out (same --cases, --seed, --background)",
+        help="go on with the interrupted campaign in --out "
+        "(same --cases, --seed, --background and --plant)",
     )
 
 
