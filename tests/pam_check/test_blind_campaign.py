@@ -69,7 +69,7 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
 ) -> None:
     begun: list[str] = []
 
-    def draw(cases: int, seed: int, out: Path, background: bool) -> str:
+    def draw(cases: int, seed: int, out: Path, background: bool, plant: str) -> str:
         names = [f"{k:03d}" for k in range(cases)]
         for name in names:
             (out / "cases" / name).mkdir(parents=True)
@@ -99,7 +99,7 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
         run_campaign(2, 5, tmp_path, 1)
     with pytest.raises(PamError, match="give another --out, or --resume"):
         run_campaign(2, 5, tmp_path, 1)
-    with pytest.raises(PamError, match="give the same --cases, --seed and --background"):
+    with pytest.raises(PamError, match="give the same --cases, --seed, --background and --plant"):
         run_campaign(2, 6, tmp_path, 1, resume=True)
     result = run_campaign(2, 5, tmp_path, 1, resume=True)
     assert begun == ["000", "001", "001"]
