@@ -182,6 +182,7 @@ def test_files_and_folders_are_told_apart_before_any_work(tmp_path):
         (types.input_file, [file], [missing, tmp_path]),
         (types.input_folder, [tmp_path], [missing, file]),
         (types.output_file, [file, missing, missing / "a"], [tmp_path, file / "a"]),
+        (types.new_file, [missing, missing / "a"], [file, tmp_path, file / "a"]),
         (types.output_folder, [tmp_path, missing, missing / "a"], [file, file / "a"]),
     ):
         for path in good:

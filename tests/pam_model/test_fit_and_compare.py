@@ -214,5 +214,10 @@ def test_points_are_read(tmp_path: Path) -> None:
     data = load_measurements(path)
     assert (data.pressure[0], data.force[0], data.position[0]) == (1e5, 20.0, 0.01)
     assert (data.velocity[0], data.block[0], data.branch[0]) == (-0.1, "x", "up")
+    german = "Größe;pressure;force;shortening\n1,5;1e5;20,5;0,01\n2;2e5;30,5;0,02\n"
+    for encoding in ("utf-8-sig", "utf-16", "cp1252"):
+        path.write_text(german, encoding=encoding)
+        data = load_measurements(path)
+        assert (data.force.tolist(), data.position.tolist()) == ([20.5, 30.5], [0.01, 0.02])
     with pytest.raises(PamError, match="cannot be read"):
         load_measurements(tmp_path / "none.csv")

@@ -33,6 +33,10 @@ def test_a_new_rig_is_commented_and_check_rig_accepts_it(tmp_path, capsys):
     told = [line for line in numbers if "#" in line]
     assert len(told) > 0.7 * len(numbers), "most numbers say what they are"
     capsys.readouterr()
+    written = path.read_text()
+    assert main(["new-rig", str(path), "--defaults"]) == MISTAKE
+    assert path.read_text() == written, "a rig file is the work of its owner"
+    assert "exists already" in capsys.readouterr().err
     assert driver_main(["check-rig", str(path), "--check"]) == DONE
     assert "can use this rig" in capsys.readouterr().out
 
@@ -42,12 +46,14 @@ def test_an_arm_with_more_boards_than_a_bus_carries_has_several_buses(tmp_path, 
     joints = ",".join(f"j{k}" for k in range(1, 8))
     assert main(["new-rig", str(path), "--joints", joints, "--defaults"]) == DONE
     assert driver_main(["check-rig", str(path), "--check"]) != DONE, "7 boards on one bus"
+    path.unlink()
     options = ["--joints", joints, "--buses", "can0,can1", "--defaults"]
     assert main(["new-rig", str(path), *options]) == DONE
     capsys.readouterr()
     assert driver_main(["check-rig", str(path), "--check"]) == DONE
     said = capsys.readouterr().out
     assert "can0" in said and "can1" in said
+    path.unlink()
     options = ["--joints", "one", "--buses", "can0,can1", "--defaults"]
     assert main(["new-rig", str(path), *options]) == MISTAKE
 

@@ -10,7 +10,7 @@ import argparse
 import math
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pam_model.unit_hints import other_units, read_with_unit
@@ -145,18 +145,28 @@ def output_file(text: str) -> Path:
     return path
 
 
+def new_file(text: str) -> Path:
+    """A file that does not exist yet, for what its owner goes on to edit, such as a rig file."""
+    path = output_file(text)
+    if path.exists():
+        raise argparse.ArgumentTypeError(
+            f"{text}: exists already and would be lost; expected the name of a new file"
+        )
+    return path
+
+
 def output_folder(text: str) -> Path:
     """A folder that exists or can be created."""
     path = Path(text)
     if path.exists() and not path.is_dir():
         raise argparse.ArgumentTypeError(f"{text}: is a file; expected a folder")
-    _check_parent(path / "anything")
+    _check_parent(path, (path.absolute(), *path.absolute().parents))
     return path
 
 
-def _check_parent(path: Path) -> None:
-    """Refuse a path that cannot be created, by its nearest existing folder."""
-    parent = next(above for above in path.absolute().parents if above.exists())
+def _check_parent(path: Path, above: Sequence[Path] = ()) -> None:
+    """Refuse a path that cannot be created, by the nearest folder above it that exists."""
+    parent = next(folder for folder in above or path.absolute().parents if folder.exists())
     if not parent.is_dir():
         raise argparse.ArgumentTypeError(f"{path}: {parent} is a file; expected a folder")
     if not os.access(parent, os.W_OK | os.X_OK):

@@ -11,6 +11,7 @@ import pandas as pd
 from rosbags.highlevel import AnyReader
 
 from pam_gap.recordings.import_recording import is_bag
+from pam_gap.recordings.text_table import numbers, read_text_table
 from pam_model.errors import PamError
 
 EARLIEST = datetime(2000, 1, 1, tzinfo=UTC).timestamp()
@@ -62,8 +63,7 @@ def first_stamp(path: Path) -> float | None:
         elif path.suffix.lower() in (".parquet", ".pq"):
             stamp = float(pd.read_parquet(path, columns=["time"])["time"].iloc[0])
         elif ".csv" in path.name.lower():
-            table = pd.read_csv(path, comment="#", nrows=1, skipinitialspace=True)
-            stamp = float(table["time"].iloc[0])
+            stamp = float(numbers(read_text_table(path, rows=1)["time"])[0])
         elif path.suffix.lower() == ".npz":
             with np.load(path, allow_pickle=False) as file:
                 stamp = float(np.ravel(file["time"])[0])

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from pam_gap.diagnose_recordings import joints_to_diagnose, what_is_missing
-from pam_gap.import_log.preview_page import Preview, render
+from pam_gap.import_log.preview_page import Preview, conversion, render
 from pam_gap.import_log.propose_map import Proposed, map_text, propose, wanted_channels
 from pam_gap.recordings.bag_columns import read_bag_columns
 from pam_gap.recordings.column_map import ColumnMap, load_column_map
@@ -196,7 +196,7 @@ def run(given: Arguments) -> Outcome:
         ask=input if terminal and given.map is None else None,
     )  # fmt: skip
     for channel, entry in preview.column_map.channels.items():
-        print(f"{channel}: {' + '.join(entry.columns)}")
+        print(f"{channel}: {' + '.join(entry.columns)} {conversion(entry, channel)}".rstrip())
     for text in preview.problems:
         print(f"refused: {text}")
     print(f"written: {given.out}")

@@ -17,7 +17,7 @@ from bokeh.resources import Resources
 from pam_gap.answer.page_style import STYLE
 from pam_gap.answer.traces import IMPROVED, thinned
 from pam_gap.answer.user_units import told, user_unit
-from pam_gap.recordings.column_map import ColumnMap, unit_of
+from pam_gap.recordings.column_map import ColumnMap, MappedColumn, unit_of
 from pam_gap.recordings.recording import COMMANDS, Recording
 
 POINTS = 3000
@@ -85,15 +85,24 @@ _PAGE = """<!doctype html>
 """
 
 
+def _unit(channel: str) -> str:
+    return unit_of(channel).split()[0] if unit_of(channel) else ""
+
+
+def conversion(entry: MappedColumn, channel: str) -> str:
+    """What is done to a column to make it a channel, such as "× 100000"; empty for nothing."""
+    factor = f"× {entry.factor:.6g}" if entry.factor != 1.0 else ""
+    offset = f"{entry.offset:+.6g} {_unit(channel)}" if entry.offset else ""
+    return " ".join(part for part in (factor, offset) if part)
+
+
 def _row(recording: Recording, column_map: ColumnMap, channel: str) -> dict[str, str]:
     entry, values = column_map.channels[channel], recording.values[channel]
-    unit = unit_of(channel).split()[0] if unit_of(channel) else ""
-    factor = f"× {entry.factor:.6g}" if entry.factor != 1.0 else ""
-    offset = f"{entry.offset:+.6g} {unit}" if entry.offset else ""
+    unit = _unit(channel)
     return {
         "channel": channel,
         "column": " + ".join(entry.columns),
-        "how": " ".join(part for part in (factor, offset) if part) or "as it is",
+        "how": conversion(entry, channel) or "as it is",
         "low": told(float(values.min()), unit, 3),
         "high": told(float(values.max()), unit, 3),
     }

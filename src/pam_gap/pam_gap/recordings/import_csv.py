@@ -21,6 +21,7 @@ from pam_gap.recordings.recording import (
     RecordingError,
     from_columns,
 )
+from pam_gap.recordings.text_table import numbers, read_text_table, text_in
 
 TABLES = (
     ".csv", ".csv.gz", ".csv.bz2", ".csv.xz", ".csv.zst", ".parquet", ".pq", *ARRAYS,
@@ -50,10 +51,7 @@ def read_columns(path: Path) -> dict[str, Any]:
         When the file cannot be read.
     """
     frame = _frame(path)
-    return {
-        name: pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
-        for name in frame.columns
-    }
+    return {name: numbers(frame[name]) for name in frame.columns}
 
 
 def _frame(path: Path) -> Any:
@@ -70,7 +68,7 @@ def _frame(path: Path) -> Any:
         elif path.suffix.lower() in (".parquet", ".pq"):
             frame = pd.read_parquet(path)
         else:
-            frame = pd.read_csv(path, comment="#")
+            frame = read_text_table(path)
     except (OSError, ValueError, EOFError, NotImplementedError, MatReadError) as error:
         reason = " ".join(str(error).split())
         raise RecordingError(f"{path}: not a readable table ({reason})") from error
@@ -95,6 +93,11 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
     """
     if column_map is not None:
         mapped = column_map.apply(path, read_columns(path))
+        if not np.isfinite(mapped["time"]).any():
+            raise RecordingError(
+                f"{path}: the column of the time holds no number; expected seconds, or `unit` in "
+                f"{column_map.source}"
+            )
         return from_columns(path, mapped.pop("time"), mapped, [f"read by {column_map.source}"])
     frame = _frame(path)
     if "time" not in frame.columns:
@@ -108,16 +111,18 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
         if name != "time" and not known_channel(name):
             remarks.append(f"{name}: not a channel of the rig contract, so it is not used")
             continue
-        numbers = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=np.float64)
-        text = int(np.isnan(numbers).sum() - frame[name].isna().sum())
+        values = numbers(frame[name])
+        text = int(np.isnan(values).sum() - frame[name].isna().sum())
         if text:
             remarks.append(f"{name}: {text} entries are not numbers")
-        if not np.isfinite(numbers).any():
+        if not np.isfinite(values).any():
             remarks.append(f"{name}: the column holds no number and is not used")
             continue
-        columns[name] = numbers
+        columns[name] = values
     if "time" not in columns:
-        raise RecordingError(f"{path}: column 'time' holds no number; expected seconds")
+        raise RecordingError(
+            f"{path}: column 'time' holds no number{text_in(frame['time'])}; expected seconds"
+        )
     time = columns.pop("time")
     if not columns:
         raise RecordingError(f"{path}: no channel of the rig contract beside 'time'")

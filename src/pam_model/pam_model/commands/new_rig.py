@@ -11,9 +11,9 @@ from pam_model.argument_types import (
     WrongArgument,
     make_parents,
     names,
+    new_file,
     number,
     one_of,
-    output_file,
 )
 from pam_model.command_line import Arguments, Command, Outcome, Parser
 
@@ -84,7 +84,7 @@ QUESTIONS = (
 
 
 def _declare(parser: Parser) -> None:
-    parser.add_argument("output", type=output_file, metavar="FILE", help="the rig file to write")
+    parser.add_argument("output", type=new_file, metavar="FILE", help="the rig file to write")
     parser.add_argument(
         "--defaults", action="store_true", help="ask nothing: defaults for what is left out"
     )

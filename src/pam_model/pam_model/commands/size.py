@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from pam_model.argument_types import make_parents, number, output_file
+from pam_model.argument_types import make_parents, new_file, number, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def _declare(parser: Parser) -> None:
         help="for the rig file [kg m^2] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument("--plot", type=output_file, metavar="FILE", help="torque and stiffness")
-    parser.add_argument("--write-rig", type=output_file, metavar="FILE", help="write a rig file")
+    parser.add_argument("--write-rig", type=new_file, metavar="FILE", help="write a rig file")
 
 
 def _run(chosen: Arguments) -> Outcome:

@@ -5,6 +5,7 @@ positive] and either `length` [m] or, if only a displacement was measured, `shor
 unknown rest length. Optional columns are `velocity` [m/s, lengthening positive], `block` (a number
 or name for each run or cycle; one block at a time is held out) and `branch` (a name such as rising
 or falling; branches are fitted separately). Rows that start with # are skipped.
+Semicolons and tabs may separate columns, with decimal commas or points.
 
 The other table, which begins with WEIGHT, is the pressure staircase of a platform on several
 muscles; see `load_staircase`.
@@ -21,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.errors import PamError
+from pam_model.table_dialect import decimal_mark, decoded, separator
 from pam_model.unit_hints import conversion_hint
 
 STANDARD_GRAVITY = 9.80665
@@ -152,10 +154,14 @@ def load_measurements(
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        lines = decoded(path.read_bytes()).splitlines()
+    except (OSError, UnicodeError) as error:
         raise PamError(f"{path}: cannot be read: {error}") from error
-    rows = [row for row in csv.reader(text.splitlines()) if not (row and row[0].startswith("#"))]
+    lines = [line for line in lines if not line.startswith("#")]
+    between = separator(lines[0]) if lines else ","
+    rows = list(csv.reader(lines, delimiter=between))
+    if decimal_mark(lines[1:], between) == ",":
+        rows = [rows[0], *([cell.replace(",", ".") for cell in row] for row in rows[1:])]
     if rows and rows[0] and rows[0][0] == _STAIRCASE_HEADER[0]:
         return load_staircase(path, rows, load_share=load_share, gravity=gravity)
     return _load_points(path, rows)

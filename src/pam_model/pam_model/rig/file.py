@@ -61,9 +61,12 @@ def _read(path: Path) -> Any:
         raise RigError(f"{path}: larger than {MAX_FILE_SIZE} bytes, too large for a rig file")
     try:
         return yaml.load(text, _Loader)  # a SafeLoader
+    except yaml.reader.ReaderError:
+        raise RigError(f"{path}: not text in UTF-8; save it as UTF-8") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         reason = " ".join(str(error).split()) or "nested too deeply"
-        raise RigError(f"{path}: not YAML: {reason}") from None
+        tab = "; a tab: use spaces to indent" if r"'\t'" in reason else ""
+        raise RigError(f"{path}: not YAML: {reason}{tab}") from None
 
 
 def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:

@@ -123,6 +123,15 @@ class Problems:
         self.lines.append(f"{source}{key}{text}")
 
 
+def _slip(value: object) -> str:
+    """What is wrong with a text that looks like a number."""
+    if isinstance(value, str) and re.fullmatch(r"[-+]?\d+,\d+", value):
+        return f", with a decimal point: {value.replace(',', '.')}"
+    if isinstance(value, str) and re.fullmatch(r"[-+]?\d*\.?\d+", value):
+        return f", without quotes: {value}"
+    return ""
+
+
 class Section:
     """One mapping of the file, read key by key; keys that were not read are unknown keys."""
 
@@ -159,7 +168,7 @@ class Section:
             value = float(value)
         unit = "" if key.unit == "-" else f" {key.unit}"
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.add(name, f" = {value!r}: must be a number{unit and ' in' + unit}")
+            self.add(name, f" = {value!r}: must be a number{unit and ' in' + unit}{_slip(value)}")
             return None
         try:
             number = float(value)

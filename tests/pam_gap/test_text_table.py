@@ -1,0 +1,73 @@
+"""Tables as laboratory programs write them: separators, decimal commas, encodings, dates."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pam_gap.recordings.import_csv import read_columns, read_table
+from pam_gap.recordings.recording import RecordingError
+
+TIME = np.arange(50) * 0.01
+TABLE = pd.DataFrame(
+    {
+        "time": TIME,
+        "pressure_states.flexor": 2e5 + 1e4 * np.sin(TIME),
+        "joint_states.elbow.position": 0.1 * np.cos(TIME),
+    }
+)
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        {"sep": ";", "decimal": ","},
+        {"sep": ";"},
+        {"sep": "\t", "decimal": ","},
+        {"sep": "\t"},
+        {"encoding": "utf-8-sig"},
+        {"encoding": "utf-16"},
+        {"quoting": 2},
+    ],
+)
+def test_what_a_spreadsheet_writes_is_read_like_the_plain_table(
+    look: dict[str, str], tmp_path: Path
+) -> None:
+    path = tmp_path / "log.csv"
+    TABLE.to_csv(path, index=False, **look)
+    found = read_columns(path)
+    assert list(found) == list(TABLE.columns)
+    for name in TABLE.columns:
+        np.testing.assert_allclose(found[name], TABLE[name])
+    assert set(read_table(path).channels) == set(TABLE.columns) - {"time"}
+
+
+def test_a_degree_sign_of_an_old_spreadsheet_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv.gz"
+    TABLE.rename(columns={"time": "Winkel [°]"}).to_csv(path, index=False, encoding="cp1252")
+    assert "Winkel [°]" in read_columns(path)
+
+
+def test_dates_become_seconds(tmp_path: Path) -> None:
+    dates = pd.Timestamp("2026-03-02T14:30:00") + pd.to_timedelta(TIME, unit="s")
+    path = tmp_path / "log.csv"
+    TABLE.assign(time=dates.astype(str)).to_csv(path, index=False)
+    time = read_table(path).channels["pressure_states.flexor"].time
+    np.testing.assert_allclose(time - time[0], TIME, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda text: text.replace("joint_states.elbow.position", "time"), "are called 'time'"),
+        (lambda text: text.split("\n", 1)[1], "first line holds numbers; expected the names"),
+        (lambda text: text.replace("\n0.", "\nabout 0."), "text such as 'about 0.0'; expected sec"),
+        (lambda _: "", "not a readable table"),
+    ],
+)
+def test_a_table_that_cannot_be_understood_says_why(change, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(change(TABLE.to_csv(index=False)))
+    with pytest.raises(RecordingError, match=told):
+        read_table(path)
