@@ -118,3 +118,5 @@ def test_nothing_is_written_before_a_motion_or_over_a_file_or_into_nowhere(
         save_adapted_rig(rig, nothing, str(tmp_path / "no" / "new.yaml"))
     with pytest.raises(PamError, match=r"adaptation\.rig_file"):
         save_adapted_rig(rig, nothing, "")
+    with pytest.raises(PamError, match="cannot be written: File name too long"):
+        save_adapted_rig(rig, nothing, str(tmp_path / ("x" * 300)))

@@ -54,3 +54,34 @@ def test_a_stamp_is_believed_unless_it_is_later_than_the_arrival(topics: Any) ->
     early, late = time.time_ns() - 50_000_000, time.time_ns() + 10**9
     assert NOW - 5.0 < measured(topics, 0.002, early) <= NOW - 0.05 + 1e-6
     assert measured(topics, 0.002, late) == pytest.approx(NOW - 0.002)
+
+
+def say(topic: Any, source: str, names: tuple[str, ...], **fields: Any) -> None:
+    topic.take(JointStateWriter(source).write(0, names, **fields))
+
+
+@pytest.mark.parametrize("topic", ["joint_states", "pressure_states"])
+def test_measurements_of_two_nodes_are_named(topics: Any, rig: Rig, topic: str) -> None:
+    """A second node that publishes angles in degrees drove the arm into its end stop."""
+    names, field = {
+        "joint_states": (rig.joint_names, "position"),
+        "pressure_states": (rig.muscle_names, "effort"),
+    }[topic]
+    values = {field: [0.1] * len(names)}
+    for _ in range(3):
+        say(getattr(topics, topic), "/pam_driver#1", names, **values)
+    assert topics.inputs.two_publishers() == ""
+    say(getattr(topics, topic), "", names, **values)
+    assert topics.inputs.two_publishers() == ""  # as after a restart of the driver
+    say(getattr(topics, topic), "/pam_driver#1", names, **values)
+    assert topics.inputs.two_publishers() == (
+        f"two nodes publish {topic} of this rig, /pam_driver#1 and one without a name: stop one "
+        "of them"
+    )
+
+
+def test_another_robot_on_joint_states_is_no_second_publisher(topics: Any, rig: Rig) -> None:
+    for _ in range(4):
+        say(topics.joint_states, "/pam_driver#1", rig.joint_names, position=[0.1])
+        say(topics.joint_states, "/gripper", ("finger",), position=[0.2])
+    assert topics.inputs.two_publishers() == ""

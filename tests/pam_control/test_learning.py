@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import json
 import math
@@ -234,6 +235,25 @@ def test_what_was_learnt_is_kept_by_name_and_for_one_rig_file_alone(rig, two_joi
     other = LearntFile(path, two_joint_rig)
     assert other.motion("reach") == {}
     assert "another rig file" in other.note
+
+
+def test_a_full_disk_is_not_filled_with_what_is_left_of_every_attempt(rig, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    file = LearntFile(tmp_path / "learnt.json", rig)
+    monkeypatch.setattr(json, "dump", full)
+    for _ in range(3):
+        with pytest.raises(OSError, match="No space left"):
+            file.keep("reach", "elbow", known())
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("name", "said"), [(".", "a folder"), ("x" * 300, "File name too long")])
+def test_a_path_that_can_be_no_file_is_refused_at_once(rig, tmp_path, name, said):
+    """Not by an exception after the first repetition, or one that ends the controller."""
+    with pytest.raises(PamError, match=said):
+        LearntFile(tmp_path / name, rig)
 
 
 @pytest.mark.parametrize(

@@ -138,7 +138,7 @@ def test_a_streamed_velocity_does_not_exceed_the_limits():
     played = Played().run(0.1)
     for index in range(100):
         sign = 1.0 if index % 20 < 10 else -1.0
-        played.generator.stream(["elbow"], [0.9 * sign], [90.0 * sign], now=played.now)
+        played.generator.stream(["elbow"], [0.9 * sign], [6.0 * sign], now=played.now)
         played.run(0.01)
     played.check()
 

@@ -30,3 +30,8 @@ def test_joint_states_of_a_gripper_say_nothing_about_the_arm():
 def test_a_message_with_fields_of_different_length_is_rejected():
     with pytest.raises(CommandError, match="1 position values for 2 names"):
         in_order(["elbow", "shoulder"], [1.0], JOINTS, "position")
+
+
+def test_of_a_joint_that_is_named_twice_no_value_is_chosen():
+    with pytest.raises(CommandError, match="position: a name is given twice"):
+        in_order(["elbow", "shoulder", "elbow"], [1.0, 2.0, -1.0], JOINTS, "position")

@@ -95,6 +95,28 @@ def test_a_trajectory_started_in_the_past_is_joined_at_its_present_point():
         made.follow(["elbow"], points, start=0.0, now=10.0)
 
 
+def test_a_trajectory_that_would_begin_when_nobody_expects_it_is_rejected():
+    """The stamp of a computer whose clock is an hour ahead."""
+    made = generator()
+    points = [TrajectoryPoint(1.0, [0.5])]
+    with pytest.raises(CommandError, match=r"3\.6e\+03 s in the future, expected 60 s at most"):
+        made.follow(["elbow"], points, start=3600.0, now=0.0)
+    assert made.following("elbow") == "hold"
+    made.follow(["elbow"], points, start=59.0, now=0.0)
+    assert made.following("elbow") == "trajectory"
+
+
+def test_a_streamed_speed_that_the_joint_cannot_have_is_rejected():
+    """57 deg/s, sent as if they were rad/s, drove the joint to the end of its range."""
+    limit = {"elbow": 6.0}
+    made = ReferenceGenerator({"elbow": (-1.0, 1.0)}, max_velocities=limit)
+    with pytest.raises(CommandError, match="elbow at -57 rad/s is above its max_velocity, 6 rad/s"):
+        made.stream(["elbow"], [0.2], [-57.0], now=0.0)
+    assert made.following("elbow") == "hold"
+    made.stream(["elbow"], [0.2], [6.0], now=0.0)
+    assert made.following("elbow") == "stream"
+
+
 def test_no_points_stop_the_motion_where_the_reference_is():
     made = generator()
     made.follow(["elbow"], [TrajectoryPoint(1.0, [0.5])], start=None, now=0.0)

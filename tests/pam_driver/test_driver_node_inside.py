@@ -367,10 +367,10 @@ def test_a_topic_of_the_emergency_stop_stops_the_node(
         assert driver is not None
         inside.answer(lambda: not driver.missing_boards(time.monotonic()))
         assert "topic: no emergency stop" in driver.activation_problem(time.monotonic())
-        node._on_people(EMERGENCY_STOP, Bool(data=True))
+        node._on_people(EMERGENCY_STOP, serialize_message(Bool(data=True)))
         inside.answer(inside.healthy)
         assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
-        node._on_people(EMERGENCY_STOP, Bool(data=False))
+        node._on_people(EMERGENCY_STOP, serialize_message(Bool(data=False)))
         inside.answer(lambda: driver.state is SafetyState.FAULT)
         assert "emergency stop is pressed" in str(driver.faults[0])
     finally:
@@ -384,6 +384,13 @@ def test_a_simulated_clock_is_refused(inside: Inside) -> None:
     assert not answer.successful
     assert "use_sim_time" in answer.reason
     assert not inside.node.get_parameter("use_sim_time").value
+
+
+def test_no_timer_stands_still_when_the_wall_clock_is_set_back(inside: Inside) -> None:
+    """Else the state, the log and the diagnostics are silent for as long as it was set back."""
+    assert inside.node.autostart()
+    clocks = {timer.clock.clock_type for timer in inside.node.timers}
+    assert clocks == {rclpy.clock.ClockType.STEADY_TIME}
 
 
 def test_the_lamp_is_green_only_while_every_muscle_is_measured_empty(
@@ -434,6 +441,21 @@ def test_every_change_of_state_is_published_with_its_reason(
     ]
 
 
+def test_clear_faults_says_of_an_active_driver_that_it_is_active(inside: Inside) -> None:
+    node = inside.node
+    assert node.autostart()
+    inside.answer(inside.healthy)
+    assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
+    answer = node._on_clear_faults(Trigger.Request(), Trigger.Response())
+    assert (answer.success, answer.message) == (True, "ready")
+    node._watch()
+    assert node._published_state == "ready", "not: faults cleared, not activated yet"
+    node._on_vent(Trigger.Request(), Trigger.Response())
+    inside.answer(inside.healthy)
+    answer = node._on_clear_faults(Trigger.Request(), Trigger.Response())
+    assert answer.message.endswith("; activate to move")
+
+
 def test_the_state_tells_the_controller_whether_full_speed_is_permitted(
     monkeypatch: pytest.MonkeyPatch, codec: BoardCodec
 ) -> None:
@@ -444,10 +466,10 @@ def test_the_state_tells_the_controller_whether_full_speed_is_permitted(
         assert node.count_subscribers("/pam_driver/full_speed_permitted") == 1
         assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
         assert "at reduced speed" in node._published_state
-        node._on_people(FULL_SPEED, Bool(data=True))
+        node._on_people(FULL_SPEED, serialize_message(Bool(data=True)))
         node._publish_state()
         assert "at reduced speed" not in node._published_state
-        node._on_people(FULL_SPEED, Bool(data=False))
+        node._on_people(FULL_SPEED, serialize_message(Bool(data=False)))
         node._publish_state()
         assert "at reduced speed" in node._published_state
     finally:

@@ -32,6 +32,9 @@ class Node:
         self.published: dict[str, list[Any]] = {}
         self.hearers = hearers
 
+    def get_fully_qualified_name(self) -> str:
+        return "/pam_driver"
+
     def create_publisher(self, _: Any, topic: str, depth: int) -> Any:
         kept = self.published.setdefault(topic, [])
         return SimpleNamespace(publish=kept.append, get_subscription_count=lambda: self.hearers)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from pam_driver.boards.pam_board.codec import BoardFault, BoardState
+from pam_driver.boards.pam_board.messages import SafetyInput
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
 from pam_driver.driver import ActivationError
 from pam_driver.fault_judge import FaultJudge, Readings
@@ -100,6 +101,25 @@ def test_a_released_enabling_switch_ends_an_activation_before_the_first_command(
     robot.run(0.03)
     assert robot.driver.state in VENTS
     assert robot.driver.vent_reason == "board 0: the enabling switch is released"
+
+
+@pytest.mark.parametrize("name", [EMERGENCY_STOP, ENABLING_SWITCH])
+def test_an_input_that_a_board_no_longer_has_does_not_permit_motion_for_ever(name: str) -> None:
+    """The rig file need not name the input; a board that reported it is obeyed."""
+    robot = robot_with(People(), **{name: PERMITS})
+    robot.move()
+    robot.sim.boards[0].misbehave(name, float(SafetyInput.NOT_AVAILABLE))
+    robot.run(0.05)
+    assert not air_moves(robot)
+    robot.driver.clear_faults(robot.now)
+    robot.run(1.0)
+    with pytest.raises(ActivationError, match=r"it had an input for the .* and reports none now"):
+        robot.driver.activate(robot.now)
+    robot.sim.boards[0].misbehave(name, PERMITS)
+    robot.run(0.05)
+    robot.driver.clear_faults(robot.now)
+    robot.run(0.6)
+    robot.move()
 
 
 @pytest.mark.parametrize("name", [EMERGENCY_STOP, ENABLING_SWITCH])

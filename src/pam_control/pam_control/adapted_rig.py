@@ -147,10 +147,15 @@ def save_adapted_rig(rig: Rig, learnt: Sequence[LearntOfJoint], file: str) -> st
     if not file:
         raise PamError("set the parameter adaptation.rig_file to the file to be written")
     path = Path(file).absolute()
-    if path.exists():
-        raise PamError(f"{path}: exists, and is not overwritten; set another adaptation.rig_file")
-    if not path.parent.is_dir():
-        raise PamError(f"{path}: the folder {path.parent} does not exist")
+    try:
+        if path.exists():
+            raise PamError(
+                f"{path}: exists, and is not overwritten; set another adaptation.rig_file"
+            )
+        if not path.parent.is_dir():
+            raise PamError(f"{path}: the folder {path.parent} does not exist")
+    except OSError as error:  # a name that is too long, a folder that may not be read
+        raise PamError(f"{path}: cannot be written: {error.strerror or error}") from None
     made = adapted_rig(rig, learnt)
     save_rig(made.rig, path, made.notes)
     return f"written: {path}; {len(made.changes)} numbers, which are listed at its beginning"

@@ -163,7 +163,7 @@ class ControllerHealth:
         if session is not None:
             values["learning"] = session.report(channel.joint.name)
             values["learning file"] = session.problem or "no problem"
-        texts = []
+        texts = [session.problem] if session is not None and session.problem else []
         if counts.clipped > 0.5 * cycles and telemetry.clipped:
             texts.append(f"cut by {', '.join(telemetry.clipped)}")
         if counts.limited:

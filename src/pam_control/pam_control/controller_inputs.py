@@ -19,6 +19,7 @@ from pam_control.references.trajectory import CommandError
 from pam_control.rig_order import in_order
 from pam_model.rig import Rig
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader, MalformedMessageError
+from pam_ros.message_sources import MessageSources
 from pam_ros.polled_topic import PolledTopic
 
 
@@ -64,6 +65,7 @@ class ControllerInputs:
         self._clock = clock
         self._rejecting = rejecting
         self._position_reader, self._pressure_reader = JointStateReader(), JointStateReader()
+        self._sources = {"joint_states": MessageSources(), "pressure_states": MessageSources()}
         on_joints, on_pressures = self._on_joint_states, self._on_pressure_states
         self._pressure_topic = PolledTopic(
             node, JointState, "pressure_states", on_pressures, best_effort=True
@@ -84,6 +86,18 @@ class ControllerInputs:
         for topic in self.topics:
             topic.poll()
 
+    def two_publishers(self) -> str:
+        """Which measurements come from two nodes, which a controller must not follow; "" if none.
+
+        Messages about other joints, such as those of a gripper, do not count.
+        """
+        now = self._clock()
+        for topic, sources in self._sources.items():
+            who = sources.taking_turns(now)
+            if who:
+                return f"two nodes publish {topic} of this rig, {who}: stop one of them"
+        return ""
+
     @property
     def arrival(self) -> float:
         """When the last pressures arrived, wall clock [s]."""
@@ -99,6 +113,7 @@ class ControllerInputs:
             message = _read(self._position_reader, data)
             values = in_order(message.name, message.position, self._joints, "position")
             if values is not None:
+                self._sources["joint_states"].hear(message.frame_id, self._clock())
                 self.positions, self.position_time = (
                     values,
                     self._stamp(message, self._position_topic),
@@ -109,6 +124,7 @@ class ControllerInputs:
             message = _read(self._pressure_reader, data)
             values = in_order(message.name, message.effort, self._muscles, "effort")
             if values is not None:
+                self._sources["pressure_states"].hear(message.frame_id, self._clock())
                 self.pressures, self.pressure_time = (
                     values,
                     self._stamp(message, self._pressure_topic),

@@ -59,6 +59,7 @@ from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.spin import spin_node
+from pam_ros.steady_timer import steady_timer
 
 TEST_EVERY = 0.25  # s
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
@@ -136,9 +137,9 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.create_service(Trigger, "~/lower", self._on_lower)
         self.create_service(Trigger, "~/save_adapted_rig", self._on_save)
         self._vent = self.create_client(Trigger, "pam_driver/vent")
-        self.create_timer(1.0, self._report)
+        steady_timer(self, 1.0, self._report)
         self._stiffness_test = StiffnessTest(self._controller.references)
-        self.create_timer(TEST_EVERY, self._test_stiffness)
+        steady_timer(self, TEST_EVERY, self._test_stiffness)
         self._inputs = ControllerInputs(
             self, self.rig, self._now, self.intake.rejecting, self._on_driver_state
         )
@@ -226,6 +227,9 @@ class ControllerNode(Node):  # type: ignore[misc]
     def _on_save(self, _: Any, response: Any) -> Any:
         """Write a copy of the rig file with what was learnt."""
         try:
+            if self._controller.guard.softened:
+                raise PamError("nothing is learnt with soft gains, which are used until the next "
+                               f"vent: {self._controller.guard.softened}")  # fmt: skip
             if not self._controller.adapts:
                 raise PamError("nothing is learnt: adaptation.enabled is false, or the law is "
                                "not model_based")  # fmt: skip
@@ -297,7 +301,9 @@ class ControllerNode(Node):  # type: ignore[misc]
         with self._lock:
             if self._driver_reason:
                 return
-            before = (self._controller.guard.stopped, self._controller.guard.softened)
+            guard = self._controller.guard
+            before = (guard.stopped, guard.softened)
+            guard.stopped = guard.stopped or inputs.two_publishers()
             try:
                 output = self._controller.step(now, measurement)
                 commands, reason = output.commands, output.reason
@@ -306,7 +312,7 @@ class ControllerNode(Node):  # type: ignore[misc]
                 commands, reason = None, str(error)
             if commands is not None:
                 self._action.observe(now)
-            after = (self._controller.guard.stopped, self._controller.guard.softened)
+            after = (guard.stopped, guard.softened)
         self._reason = reason
         if after != before:
             self._tell_guard(*after)

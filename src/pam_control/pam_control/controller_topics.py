@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import secrets
 from collections.abc import Sequence
 from typing import Any
 
 from pam_control.joint_channel import JointChannel
 from pam_model.rig import Rig
 from pam_ros.joint_state_publisher import JointStatePublisher
+from pam_ros.message_sources import source_of
 from pam_ros.valve_command import ValveCommandFormat
 
 
@@ -32,8 +32,7 @@ class ControllerTopics:
         self._telemetry_every = telemetry_every
         self._cycles = 0
         # the driver recognises two publishers by it, also two controllers of one name
-        source = f"{node.get_fully_qualified_name()}#{secrets.token_hex(3)}"
-        self._commands = JointStatePublisher(node, "valve_commands", 1, source)
+        self._commands = JointStatePublisher(node, "valve_commands", 1, source_of(node))
         self._reference = JointStatePublisher(node, "~/reference", 1)
         self._error = JointStatePublisher(node, "~/error", 1)
         self._disturbance = JointStatePublisher(node, "~/disturbance", 1)

@@ -33,13 +33,15 @@ def in_order(
     Raises
     ------
     CommandError
-        For sizes that differ.
+        For sizes that differ, or a name that is given twice.
     """
     if len(values) != len(names):
         raise CommandError(f"{len(values)} {field} values for {len(names)} names")
     if tuple(names) == tuple(wanted):
         return list(map(float, values))
     found = dict(zip(names, values, strict=True))
+    if len(found) != len(names):
+        raise CommandError(f"{field}: a name is given twice")
     if found and not any(name in found for name in wanted):
         return None
     return [float(found.get(name, math.nan)) for name in wanted]

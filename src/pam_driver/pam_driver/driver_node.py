@@ -25,7 +25,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
@@ -56,6 +56,7 @@ from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.polled_topic import PolledTopic
+from pam_ros.steady_timer import steady_timer
 from pam_ros.transport import leave_out_shared_memory
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
@@ -105,9 +106,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._reader = JointStateReader()
         for name, topic in PEOPLE_TOPICS.items():
             if getattr(self._rig.people, f"{name}_topic"):
-                # not latched: the last word of a publisher that has ended must not count as new
+                # not latched: the last word of a publisher that has ended must not count as new;
+                # polled, so that they are also heard while the end of the node lowers the joints
                 hear = partial(self._on_people, name)
-                self.create_subscription(Bool, topic, hear, QoSProfile(depth=1))
+                self.polled_topics.append(PolledTopic(self, Bool, topic, hear))
         self.create_service(Trigger, "~/vent", self._on_vent)
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
         # a plain publisher: that of a lifecycle node is silent until the node is active
@@ -115,10 +117,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._lamp_topic = Node.create_publisher(self, String, "~/lamp", LATCHED)
         self._lamp = ""
         self._publish_state()
-        self.create_timer(_WATCH_PERIOD, self._watch)
-        self.create_timer(1.0, self._publish_diagnostics)
+        steady_timer(self, _WATCH_PERIOD, self._watch)
+        steady_timer(self, 1.0, self._publish_diagnostics)
         rate = self._values.number("fluid_pressure_rate")
-        self.create_timer(1.0 / rate, self._publish_fluid_pressures)
+        steady_timer(self, 1.0 / rate, self._publish_fluid_pressures)
 
     def autostart(self) -> bool:
         """Configure now, and activate when every board answers if `activate_on_start` asks for it.
@@ -221,7 +223,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def close(self) -> None:
         """Lower the arm, stop the thread, vent, close the bus; safe to call twice."""
         loop, self._loop = self._loop, None
-        driver, self._driver = self._driver, None
+        driver = self._driver  # kept for the I/O thread, which hears people until it ends
         ports, self._ports = self._ports, {}
         self._diagnostics = self._snapshot = None
         self._active = False
@@ -230,6 +232,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         try:
             end_driver(driver, loop, ports.values(), self.hurry, self.get_logger().error)
         finally:
+            self._driver = None
             self._vent_reason = ""
             if rclpy.ok():
                 self._publish_state()
@@ -256,7 +259,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
     def _cycle(self, driver: Driver, now: float) -> None:
         """One cycle, in the I/O thread."""
-        self._commands.poll()
+        self._poll()
         wall_now = time.time()
         snapshot = driver.cycle(now, wall_now)
         sent_at = time.time()
@@ -264,6 +267,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             self._follower.follow(wall_now - snapshot.pressure_stamp)
         self._snapshot = snapshot
         self._topics.publish(snapshot, driver.intake, wall_now, sent_at)
+
+    def _poll(self) -> None:
+        for topic in self.polled_topics:
+            topic.poll()
 
     def _on_valve_commands(self, data: bytes) -> None:
         driver = self._driver
@@ -289,9 +296,10 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         except (CommandError, MalformedMessageError) as error:
             self.get_logger().warning(f"valve_commands refused: {error}", throttle_duration_sec=1.0)
 
-    def _on_people(self, name: str, message: Any) -> None:
+    def _on_people(self, name: str, data: bytes) -> None:
         if self._driver is not None:
-            self._driver.people.hear_topic(name, bool(message.data), time.monotonic())
+            permits = bool(deserialize_message(data, Bool).data)
+            self._driver.people.hear_topic(name, permits, time.monotonic())
 
     def _on_vent(self, request: Any, response: Any) -> Any:
         if self._driver is None:
@@ -313,17 +321,19 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             return response
         self._start_up.clear_faults(driver, time.monotonic())
         self._fault_reported = False
-        self._vent_reason = "faults cleared, not activated yet"
-        self._publish_state()
+        rests = driver.state not in _MOVING and not driver.lowers
+        if rests:
+            self._vent_reason = "faults cleared, not activated yet"
+            self._publish_state()
         response.success = driver.state not in FAULTY
-        response.message = f"{driver.state.value}; activate to move"
+        response.message = driver.state.value + ("; activate to move" if rests else "")
         return response
 
     def _watch(self) -> None:
         """Log what the I/O thread has found, and make the lifecycle transitions that follow."""
         driver = self._driver
         if driver is None:
-            self._commands.poll()
+            self._poll()
             return
         self._publish_state()
         if driver.state in FAULTY and not self._fault_reported:

@@ -14,6 +14,7 @@ from pam_driver.safety.command_intake import CommandIntake
 from pam_driver.snapshot import Snapshot
 from pam_model.rig import Rig
 from pam_ros.joint_state_publisher import JointStatePublisher, nanoseconds_of
+from pam_ros.message_sources import source_of
 
 
 class DriverTopics:
@@ -34,8 +35,9 @@ class DriverTopics:
         self._rig = rig
         self._keeps_nan = keeps_nan
         self._joints, self._muscles = rig.joint_names, rig.muscle_names
-        self._pressure_states = JointStatePublisher(node, "pressure_states", 10)
-        self._joint_states = JointStatePublisher(node, "joint_states", 10)
+        source = source_of(node)  # the controller recognises two publishers by it
+        self._pressure_states = JointStatePublisher(node, "pressure_states", 10, source)
+        self._joint_states = JointStatePublisher(node, "joint_states", 10, source)
         self._sent_commands = JointStatePublisher(node, "sent_valve_commands", 10)
         self._fluid_pressures = [
             node.create_publisher(FluidPressure, f"{name}/pressure", 10)

@@ -18,6 +18,7 @@ from pam_control.references.trajectory import CommandError, JointNameError, Past
 from pam_control.references.trajectory import TrajectoryPoint as Point
 from pam_ros.long_actions import GoalEnd, LongActions
 from pam_ros.parameters import Value
+from pam_ros.steady_timer import steady_timer
 
 try:
     from control_msgs.action import FollowJointTrajectory
@@ -82,7 +83,7 @@ class FollowTrajectory:
             return
         self._server = LongActions(node, FollowJointTrajectory, NAME, self._begin, self._cancel)
         period = 1.0 / float(values()["action_monitor_rate"])
-        self._timer = node.create_timer(period, self._monitor)
+        self._timer = steady_timer(node, period, self._monitor)
         self._timer.cancel()
 
     @property

@@ -53,9 +53,11 @@ class LearntFile:
     def __init__(self, path: Path, rig: Rig) -> None:
         self._path, self._digest, self.note = path, rig_digest(rig), ""
         self._motions: dict[str, dict[str, Learnt]] = {}
-        if not path.is_file():
-            return
         try:
+            if path.is_dir():
+                raise ValueError("a folder")
+            if not path.is_file():
+                return
             if path.stat().st_size > LARGEST_FILE:
                 raise ValueError("too large")
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -91,9 +93,13 @@ class LearntFile:
         }
         self._path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(prefix=".", suffix=".part", dir=self._path.parent)
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(content, file)
-        Path(temporary).replace(self._path)  # whole or not at all
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                json.dump(content, file)
+            Path(temporary).replace(self._path)  # whole or not at all
+        except OSError:  # a full disk must not be filled with what is left of every attempt
+            Path(temporary).unlink(missing_ok=True)
+            raise
 
 
 def _entry(learnt: Learnt) -> dict[str, object]:

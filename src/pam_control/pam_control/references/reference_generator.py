@@ -23,6 +23,7 @@ from pam_control.references.planned_trajectory import PlannedTrajectory, joined,
 from pam_control.references.spline import JointReference, JointSpline
 from pam_control.references.streamed_command import check_streamed_command
 from pam_control.references.trajectory import (
+    LATEST_START,
     CommandError,
     TrajectoryPoint,
     check_trajectory,
@@ -215,6 +216,11 @@ class ReferenceGenerator:
             allow_nonzero_end_velocity=self.allow_nonzero_end_velocity,
         )
         begin = now if start is None else start
+        if begin - now > LATEST_START:
+            raise CommandError(
+                f"trajectory rejected: its stamp is {begin - now:.3g} s in the future, expected "
+                f"{LATEST_START:g} s at most; compare the clocks of its sender and this computer"
+            )
         return plan(names, points, start=begin, now=now, limits=self.motion, bounds=self.limits)
 
     def references_at_join(
@@ -262,7 +268,7 @@ class ReferenceGenerator:
             When the message is rejected: an unknown joint, a wrong size, a number that is not
             finite or a position outside the limits.
         """
-        check_streamed_command(names, positions, velocities, self.limits)
+        check_streamed_command(names, positions, velocities, self.limits, self.max_velocities)
         self._check_continued(names, positions, now)
         for index, name in enumerate(names):
             source = self._sources[name]

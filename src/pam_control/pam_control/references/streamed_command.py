@@ -13,6 +13,7 @@ def check_streamed_command(
     positions: Sequence[float],
     velocities: Sequence[float],
     limits: Mapping[str, tuple[float, float]],
+    max_velocities: Mapping[str, float],
 ) -> None:
     """Reject a streamed command that cannot be followed.
 
@@ -24,12 +25,14 @@ def check_streamed_command(
         [rad], [rad/s]; velocities may be empty.
     limits : mapping of str to (float, float)
         Position limits [rad] of every joint of the rig.
+    max_velocities : mapping of str to float
+        Largest speed [rad/s] of a joint; by default any plausible speed.
 
     Raises
     ------
     CommandError
         For an unknown or repeated joint, a wrong size, a number that is not finite, a velocity that
-        no joint can have, or a position outside the limits.
+        the joint cannot have, or a position outside the limits.
     """
     what = "streamed command rejected"
     if not names or len(positions) != len(names) or len(velocities) not in (0, len(names)):
@@ -46,10 +49,10 @@ def check_streamed_command(
         velocity = velocities[index] if len(velocities) else 0.0
         if not (math.isfinite(position) and math.isfinite(velocity)):
             raise CommandError(f"{what}: {name} at {position} rad, {velocity} rad/s")
-        if abs(velocity) > LARGEST["velocities"]:
+        fastest = max_velocities.get(name, LARGEST["velocities"])
+        if abs(velocity) > fastest:
             raise CommandError(
-                f"{what}: {name} at {velocity:g} rad/s, expected "
-                f"{LARGEST['velocities']:g} rad/s at most"
+                f"{what}: {name} at {velocity:g} rad/s is above its max_velocity, {fastest:g} rad/s"
             )
         if not lower <= position <= upper:
             raise CommandError(

@@ -11,6 +11,7 @@ from pam_model.errors import PamError
 # [rad/s], [rad/s^2]: no joint moves so fast, and larger numbers would overflow a spline.
 LARGEST = {"velocities": 100.0, "accelerations": 1e5}
 DEFAULT_END_SPEED = 1e-3
+LATEST_START = 60.0  # s after its arrival; a joint must not move by itself when nobody expects it
 
 
 class CommandError(PamError):

@@ -218,8 +218,9 @@ class Board(Protocol):
     def inputs(self) -> Mapping[str, Sample]:
         """The inputs for people that the board has: `EMERGENCY_STOP`, `ENABLING_SWITCH`.
 
-        The value is 1 if the input permits motion (released stop, held switch), otherwise 0. An
-        input that the board does not have is no key.
+        The value is 1 if the input permits motion (released stop, held switch), otherwise 0, or NaN
+        if the board had the input and now reports that it has none. An input that the board never
+        had is no key.
         """
 
     @property

@@ -2,9 +2,8 @@
 
 `pam_ros.valve_command` defines which field of the message holds the command of a muscle.
 
-Two publishers that command the same valves are recognised by their commands: each names its source
-(`header.frame_id`), and the sources take turns. A controller that is started again changes the
-source once. Publishers that leave their source empty look like one.
+Two publishers that command the same valves are recognised by the sources that their commands name
+(`pam_ros.message_sources`).
 
 After a refused command the previous one stays valid until it is too old. A continuous stream of
 refused commands therefore ends in a vent.
@@ -13,22 +12,20 @@ refused commands therefore ends in a vent.
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from pam_driver.boards.protocol import Condition
 from pam_model.errors import PamError
 from pam_model.rig import Muscle, Rig
+from pam_ros.message_sources import MessageSources
 from pam_ros.valve_command import ValveCommandError, ValveCommandFormat, ValveFields
 
 # A command that exceeds its limit by less is clipped and not refused, to allow for rounding.
 _ROUNDING: Final = 1e-6
 # A stamp may be ahead of the receiver's clock by so much, since clocks on one machine differ [s].
 _FUTURE: Final = 0.01
-# So many changes of the source within so long [s] mean that two publishers take turns.
-_CHANGES: Final = 2
-_CHANGE_MEMORY: Final = 1.0
 
 
 class CommandError(PamError):
@@ -87,8 +84,7 @@ class CommandIntake:
         # -1 for a flow valve, 0 for a pressure regulator
         self.vented = self._format.vented
         self._newest = -math.inf
-        self._sources: tuple[str, str] | None = None  # the present one, and the one before
-        self._changed_at: deque[float] = deque(maxlen=_CHANGES)
+        self._sources = MessageSources()
 
     def hear(self, source: str, now: float) -> None:
         """Note whose command has arrived, whether or not it will be used.
@@ -100,17 +96,12 @@ class CommandIntake:
         now : float
             Monotonic time [s].
         """
-        before = source if self._sources is None else self._sources[0]
-        if source != before or self._sources is None:
-            self._sources = source, before
-        if source != before:
-            self._changed_at.append(now)
+        self._sources.hear(source, now)
 
     def conditions(self, now: float) -> Iterator[Condition]:
         """Whether two publishers command the valves."""
-        changes = self._changed_at
-        if len(changes) == _CHANGES and now - changes[0] <= _CHANGE_MEMORY:
-            who = " and ".join(source or "one without a name" for source in self._sources or ())
+        who = self._sources.taking_turns(now)
+        if who:
             text = f"two nodes publish commands, {who}: stop one of them"
             yield Condition("two_publishers", "valve_commands", text)
 

@@ -118,10 +118,15 @@ class PeopleInputs:
 
     def _forbidding(self, name: str) -> Iterator[Condition]:
         """The sources whose last value forbids motion."""
-        text, _ = _WORDS[name]
+        text, word = _WORDS[name]
         for board in self._boards.values():
             sample = board.inputs.get(name)
-            if sample is not None and sample.value != 1.0:
+            if sample is not None and math.isnan(sample.value):
+                gone = (
+                    f"it had an input for the {word} and reports none now; if it has none, clean "
+                )
+                yield Condition(name, board.name, f"{gone}up and configure the driver")
+            elif sample is not None and sample.value != 1.0:
                 yield Condition(name, board.name, text)
         told = self._topics.get(name)
         if told is not None and told.time > NEVER and told.value != 1.0:

@@ -16,6 +16,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import math
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -79,8 +80,10 @@ class PlayNode(Node):  # type: ignore[misc]
         self.loop = PeriodicLoop(self._cycle, 1.0 / parameters.number("rate"), "play")
         self.loop.start()
 
-    def _now(self) -> float:
-        return float(self.get_clock().now().nanoseconds) * 1e-9
+    @staticmethod
+    def _now() -> float:
+        """By the monotonic clock: an age must not depend on the wall clock, which can be set."""
+        return time.monotonic()
 
     def _take_positions(self, message: Any) -> None:
         if self._joint.name in message.name:
@@ -102,14 +105,14 @@ class PlayNode(Node):  # type: ignore[misc]
             self._begin = now + self._approach
             self._held = holding_commands(self._rig, self._pressures)
             self.get_logger().info(f"{self._excitation.name}: {self._excitation.instruction}")
-        time = now - self._begin
+        at = now - self._begin
         if not known and not self._problem:
             self._problem = "measurements are missing or too old; the muscles were vented"
             self._begin = now - self._excitation.duration
-            time = self._excitation.duration
-        if time < self._excitation.duration and not self._problem:
-            self._send(self._loop.commands(time, self._position, pressures))
-        elif time < self._excitation.duration + VENT_TIME:
+            at = self._excitation.duration
+        if at < self._excitation.duration and not self._problem:
+            self._send(self._loop.commands(at, self._position, pressures))
+        elif at < self._excitation.duration + VENT_TIME:
             vented = dict(zip(self._muscle_names, self._command_format.vented, strict=True))
             self._send([vented[muscle] for muscle in self._joint.muscles])
         else:

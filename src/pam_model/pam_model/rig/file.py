@@ -7,6 +7,7 @@ parameters that a node got from `--params-file`.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from itertools import pairwise
@@ -196,4 +197,6 @@ def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
         draft.write_text(heading + text, encoding="utf-8")
         draft.replace(path)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            draft.unlink(missing_ok=True)
         raise RigError(f"{path}: cannot be written: {error.strerror or error}") from None

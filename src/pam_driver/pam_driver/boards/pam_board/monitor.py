@@ -105,6 +105,8 @@ class BoardMonitor:
         ):
             if state is not SafetyInput.NOT_AVAILABLE:
                 self.inputs[name] = Sample(float(state is SafetyInput.PERMIT), time)
+            elif name in self.inputs:  # what it permitted before must not hold for ever
+                self.inputs[name] = Sample(math.nan, time)
 
     def hear_heartbeat(self, message: Heartbeat, time: float) -> None:
         """Store a heartbeat; a smaller uptime than before means a restart."""
