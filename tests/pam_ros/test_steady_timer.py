@@ -18,7 +18,7 @@ from pam_sim import rig_node
 
 @pytest.mark.parametrize("module", [controller_node, follow_trajectory, driver_node, rig_node])
 def test_nodes_that_keep_real_time_use_no_timer_of_the_wall_clock(module) -> None:
-    """rclpy's own timers are silent for an hour when the clock is set back by an hour."""
+    """A timer of the wall clock is silent for an hour when it is set back by an hour."""
     text = inspect.getsource(module)
     assert "steady_timer(" in text
     assert ".create_timer(" not in text
