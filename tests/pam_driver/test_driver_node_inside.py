@@ -386,13 +386,6 @@ def test_a_simulated_clock_is_refused(inside: Inside) -> None:
     assert not inside.node.get_parameter("use_sim_time").value
 
 
-def test_no_timer_stands_still_when_the_wall_clock_is_set_back(inside: Inside) -> None:
-    """Else the state, the log and the diagnostics are silent for as long as it was set back."""
-    assert inside.node.autostart()
-    clocks = {timer.clock.clock_type for timer in inside.node.timers}
-    assert clocks == {rclpy.clock.ClockType.STEADY_TIME}
-
-
 def test_the_lamp_is_green_only_while_every_muscle_is_measured_empty(
     inside: Inside, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -59,7 +59,7 @@ from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.spin import spin_node
-from pam_ros.steady_timer import steady_timer
+from pam_ros.steady_timers import SteadyTimers
 
 TEST_EVERY = 0.25  # s
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
@@ -108,8 +108,10 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._reason_against_references,
             self.get_logger().warning,
         )
+        self.steady_timers = SteadyTimers()
         self._action = FollowTrajectory(
             self,
+            self.steady_timers,
             self._controller,
             self.intake,
             self._lock,
@@ -137,9 +139,9 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.create_service(Trigger, "~/lower", self._on_lower)
         self.create_service(Trigger, "~/save_adapted_rig", self._on_save)
         self._vent = self.create_client(Trigger, "pam_driver/vent")
-        steady_timer(self, 1.0, self._report)
+        self.steady_timers.add(1.0, self._report)
         self._stiffness_test = StiffnessTest(self._controller.references)
-        steady_timer(self, TEST_EVERY, self._test_stiffness)
+        self.steady_timers.add(TEST_EVERY, self._test_stiffness)
         self._inputs = ControllerInputs(
             self, self.rig, self._now, self.intake.rejecting, self._on_driver_state
         )

@@ -56,7 +56,7 @@ from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.polled_topic import PolledTopic
-from pam_ros.steady_timer import steady_timer
+from pam_ros.steady_timers import SteadyTimers, turns
 from pam_ros.transport import leave_out_shared_memory
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
@@ -117,10 +117,11 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._lamp_topic = Node.create_publisher(self, String, "~/lamp", LATCHED)
         self._lamp = ""
         self._publish_state()
-        steady_timer(self, _WATCH_PERIOD, self._watch)
-        steady_timer(self, 1.0, self._publish_diagnostics)
+        self.steady_timers = SteadyTimers()
+        self.steady_timers.add(_WATCH_PERIOD, self._watch)
+        self.steady_timers.add(1.0, self._publish_diagnostics)
         rate = self._values.number("fluid_pressure_rate")
-        steady_timer(self, 1.0 / rate, self._publish_fluid_pressures)
+        self.steady_timers.add(1.0 / rate, self._publish_fluid_pressures)
 
     def autostart(self) -> bool:
         """Configure now, and activate when every board answers if `activate_on_start` asks for it.
@@ -411,8 +412,8 @@ def main(arguments: list[str] | None = None) -> int:
             gc.collect()
             gc.freeze()
             node.share_priority()
-            while not signals.asked and rclpy.ok():
-                executor.spin_once(timeout_sec=0.1)
+            timers = node.steady_timers
+            for _ in turns(executor, timers, lambda: not signals.asked and rclpy.ok()):
                 node.check()
         except (PamError, ParameterError) as error:
             tell_mistake(error)

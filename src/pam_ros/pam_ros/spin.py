@@ -16,10 +16,8 @@ from rclpy.signals import SignalHandlerOptions
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
+from pam_ros.steady_timers import turns
 from pam_ros.transport import leave_out_shared_memory
-
-TURN = 0.1
-"""How long the executor may wait before it looks for a signal again [s]."""
 
 
 def spin_node(
@@ -67,8 +65,8 @@ def spin_node(
                 node = make_node()
             executor = EventsExecutor()
             executor.add_node(node)
-            while not signals.asked and rclpy.ok():
-                executor.spin_once(timeout_sec=TURN)
+            timers = getattr(node, "steady_timers", None)
+            for _ in turns(executor, timers, lambda: not signals.asked and rclpy.ok()):
                 if check is not None:
                     check(node)
         except (KeyboardInterrupt, ExternalShutdownException):

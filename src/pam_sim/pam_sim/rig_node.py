@@ -33,7 +33,7 @@ from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanosec
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.spin import spin_node
-from pam_ros.steady_timer import steady_timer
+from pam_ros.steady_timers import SteadyTimers
 from pam_sim.boards.protocol import BoardSettings
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.rig import parse_effects
@@ -153,8 +153,9 @@ class RigNode(Node):  # type: ignore[misc]
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(String, "~/inject_fault", self._on_fault, 10)
         self.create_service(Trigger, "~/mend_faults", self._on_mend)
-        steady_timer(self, 1.0 / truth_rate, self._publish)
-        steady_timer(self, 1.0, self._report)
+        self.steady_timers = SteadyTimers()
+        self.steady_timers.add(1.0 / truth_rate, self._publish)
+        self.steady_timers.add(1.0, self._report)
         self._loop.start()
         names = ", ".join(port.name for port in ports.values())
         self.get_logger().info(f"simulating {', '.join(self._rig.joint_names)} on {names}")

@@ -18,7 +18,7 @@ from pam_control.references.trajectory import CommandError, JointNameError, Past
 from pam_control.references.trajectory import TrajectoryPoint as Point
 from pam_ros.long_actions import GoalEnd, LongActions
 from pam_ros.parameters import Value
-from pam_ros.steady_timer import steady_timer
+from pam_ros.steady_timers import SteadyTimers
 
 try:
     from control_msgs.action import FollowJointTrajectory
@@ -36,6 +36,8 @@ class FollowTrajectory:
     ----------
     node : rclpy.node.Node
         The controller's node.
+    timers : SteadyTimers
+        Its timers.
     controller : Controller
         Follows the trajectories.
     intake : CommandIntake
@@ -55,6 +57,7 @@ class FollowTrajectory:
     def __init__(
         self,
         node: Any,
+        timers: SteadyTimers,
         controller: Controller,
         intake: CommandIntake,
         lock: threading.Lock,
@@ -83,7 +86,7 @@ class FollowTrajectory:
             return
         self._server = LongActions(node, FollowJointTrajectory, NAME, self._begin, self._cancel)
         period = 1.0 / float(values()["action_monitor_rate"])
-        self._timer = steady_timer(node, period, self._monitor)
+        self._timer = timers.add(period, self._monitor)
         self._timer.cancel()
 
     @property
