@@ -75,9 +75,21 @@ def test_numbers_are_shown_by_name_and_in_the_unit_of_the_title(rig, sink):
         f"pressure/{antagonist}": [(1.0, pytest.approx(100.0))],
         f"valve/{agonist}": [(1.0, 0.5)],
         f"valve/{antagonist}": [(1.0, -0.5)],
-        f"stiffness/{joint}/asked": [(1.0, 12.0)],
+        f"stiffness/{joint}/asked": [(1.0, 12.0), (1.0, 12.0)],
         f"stiffness/{joint}/given": [(1.0, 11.0)],
     }
+
+
+def test_the_stiffness_asked_for_holds_until_the_next_command(rig, sink):
+    """From 14 to 8 N m/rad, the viewer drew a ramp of 15 s that nobody had asked for."""
+    view = RobotView(rig, sink)
+    for time in (1.0, 2.0, 3.0):
+        if time != 2.0:
+            asked = SimpleNamespace(data=[14.0 if time == 1.0 else 8.0])
+            view.take("pam_controller/stiffness_commands", time, asked)
+        view.take("joint_stiffness", time + 0.5, SimpleNamespace(data=[11.0]))
+    shown = sink.numbers[f"stiffness/{rig.joint_names[0]}/asked"]
+    assert shown == [(1.0, 14.0), (1.5, 14.0), (2.5, 14.0), (3.0, 8.0), (3.5, 8.0)]
 
 
 def test_a_fast_topic_is_thinned_and_a_clock_set_back_does_not_stop_the_view(rig, sink):

@@ -86,6 +86,28 @@ def test_on_a_terminal_every_channel_is_asked_about(rig: Rig) -> None:
     assert kept["time"] == Proposed("time", "t_ms", "ms")
 
 
+def test_a_bag_of_the_suite_is_understood_without_what_only_a_simulation_knows(rig: Rig) -> None:
+    """Proposed were the true angle of the simulated rig, and absolute pressures as gauge."""
+    flexor, extensor = rig.joints[0].muscles
+    at_hand = [
+        *(f"/{muscle}/pressure.fluid_pressure" for muscle in (flexor, extensor)),
+        *(f"/ground_truth/muscle_states.effort.{muscle}" for muscle in (flexor, extensor)),
+        "/ground_truth/joint_states.position.elbow",
+        "/joint_estimates.effort.elbow",
+        *(f"/muscle_states.effort.{muscle}" for muscle in (flexor, extensor)),
+    ]
+    wanted = {
+        f"pressure_states.{flexor}": f"/arm/pressure_states.effort.{flexor}",
+        f"pressure_states.{extensor}": f"/arm/pressure_states.effort.{extensor}",
+        "joint_states.elbow.position": "/arm/joint_states.position.elbow",
+        f"valve_commands.{flexor}": f"/arm/sent_valve_commands.position.{flexor}",
+        f"valve_commands.{extensor}": f"/arm/sent_valve_commands.position.{extensor}",
+    }
+    asked = [f"/arm/valve_commands.position.{muscle}" for muscle in (flexor, extensor)]
+    columns = dict.fromkeys((*at_hand, *asked, *wanted.values()), 200000.0 + P1)
+    assert {p.channel: p.column for p in propose(columns, rig, is_bag=True)} == wanted
+
+
 def test_the_measured_pair_of_muscles_is_understood(tmp_path: Path) -> None:
     """Its columns are named by their authors; only the displacement, in m, is not an angle."""
     rig = load_rig(DATA / "rig.yaml")

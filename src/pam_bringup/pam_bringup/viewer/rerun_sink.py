@@ -27,6 +27,9 @@ HOST = "127.0.0.1"  # nobody else may see the robot
 START_TIME = 30.0  # s; of the viewer's server
 LIVE_SPAN = 20.0  # s, that the curves of a running robot show
 HAND_OVER_EVERY = 0.1  # s; single points would keep the viewer busy with their headers
+MEASURED, ASKED = (0, 121, 140), (138, 138, 138)
+COLOURS = {"measured": MEASURED, "given": MEASURED, "reference": ASKED, "asked": ASKED}
+"""Of the curves with these last names, so that the two of a pair cannot be taken for each other."""
 CURVES = (
     ("angle", "Angle and reference [rad]"),
     ("error", "Tracking error [mrad]"),
@@ -117,6 +120,7 @@ class RerunSink:
         self._rr = rerun()
         self._stream = self._rr.RecordingStream("pam_suite")
         self._points: dict[str, list[tuple[float, float]]] = defaultdict(list)
+        self._coloured: set[str] = set()
         self._handed_over = clock.monotonic()
 
     def serve(self, web_port: int, data_port: int, blueprint: Any, *, open_browser: bool) -> str:
@@ -164,6 +168,11 @@ class RerunSink:
     def _hand_over(self) -> None:
         """Give the viewer all points since the last time, curve by curve."""
         for path, points in self._points.items():
+            colour = COLOURS.get(path.rpartition("/")[2])
+            if colour and path not in self._coloured:
+                self._coloured.add(path)
+                look = self._rr.SeriesLines(colors=[colour])
+                self._stream.log(path.replace(" ", "_"), look, static=True)
             times, values = zip(*points, strict=True)
             self._stream.send_columns(
                 path.replace(" ", "_"),

@@ -67,6 +67,7 @@ class RobotView:
         self._pressures: dict[str, float] = {}
         self._state = "no message from the driver yet"
         self._warnings: dict[str, str] = {}
+        self._asked: list[float] = []
 
     def take(self, topic: str, time: float, message: Any) -> None:
         """Show a message.
@@ -151,17 +152,20 @@ class RobotView:
             self._number(f"error/{name}", time, 1e3 * float(position))
 
     def _show_stiffness_commands(self, time: float, message: Any) -> None:
-        self._stiffness("asked", time, message)
+        self._asked = [float(value) for value in message.data]
+        self._stiffness("asked", time, self._asked)
 
     def _show_joint_stiffness(self, time: float, message: Any) -> None:
-        self._stiffness("given", time, message)
+        self._stiffness("given", time, [float(value) for value in message.data])
+        # A command holds until the next one; a line from command to command would be a ramp.
+        self._stiffness("asked", time, self._asked)
 
-    def _stiffness(self, kind: str, time: float, message: Any) -> None:
-        for name, value in zip(self._rig.joint_names, message.data, strict=False):
-            self._number(f"stiffness/{name}/{kind}", time, float(value))
+    def _stiffness(self, kind: str, time: float, values: Sequence[float]) -> None:
+        for name, value in zip(self._rig.joint_names, values, strict=False):
+            self._number(f"stiffness/{name}/{kind}", time, value)
 
     def _show_state(self, time: float, message: Any) -> None:
-        rows = [f"- {entry.key}: {entry.value}" for entry in message.values]
+        rows = [f"- {entry.key}: {entry.value}" for entry in message.values if entry.value]
         self._state = "\n".join([f"**{message.message}**", "", *rows])
         self._tell(time)
 

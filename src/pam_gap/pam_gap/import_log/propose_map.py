@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 
 from pam_gap.recordings.column_map import unit_of
+from pam_gap.recordings.import_rosbag import ESTIMATES, GROUND_TRUTH
 from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY, Array
 from pam_model.rig import Rig
 from pam_model.unit_hints import RECORDED, units_that_fit
@@ -46,6 +47,9 @@ _UNIT_WORDS: Final = {
 }  # fmt: skip
 _KIND, _OWNER, _NUMBER = 2.0, 3.0, 1.5
 """What a word of the kind, a word of the muscle or joint, and the right number count."""
+_OWN_NAME: Final = 100.0
+"""What the name of this suite counts, less one for each that is better."""
+_LEAST_OWN: Final = 90.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +93,36 @@ def _kind(channel: str) -> str:
     return "." + channel.rpartition(".")[2]
 
 
+def _own_names(channel: str) -> tuple[str, ...]:
+    """What a channel is called in tables and bags of this suite, the best first."""
+    owner, _, field = channel.partition(".")[2].partition(".")
+    if channel.startswith(COMMANDS):  # what was sent is nearer to the valves than what was asked
+        topics = ("/sent_valve_commands", "/valve_commands")
+        in_bags = [f"{t}.{f}.{owner}" for t in topics for f in ("position", "effort")]
+    elif channel == SUPPLY:
+        in_bags = [f"/{SUPPLY}.fluid_pressure"]
+    else:
+        in_bags = [f"/{channel.partition('.')[0]}.{field or 'effort'}.{owner}"]
+    return (channel, *in_bags)
+
+
+def _measured(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """The columns without what a simulated rig knows of itself and what the model node computed."""
+    topics = {name: name.partition(".")[0].split("/") for name in columns}
+    is_estimated = any(parts[-1] == ESTIMATES for parts in topics.values())
+    return {
+        name: columns[name]
+        for name, parts in topics.items()
+        if GROUND_TRUTH not in parts
+        and not (is_estimated and parts[0] == "" and parts[-1] == MUSCLES.rstrip("."))
+    }
+
+
 def _score(channel: str, place: int, column: str) -> float:
     """How well the name of a column fits a channel; 0 without a word of its kind."""
+    for rank, name in enumerate(_own_names(channel)):
+        if column == name or (name.startswith("/") and column.endswith(name)):
+            return _OWN_NAME - rank
     words = words_of(column)
     kind = _KIND * sum(word in _WORDS[_kind(channel)] for word in set(words))
     if not kind:
@@ -136,6 +168,7 @@ def propose(columns: Mapping[str, Array], rig: Rig, *, is_bag: bool = False) -> 
         Whether the log has stamps of its own, so that no time is sought.
     """
     channels = ([] if is_bag else ["time"]) + wanted_channels(rig)
+    columns = _measured(columns)
     places: dict[str, int] = {}
     scored: list[tuple[float, str, str]] = []
     for channel in channels:
@@ -144,9 +177,12 @@ def propose(columns: Mapping[str, Array], rig: Rig, *, is_bag: bool = False) -> 
         for column in columns:
             score = _time_score(column) if kind == "time" else _score(channel, place, column)
             scored.append((score, channel, column))
+    best = max((score for score, _, _ in scored), default=0.0)
+    # In a bag of the suite, what has another name is something else.
+    least = _LEAST_OWN if is_bag and best >= _LEAST_OWN else 0.0
     found: dict[str, str] = {}
     for score, channel, column in sorted(scored, key=lambda s: -s[0]):
-        if score > 0.0 and channel not in found and column not in found.values():
+        if score > least and channel not in found and column not in found.values():
             found[channel] = column
     return [
         Proposed(
