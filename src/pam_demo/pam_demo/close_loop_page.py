@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 
 from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
 from pam_gap.answer.diagnosis import Diagnosis
+from pam_gap.answer.page_style import STYLE
 
 ASKED, BEFORE, AFTER = "#1d2433", "#d1495b", "#00798c"
-STYLE: Any = {  # matplotlib's own type lists every key
+LOOK: Any = {  # matplotlib's own type lists every key
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -31,55 +32,47 @@ TEMPLATE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Tracking before and after a diagnosis</title>
-<style>
-body { margin: 0; background: #f4f5f8; color: #1d2433;
-  font: 16px/1.5 system-ui, "Segoe UI", Roboto, sans-serif; }
-main { max-width: 1000px; margin: 0 auto; padding: 2.2rem 1.25rem 3rem; }
-h1 { font-size: 1.7rem; margin: 0 0 .4rem; } h2 { font-size: 1.15rem; margin: 0 0 .5rem; }
-section { background: #fff; border: 1px solid #dfe3ea; border-radius: 10px;
-  padding: 1.1rem 1.3rem; margin: 0 0 1.1rem; }
-.verdict { font-size: 1.12rem; } .dim { color: #5d6778; font-size: .92rem; }
-table { border-collapse: collapse; width: 100%; }
-th { text-align: left; color: #5d6778; font-weight: 600; border-bottom: 1px solid #dfe3ea; }
-th, td { padding: .3rem .5rem; } td.n, th.n { text-align: right;
-  font-variant-numeric: tabular-nums; } img { display: block; width: 100%; }
-.good { color: #1a7f4b; } .bad { color: #b3261e; }
+<style>{{ style | safe }}
+ :root { --good: #1a7f4b; --bad: #b3261e; }
+ @media (prefers-color-scheme: dark) { :root { --good: #5fd394; --bad: #ff8f86; } }
+ .good { color: var(--good); } .bad { color: var(--bad); }
 </style></head><body><main>
 <h1>Tracking before and after a diagnosis</h1>
-<p class="dim">Driver, model and controller ran as separate processes and moved a simulated rig over
-a CAN bus. The simulated rig has the effect <b>{{ hidden }}</b>, which is missing in its rig file.
+<p class="quiet">Driver, model and controller ran as separate processes and moved a simulated rig
+over a CAN bus. The simulated rig has the effect <b>{{ hidden }}</b>, which is missing in its rig file.
 The recording of the first run was diagnosed.{% if figures %} In the second run, on the same rig,
 every node used the improved rig file.{% endif %}</p>
-<section><h2>Verdict</h2><p class="verdict">{{ diagnosis.sentence }}</p>
+<h2>Verdict</h2><p class="verdict">{{ diagnosis.sentence }}</p>
 {% if parameters %}
-<table><tr><th>parameter</th><th class="n">found</th><th class="n">90 % interval</th>
-<th>unit</th></tr>
+<div class="wide" tabindex="0"><table><tr><th>parameter</th><th class="n">found</th>
+<th class="n">90 % interval</th><th>unit</th></tr>
 {% for row in parameters %}<tr><td>{{ row[0] }}</td><td class="n">{{ row[1] }}</td>
-<td class="n">{{ row[2] }} to {{ row[3] }}</td><td>{{ row[4] }}</td></tr>{% endfor %}</table>
-{% endif %}</section>
-<section><h2>RMS tracking error</h2>
-{% if figures %}<table><tr><th>motion</th><th class="n">before [mrad]</th>
-<th class="n">after [mrad]</th><th class="n">after/before</th><th class="n">true, before</th>
-<th class="n">true, after</th></tr>
+<td class="n">{{ row[2] }} to {{ row[3] }}</td><td>{{ row[4] }}</td></tr>{% endfor %}</table></div>
+{% endif %}
+<h2>RMS tracking error</h2>
+{% if figures %}<div class="wide" tabindex="0"><table><tr><th>motion</th>
+<th class="n">before [mrad]</th><th class="n">after [mrad]</th><th class="n">after/before</th>
+<th class="n">true, before [mrad]</th><th class="n">true, after [mrad]</th></tr>
 {% for f in figures %}<tr><td>{{ titles[f.motion] }}</td>
 <td class="n">{{ "%.2f"|format(1e3 * f.before) }}</td>
 <td class="n">{{ "%.2f"|format(1e3 * f.after) }}</td>
 <td class="n {{ 'good' if f.after < f.before else 'bad' }}">{{ "%.2f"|format(f.after/f.before) }}
 </td><td class="n">{{ "%.2f"|format(1e3 * f.true_before) }}</td>
-<td class="n">{{ "%.2f"|format(1e3 * f.true_after) }}</td></tr>{% endfor %}</table>
-<p class="dim">Measured error: reference angle minus joint_states. True error: reference angle minus
-the plant's own angle, which was available neither to the controller nor to the diagnosis.</p>
+<td class="n">{{ "%.2f"|format(1e3 * f.true_after) }}</td></tr>{% endfor %}</table></div>
+<p class="quiet">Measured error: reference angle minus joint_states. True error: reference angle
+minus the plant's own angle, which was available neither to the controller nor to the diagnosis.</p>
 {% else %}<p>The diagnosis found no change for the rig file, so there was no second run.</p>
-{% endif %}</section>
-{% for title, svg in plots %}<section><h2>{{ title }}</h2>
-<img alt="{{ title }}" src="data:image/svg+xml;base64,{{ svg }}"></section>{% endfor %}
-<p class="dim">The full diagnosis: <a href="diagnosis/report.html">diagnosis/report.html</a>.</p>
+{% endif %}
+{% for title, svg in plots %}<h2>{{ title }}</h2><div class="wide" tabindex="0">
+<img alt="{{ title }}: angle and error before and after"
+src="data:image/svg+xml;base64,{{ svg }}"></div>{% endfor %}
+<p class="quiet">The full diagnosis: <a href="diagnosis/report.html">diagnosis/report.html</a>.</p>
 </main></body></html>
 """
 
 
 def _plot(before: TrackedMotion, after: TrackedMotion | None) -> str:
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(LOOK):
         canvas = Figure(figsize=(9.0, 4.6), layout="constrained")
         top, bottom = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         top.plot(before.times, before.asked, color=ASKED, label="reference")
@@ -135,6 +128,7 @@ def write_page(
     page = jinja2.Environment(autoescape=True).from_string(TEMPLATE)
     path.write_text(
         page.render(
+            style=STYLE,
             hidden=", ".join(hidden),
             diagnosis=diagnosis,
             parameters=parameters,
