@@ -40,8 +40,8 @@ TEMPLATE = """<!doctype html>
 <h1>Tracking before and after a diagnosis</h1>
 <p class="quiet">Driver, model and controller ran as separate processes and moved a simulated rig
 over a CAN bus. The simulated rig has the effect <b>{{ hidden }}</b>, which is missing in its
-rig file. The recording of the first run was diagnosed.{% if figures %} In the second run, on the same rig,
-every node used the improved rig file.{% endif %}</p>
+rig file. The recording of the first run was diagnosed.{% if figures %}
+In the second run, on the same rig, every node used the improved rig file.{% endif %}</p>
 <h2>Verdict</h2><p class="verdict">{{ diagnosis.sentence }}</p>
 {% if parameters %}
 <div class="wide" tabindex="0"><table><tr><th>parameter</th><th class="n">found</th>
