@@ -10,6 +10,7 @@ import pytest
 from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
 from pam_control.adaptation.motion_functions import MotionMemory
 from pam_control.adaptation.recursive_fit import CORRELATED, RecursiveFit, Suspect
+from pam_control.adaptation.tube_pressure import TubePressure
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import (
@@ -294,7 +295,7 @@ def test_a_supply_that_falls_while_air_is_taken_is_told_from_a_narrow_path():
         up = max(promised, 0.0)
         taken += STEP / 10.0 * (up / full - taken)
         pressure += STEP * (promised - 4.0 * up * taken) / per_rate
-        adaptation.learn(STEP, FlowSample(promised, full, pressure, per_rate, 0.0, 0.0))
+        adaptation.learn(STEP, FlowSample(promised, full, pressure, 0.0, per_rate, 0.0, 0.0))
     wanted = 0.3 * full
     asked = adaptation.corrected(wanted, 0.0, full, pressure)
     assert asked * (1.0 - 4.0 * taken) == pytest.approx(wanted, rel=0.03)
@@ -323,11 +324,43 @@ def test_a_valve_gives_what_is_asked_for_after_its_flow_was_learnt(exhaust, offs
         given = _true_flow(late, exhaust, offset, overlap, leak, pressure, full)
         pressure += STEP * given / per_rate
         shown = pressure + 70.0 * random.standard_normal()
-        adaptation.learn(STEP, FlowSample(promised, full, shown, per_rate, 0.0, delay))
+        adaptation.learn(STEP, FlowSample(promised, full, shown, 0.0, per_rate, 0.0, delay))
     for wanted in (-0.3 * full, 0.3 * full):
         asked = adaptation.corrected(wanted, 0.0, full, pressure)
         given = _true_flow(asked, exhaust, offset, overlap, leak, pressure, full)
         assert given == pytest.approx(wanted, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("tube", "volume", "late"),
+    [(1.8, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.3, 0.0), (0.0, 1.0, 0.02), (1.8, 1.3, 0.0)],
+)
+def test_a_tube_is_found_and_told_from_a_late_sensor_and_another_volume(tube, volume, late):
+    """The sensor shows the pressure in the muscle and the loss in the tube, `late` seconds late."""
+    full, per_rate = 3e-3, 2e-9
+    adaptation = FlowAdaptation(full, SUPPLY)
+    random, pressure, lagging, loss = np.random.default_rng(6), 3e5, 3e5, 0.0
+    for cycle in range(4000):
+        now = STEP * cycle
+        flow = full * (0.15 * math.sin(5.0 * now) + 0.1 * math.sin(13.0 * now))
+        pressure += STEP * flow / (volume * per_rate)
+        loss = tube * flow * abs(flow) / full**2 * SUPPLY**2 / (2.0 * pressure)
+        lagging += STEP / (late + STEP) * (pressure + loss - lagging)
+        shown = lagging + 100.0 * random.standard_normal()
+        found = adaptation.tube.share * adaptation.tube.unit_loss(flow, shown)
+        adaptation.learn(STEP, FlowSample(flow, full, shown, found, per_rate, 0.0, 0.0))
+    assert adaptation.tube.share == pytest.approx(tube, rel=0.1)
+
+
+def test_the_pressure_behind_a_tube_is_that_of_the_flow_at_once_and_of_the_sensor_in_time():
+    """So the loop does not chatter by what the sensor shows, and keeps no error of the flow."""
+    observer = TubePressure()
+    assert observer.update(STEP, 2e5, 0.0, 0.0) == 2e5
+    at_once = observer.update(STEP, 2.5e5, 2e4, 0.0)
+    assert at_once < 2.02e5
+    for _ in range(600):
+        found = observer.update(STEP, 2.5e5, 2e4, 0.0)
+    assert found == pytest.approx(2.3e5, rel=1e-3)
 
 
 @pytest.mark.parametrize("pressure", [0.0, 6e5])

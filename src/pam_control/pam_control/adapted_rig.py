@@ -227,6 +227,8 @@ def _of_flow(name: str, flow: FlowAdaptation) -> list[str]:
         told.append(f"an overlap of about {-overlap:.1%} of the stroke")
     if leak > LEAST_OPENING:
         told.append(f"a leak of about {leak:.1%} of the valve's flow")
+    if flow.tube.share > 0.0:
+        told.append(f"a tube with {flow.tube.share**-0.5:.1f} times the valve's conductance")
     if flow.delay > LONG_DELAY:
         told.append(f"commands {1e3 * flow.delay:.0f} ms late")
     return [f"{name}: not written, because its cause is open: {', '.join(told)}"] if told else []

@@ -410,7 +410,10 @@ class Controller(LoopDesign):
         settings, channel = self.settings, self.channels[index]
         name = channel.joint.name
         position = measurement.positions[index]
-        pressures = [measurement.pressures[i] for i in channel.indices]
+        pressures = [
+            loop.inside(measurement.pressures[i], step)
+            for loop, i in zip(channel.loops, channel.indices, strict=True)
+        ]
         gains = settings.gains[name]
         measured_at = measurement.pressure_time - settings.measurement_delay
         now_at = measured_at - channel.late_pressures

@@ -17,7 +17,9 @@ the wall in such a time: compressed gas with the exponent k and the time constan
 A fit over the last seconds of work finds the nine. The command of the valve is computed with the
 first eight, and the feedforward looks ahead by d as well.
 
-Both sides pass the same slow filter, so that neither a pressure nor a flow is differentiated.
+Both sides pass the same slow filter, so that neither a pressure nor a flow is differentiated. Where
+the sensor is found to be before a tube (`TubeSearch`), the loss in it is subtracted from what it
+shows.
 
 Source: P. Beater, Pneumatic Drives, Springer 2007, chapters 5 and 6 (paths and overlap of a valve,
 chamber). The form of the fit is derived here.
@@ -32,6 +34,7 @@ from typing import Final
 import numpy as np
 
 from pam_control.adaptation.recursive_fit import RecursiveFit, Suspect
+from pam_control.adaptation.tube_search import TubeSearch
 from pam_control.limited import limited
 
 FILTER: Final = 0.06  # s
@@ -69,6 +72,8 @@ class FlowSample:
         Full flow in its direction [kg/s].
     pressure : float
         Measured [Pa absolute].
+    lost : float
+        Part of it that a tube which was found loses [Pa].
     per_rate : float
         V/(k R T), flow per pressure rate [kg/Pa].
     moved : float
@@ -80,6 +85,7 @@ class FlowSample:
     promised: float
     capacity: float
     pressure: float
+    lost: float
     per_rate: float
     moved: float
     delay: float
@@ -99,22 +105,30 @@ class FlowAdaptation:
     ----------
     delay : float
         Delay or lag of the commands beside what the rig file tells [s].
+    tube : TubeSearch
+        Whether the sensor is before a tube.
     """
 
     def __init__(self, full_flow: float, supply: float) -> None:
         self._full, self._per_pressure = full_flow, full_flow / supply
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
+        self.tube = TubeSearch(full_flow, supply)
         self.forget()
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known."""
+        self.tube.forget()
+        self._forget_flows()
+
+    def _forget_flows(self) -> None:
         self._fit.forget()
         self._bound()
         self.delay = 0.0
 
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
+        self.tube.restart()
         self._smooth: list[float] = []
         self._late = self._moved = self._taken = self._warm = 0.0
         self._since = 0.0
@@ -181,7 +195,9 @@ class FlowAdaptation:
         self._warm += step / (WALL + step) * (u - self._moved - self._warm)
         leaking = -self._per_pressure * sample.pressure
         still = (overlap, drooped, leaking, self._warm)
-        raw = (sample.pressure, up, down, c, self._moved, *still)
+        inside = sample.pressure - sample.lost
+        lost = self.tube.unit_loss(u, sample.pressure)
+        raw = (inside, sample.pressure, lost, up, down, c, self._moved, *still)
         weight = step / (FILTER + step)
         # without `strict`, which would take as long as the rest
         pairs = zip(self._smooth or raw, raw)  # noqa: B905
@@ -193,10 +209,16 @@ class FlowAdaptation:
         self.delay += limited(wanted - self.delay, -reach, reach)
         if self._since < EVERY:
             return
-        slow, up, down = self._smooth[:3]
-        if up - down > LEAST_WORK * self._full:
-            seen = sample.per_rate * (sample.pressure - slow) / FILTER + self._smooth[4]
-            functions = np.array((*self._smooth[1:], (up + down - u) / FILTER)) / self._full
+        slow, shown, lost, up, down, _, moved = self._smooth[:7]
+        per_rate = sample.per_rate
+        known = self.tube.share > 0.0
+        rates = (up / per_rate, down / per_rate, moved / per_rate)
+        self.tube.update(self._since, shown, rates, lost)
+        if known != (self.tube.share > 0.0):
+            self._forget_flows()  # they were seen through another sensor, as it were
+        elif up - down > LEAST_WORK * self._full:
+            seen = per_rate * (inside - slow) / FILTER + moved
+            functions = np.array((*self._smooth[3:], (up + down - u) / FILTER)) / self._full
             self._fit.update(functions, (seen - up - down) / self._full, self._since)
             self._bound()
         self._since = 0.0

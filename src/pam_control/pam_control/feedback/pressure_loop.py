@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
+from pam_control.adaptation.tube_pressure import TubePressure
 from pam_control.compensation.valve_inverse import ValveInverse
 from pam_control.feedback.pressure_watch import PressureWatch
 from pam_control.feedback.valve_lead import ValveLead
@@ -111,6 +112,18 @@ class PressureLoop(Protocol):
         """Forget what was learnt of the valve."""
         ...
 
+    def inside(self, shown: float, step: float) -> float:
+        """Pressure in the muscle, where the sensor is found to show another one.
+
+        Parameters
+        ----------
+        shown : float
+            Measured [Pa gauge].
+        step : float
+            Time since the last call [s].
+        """
+        ...
+
     def command(
         self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
     ) -> tuple[float, bool]:
@@ -162,16 +175,23 @@ class FlowValveLoop:
         self._exponent = rig.gas.polytropic_exponent
         self._full = self._full_flow(True, self._ambient)
         self.adaptation = FlowAdaptation(self._full, self._supply)
+        self._tube = TubePressure()
+        self._flow = self._rate = self._shown = self._loss = 0.0
 
     def reset(self) -> None:
-        """Reset the lead compensator and the watch."""
+        """Reset the lead compensator, the watch and the observer of the tube."""
+        if self._watch.factor < 1.0 and self.adaptation.tube.share == 0.0:
+            self.adaptation.forget()
         self._lead.reset()
         self._watch.reset()
         self.adaptation.restart()
+        self._tube.reset()
+        self._flow = self._rate = self._shown = self._loss = 0.0
 
     def forget_adaptation(self) -> None:
         """Forget what was learnt of the valve."""
         self.adaptation.forget()
+        self.adaptation.restart()
 
     def _full_flow(self, filling: bool, absolute: float) -> float:
         """Flow of the open valve into the muscle by its data [kg/s]."""
@@ -192,19 +212,34 @@ class FlowValveLoop:
         """By how much more than told the commands are late, as was learnt [s]."""
         return self.adaptation.delay
 
+    def inside(self, shown: float, step: float) -> float:
+        """Pressure in the muscle [Pa gauge]; that of the sensor, unless a tube was found."""
+        self._shown = shown
+        tube = self.adaptation.tube
+        self._loss = 0.0
+        if tube.share == 0.0:
+            self._tube.reset()
+            return shown
+        self._loss = tube.share * tube.unit_loss(self._flow, max(shown, 0.0) + self._ambient)
+        return self._tube.update(step, shown, self._loss, self._rate)
+
     def command(
         self, demand: PressureDemand, pressure: float, settings: PressureLoopSettings, step: float
     ) -> tuple[float, bool]:
         """Spool command, and whether the valve is too small for the desired pressure rate."""
         error = demand.reference - pressure
+        before = self._watch.factor
         gain = settings.gain * self._watch.update(error, step)
-        # chatter means that the sensor does not see the muscle, so that nothing is to be learnt
-        adapts = settings.adaptation and self._watch.factor == 1.0
+        if self._watch.factor < before:
+            # flows that change within a cycle or two tell nothing
+            self.forget_adaptation()
+        # chatter means that the sensor does not see the muscle: of use is only what tells why
+        adapts = settings.adaptation and (
+            self._watch.factor == 1.0 or self.adaptation.tube.share > 0.0
+        )
         if adapts:
             # what is learnt corrects the feedforward; it must never raise the gain of the loop
             gain *= self.adaptation.least_share
-        elif settings.adaptation:
-            self.adaptation.forget()
         rate = demand.rate + gain * error
         absolute = max(pressure + demand.ahead + self._ambient, self._ambient)
         length = limited(demand.length, *self._lengths)
@@ -226,25 +261,35 @@ class FlowValveLoop:
         flow += leaving
         per_pressure = 1.0 / (GAS_CONSTANT * self._temperature)
         fills, capacity = flow >= 0.0, 1.0
-        full = self._full_flow(fills, absolute)
-        if adapts:
+        # the valve sees the pressure before the tube
+        line = max(absolute + self._shown - pressure, self._ambient)
+        full = self._full_flow(fills, line)
+        into = flow - leaving
+        if settings.adaptation:
             # none at the supply's pressure, or in an empty muscle
             capacity = max(abs(full), LEAST_CAPACITY * self._full)
+        if adapts:
             moved = absolute * volume_rate * per_pressure
             flow = self.adaptation.corrected(flow, moved, capacity, absolute)
             if (flow >= 0.0) != fills:
-                full = self._full_flow(not fills, absolute)
+                full = self._full_flow(not fills, line)
         opening = opening_for_flow(flow, full)
         limit = settings.spool_limit
-        if adapts:
-            given = flow * min(limit / max(abs(opening), limit), 1.0)
-            inside = max(pressure + self._ambient, self._ambient)
+        if settings.adaptation:
+            given = flow if abs(opening) < limit else limited(opening, -limit, limit) * abs(full)
+            shown = max(self._shown + self._ambient, self._ambient)
+            if self.adaptation.tube.share > 0.0:
+                late = step / (max(settings.acting_delay, 0.0) + step)
+                self._flow += late * (into + given - flow - self._flow)
+                moved = (pressure + self._ambient) * volume_rate
+                self._rate = (self._flow / per_pressure - moved) * self._exponent / volume
             sample = FlowSample(
                 given - leaving,
                 capacity,
-                inside,
+                shown,
+                self._loss,
                 volume * per_pressure / self._exponent,
-                inside * volume_rate * per_pressure,
+                shown * volume_rate * per_pressure,
                 settings.acting_delay,
             )
             self.adaptation.learn(step, sample)
@@ -278,6 +323,10 @@ class RegulatorLoop:
     def late(self) -> float:
         """A regulator closes its own loop; nothing is learnt of it."""
         return 0.0
+
+    def inside(self, shown: float, step: float) -> float:
+        """A regulator closes its own loop; what its sensor shows is taken as it is."""
+        return shown
 
     def reset(self) -> None:
         """There is no state to reset."""

@@ -34,7 +34,8 @@ EFFECT = Effect(
         Adjusts("tube.volume", tube_volume),
     ),
     control=Nothing(
-        "nothing, because the sensor is at the valve and the pressure in the muscle is not measured"
+        "nothing with the numbers of the file; the adaptation finds the tube by itself, and the "
+        "pressure behind it is controlled"
     ),
     plausibility=Nothing(
         "nothing, because the pressure in the muscle is not measured; "
