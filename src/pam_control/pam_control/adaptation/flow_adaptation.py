@@ -213,10 +213,11 @@ class FlowAdaptation:
         per_rate = sample.per_rate
         known = self.tube.share > 0.0
         rates = (up / per_rate, down / per_rate, moved / per_rate)
-        self.tube.update(self._since, shown, rates, lost)
+        works = up - down > LEAST_WORK * self._full
+        self.tube.update(self._since, shown, rates, lost, works)
         if known != (self.tube.share > 0.0):
             self._forget_flows()  # they were seen through another sensor, as it were
-        elif up - down > LEAST_WORK * self._full:
+        elif works:
             seen = per_rate * (inside - slow) / FILTER + moved
             functions = np.array((*self._smooth[3:], (up + down - u) / FILTER)) / self._full
             self._fit.update(functions, (seen - up - down) / self._full, self._since)

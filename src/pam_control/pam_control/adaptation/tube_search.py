@@ -16,6 +16,7 @@ written. A late command or a late sensor makes the shown pressure late; a tube m
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -54,7 +55,7 @@ class TubeSearch:
 
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
-        self._shown = self._lost = np.nan
+        self._shown = self._lost = math.nan
         self._filled = self._emptied = self._moved = self._since = 0.0
 
     @property
@@ -67,7 +68,12 @@ class TubeSearch:
         return self._per_square * flow * abs(flow) / pressure
 
     def update(
-        self, step: float, shown: float, rates: tuple[float, float, float], lost: float
+        self,
+        step: float,
+        shown: float,
+        rates: tuple[float, float, float],
+        lost: float,
+        works: bool,
     ) -> None:
         """Take a sample; all values have passed the same filter.
 
@@ -82,8 +88,10 @@ class TubeSearch:
             over V/(k R T) [Pa/s].
         lost : float
             The loss for q = 1 [Pa].
+        works : bool
+            Whether there is a flow; nothing is learnt or forgotten of a valve that is shut.
         """
-        if self._shown != self._shown:  # nothing was seen
+        if math.isnan(self._shown):
             self._shown, self._lost = shown, lost
         kept = HIGH_PASS / (HIGH_PASS + step)
         self._shown += (1.0 - kept) * (shown - self._shown)
@@ -92,6 +100,8 @@ class TubeSearch:
         self._filled = kept * (self._filled + step * filling)
         self._emptied = kept * (self._emptied + step * emptying)
         self._moved = kept * (self._moved + step * moving)
+        if not works:
+            return
         self._since += step
         if self._since < EVERY:
             return
