@@ -119,9 +119,10 @@ class FlowAdaptation:
     def forget(self) -> None:
         """Nothing is known."""
         self.tube.forget()
-        self._forget_flows()
+        self.forget_flows()
 
-    def _forget_flows(self) -> None:
+    def forget_flows(self) -> None:
+        """Nothing is known but the tube."""
         self._fit.forget()
         self._bound()
         self.delay = 0.0
@@ -216,7 +217,7 @@ class FlowAdaptation:
         works = up - down > LEAST_WORK * self._full
         self.tube.update(self._since, shown, rates, lost, works)
         if known != (self.tube.share > 0.0):
-            self._forget_flows()  # they were seen through another sensor, as it were
+            self.forget_flows()  # they were seen through another sensor, as it were
         elif works:
             seen = per_rate * (inside - slow) / FILTER + moved
             functions = np.array((*self._smooth[3:], (up + down - u) / FILTER)) / self._full

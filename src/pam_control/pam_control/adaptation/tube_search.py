@@ -42,26 +42,28 @@ class TubeSearch:
         Of the open valve from the supply [kg/s].
     supply : float
         Its pressure [Pa absolute].
+
+    Attributes
+    ----------
+    share : float
+        q; 0 if there is no tube that matters [-].
     """
 
     def __init__(self, full_flow: float, supply: float) -> None:
         self._per_square = supply**2 / (2.0 * full_flow**2)
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, Suspect(LEAST, BETTER))
+        self.share = 0.0
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known."""
         self._fit.forget()
+        self.share = 0.0
 
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
         self._shown = self._lost = math.nan
         self._filled = self._emptied = self._moved = self._since = 0.0
-
-    @property
-    def share(self) -> float:
-        """q; 0 if there is no tube that matters [-]."""
-        return max(0.0, min(self._fit.weights[-1], MOST))
 
     def unit_loss(self, flow: float, pressure: float) -> float:
         """Loss [Pa] for q = 1, at a flow [kg/s] into the muscle and a pressure [Pa absolute]."""
@@ -108,4 +110,5 @@ class TubeSearch:
         functions = np.array((self._filled, self._emptied, lost - self._lost))
         unexplained = shown - self._shown - self._filled - self._emptied + self._moved
         self._fit.update(functions, unexplained, self._since)
+        self.share = max(0.0, min(self._fit.weights[-1], MOST))
         self._since = 0.0

@@ -191,7 +191,6 @@ class FlowValveLoop:
     def forget_adaptation(self) -> None:
         """Forget what was learnt of the valve."""
         self.adaptation.forget()
-        self.adaptation.restart()
 
     def _full_flow(self, filling: bool, absolute: float) -> float:
         """Flow of the open valve into the muscle by its data [kg/s]."""
@@ -216,9 +215,10 @@ class FlowValveLoop:
         """Pressure in the muscle [Pa gauge]; that of the sensor, unless a tube was found."""
         self._shown = shown
         tube = self.adaptation.tube
-        self._loss = 0.0
         if tube.share == 0.0:
-            self._tube.reset()
+            if self._loss != 0.0:
+                self._loss = 0.0
+                self._tube.reset()
             return shown
         self._loss = tube.share * tube.unit_loss(self._flow, max(shown, 0.0) + self._ambient)
         return self._tube.update(step, shown, self._loss, self._rate)
@@ -231,8 +231,8 @@ class FlowValveLoop:
         before = self._watch.factor
         gain = settings.gain * self._watch.update(error, step)
         if self._watch.factor < before:
-            # flows that change within a cycle or two tell nothing
-            self.forget_adaptation()
+            # flows that change within a cycle or two tell nothing else
+            self.adaptation.forget_flows()
         # chatter means that the sensor does not see the muscle: of use is only what tells why
         adapts = settings.adaptation and (
             self._watch.factor == 1.0 or self.adaptation.tube.share > 0.0
