@@ -1,6 +1,7 @@
 """Identification finds constants back; comparison ranks and ties; tables are read or refused."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,13 @@ def test_fit_finds_a_constant_back() -> None:
     assert k.high - k.low < 0.05
     assert 3.0 < result.held_out_error < 8.0
     assert not result.parameters["rest_length"].fitted
+
+
+def test_without_blocks_nothing_is_held_out_and_the_table_says_so() -> None:
+    """The table said "nan N held out"."""
+    points = made_points("tondu_lopez", {"k": 1.3}, 5.0, 1)
+    table = fit("tondu_lopez", replace(points, block=np.full(40, "1")), GEOMETRY).table()
+    assert "nan" not in table and "none held out, since all points are one `block`" in table
 
 
 def test_interval_holds_the_truth_about_as_often_as_it_says() -> None:
@@ -191,6 +199,7 @@ def test_second_staircase_is_the_first_times_a_factor() -> None:
         ("pressure,force,length\n", "no points"),
         ("pressure,force,length\n3,10,0.2\n", "largest pressure is 3; expected Pa"),
         ("pressure,force,length\n3e5,10,200\n", "largest length is 200; expected m"),
+        ("pressure [inHg],force,length\n3,10,0.2\n", r"unit 'inHg'; expected one of Pa, bar"),
         ("WEIGHT,40\n", "no line STEPS"),
         (
             "WEIGHT,4\nSTEPS,1\nmb per step,5\nCYCLES,1\ncycle,dir,step,pressure,d0\n0,2,0,0,0\n",
@@ -214,6 +223,9 @@ def test_points_are_read(tmp_path: Path) -> None:
     data = load_measurements(path)
     assert (data.pressure[0], data.force[0], data.position[0]) == (1e5, 20.0, 0.01)
     assert (data.velocity[0], data.block[0], data.branch[0]) == (-0.1, "x", "up")
+    path.write_text("Pressure [bar],Force [kN],length (mm)\n3,0.02,250\n", encoding="utf-8")
+    data = load_measurements(path)
+    np.testing.assert_allclose([data.pressure[0], data.force[0], data.position[0]], [3e5, 20, 0.25])
     german = "Größe;pressure;force;shortening\n1,5;1e5;20,5;0,01\n2;2e5;30,5;0,02\n"
     for encoding in ("utf-8-sig", "utf-16", "cp1252"):
         path.write_text(german, encoding=encoding)

@@ -113,10 +113,12 @@ class FitResult:
 
     def table(self) -> str:
         """The fit as text."""
+        held_out = f"{self.held_out_error:.4g} {self.unit} held out (root mean square)"
+        if not math.isfinite(self.held_out_error):
+            held_out = "root mean square; none held out, since all points are one `block`"
         lines = [
-            f"{self.model}: {self.points} points in {self.blocks} blocks",
-            f"  error {self.training_error:.4g} {self.unit} in training, "
-            f"{self.held_out_error:.4g} {self.unit} held out (root mean square)",
+            f"{self.model}: {self.points} points in {self.blocks} block{'s'[: self.blocks != 1]}",
+            f"  error {self.training_error:.4g} {self.unit} in training, {held_out}",
         ]
         for name, p in self.parameters.items():
             if not p.fitted:

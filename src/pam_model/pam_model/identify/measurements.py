@@ -5,7 +5,8 @@ positive] and either `length` [m] or, if only a displacement was measured, `shor
 unknown rest length. Optional columns are `velocity` [m/s, lengthening positive], `block` (a number
 or name for each run or cycle; one block at a time is held out) and `branch` (a name such as rising
 or falling; branches are fitted separately). Rows that start with # are skipped.
-Semicolons and tabs may separate columns, with decimal commas or points.
+A unit in brackets may follow a name, such as `pressure [bar]` or `length [mm]`. Semicolons and tabs
+may separate columns, with decimal commas or points.
 
 The other table, which begins with WEIGHT, is the pressure staircase of a platform on several
 muscles; see `load_staircase`.
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +25,7 @@ import numpy.typing as npt
 
 from pam_model.errors import PamError
 from pam_model.table_dialect import decimal_mark, decoded, separator
-from pam_model.unit_hints import conversion_hint
+from pam_model.unit_hints import conversion_hint, other_units
 
 STANDARD_GRAVITY = 9.80665
 NOMINAL_SPEED = 1e-3
@@ -34,6 +36,9 @@ _LEAST_PRESSURE = 1e3
 _LARGEST_LENGTH = 10.0
 _USUAL_PRESSURES = (3e4, 2.5e6)
 """Range of the largest pressure of a table, by which a foreign unit is recognised [Pa]."""
+
+_UNITS = {"pressure": "Pa", "force": "N", "length": "m", "shortening": "m", "velocity": "m/s"}
+_WITH_UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
 
 Array = npt.NDArray[np.float64]
 
@@ -167,16 +172,30 @@ def load_measurements(
     return _load_points(path, rows)
 
 
+def _heading(cell: str, path: Path) -> tuple[str, float]:
+    """Name of a column, and the factor of the unit behind it, such as "Pressure [bar]"."""
+    found = _WITH_UNIT.fullmatch(cell)
+    name = (found[1] if found else cell).lower()
+    expected = _UNITS.get(name)
+    if expected is None or found is None:
+        return (cell if expected is None else name), 1.0
+    scales = {expected: 1.0, **other_units(expected)}
+    if found[2] not in scales:
+        raise PamError(f"{path}: {cell}: unit {found[2]!r}; expected one of {', '.join(scales)}")
+    return name, scales[found[2]]
+
+
 def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
     rows = [row for row in rows if any(cell.strip() for cell in row)]
     if not rows:
         raise PamError(f"{path}: empty; expected a header row and points")
-    header = [cell.strip() for cell in rows[0]]
+    headings = [_heading(cell.strip(), path) for cell in rows[0]]
+    header, scales = [name for name, _ in headings], dict(headings)
     position = [name for name in ("length", "shortening") if name in header]
     missing = [name for name in ("pressure", "force") if name not in header]
     if missing or len(position) != 1:
         raise PamError(
-            f"{path}: header has {', '.join(header)}; expected pressure [Pa], force [N] and "
+            f"{path}: header has {', '.join(rows[0])}; expected pressure [Pa], force [N] and "
             "either length [m] or shortening [m], optionally velocity [m/s], block, branch"
         )
 
@@ -194,7 +213,7 @@ def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
         values = []
         for row, cell in enumerate(column(name, default), 2):
             values.append(_number(cell, f"{path}: row {row}, {name}"))
-        return np.array(values)
+        return scales.get(name, 1.0) * np.array(values)
 
     count = len(rows) - 1
     if not count:
