@@ -156,6 +156,7 @@ class RigNode(Node):  # type: ignore[misc]
         self.steady_timers = SteadyTimers()
         self.steady_timers.add(1.0 / truth_rate, self._publish)
         self.steady_timers.add(1.0, self._report)
+        self.get_logger().info("loading the plant; the first start compiles it (up to a minute)")
         self._loop.start()
         names = ", ".join(port.name for port in ports.values())
         self.get_logger().info(f"simulating {', '.join(self._rig.joint_names)} on {names}")

@@ -270,7 +270,10 @@ class Proposal:
             f"differ by {best.in_noise:.3g} times the noise after each has been fitted again."
         )
         if not best.is_decisive:
-            words += " That may not be enough: no experiment of the menu separates them well."
+            words += (
+                " Beside the error that both of them leave, that may not be enough: no experiment "
+                "of the menu separates them well."
+            )
         return words
 
     def write(self, folder: Path) -> None:
