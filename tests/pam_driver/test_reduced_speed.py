@@ -91,6 +91,25 @@ def test_neither_activation_nor_lowering_needs_the_permission() -> None:
     assert robot.driver.state is SafetyState.VENTED, robot.driver.faults
 
 
+@pytest.mark.parametrize("state", SafetyState)
+def test_the_reduced_speed_is_a_limit_of_the_state_active_alone(
+    state: SafetyState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In every other state no command moves a joint, or other limits hold."""
+    robot = Robot(replace(load_rig(CONFIG / "two_joints.yaml"), people=PEOPLE))
+    robot.run(1.0)
+    told: list[bool] = []
+    judge = robot.driver._judge
+    monkeypatch.setattr(judge, "watch_motion", lambda *given: told.append(given[-1]))
+    robot.driver.state = state
+    robot.driver.cycle(robot.now, robot.now)
+    assert told == [state is SafetyState.ACTIVE], "nobody has permitted full speed"
+    robot.driver.people.hear_topic(FULL_SPEED, True, robot.now)
+    robot.driver.state = state
+    robot.driver.cycle(robot.now, robot.now)
+    assert told[1:] == [False]
+
+
 def test_the_keys_survive_a_round_trip(rig: Rig, tmp_path) -> None:
     slow = replace(rig.joints[0], reduced_velocity=0.25)
     save_rig(replace(rig, people=PEOPLE).with_joint(slow), tmp_path / "rig.yaml")
