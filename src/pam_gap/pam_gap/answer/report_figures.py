@@ -150,6 +150,6 @@ def draw_shrinkage(gap: Mapping[str, Mapping[str, Any]], answer: str = WITH_ANSW
     axis.set_xscale("symlog", linthresh=1.0)
     axis.margins(x=0.25)
     axis.xaxis.set_major_formatter("{x:g}")
-    axis.set_xlabel("RMS error over noise floor, on held-out data")
+    axis.set_xlabel("RMS error, noise included, over noise floor, on held-out data")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper right", ncols=3)
     return _svg(figure)
