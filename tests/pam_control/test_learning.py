@@ -15,7 +15,7 @@ from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.learning.learning_filter import UNKNOWN_DELAYS, LearningFilter, later
 from pam_control.learning.learnt_file import LearntFile
 from pam_control.learning.motion_learner import MotionLearner
-from pam_control.learning.repeated_motion import Learnt, Recording, RepeatedMotion
+from pam_control.learning.repeated_motion import TAIL, Learnt, Recording, RepeatedMotion
 from pam_control.references.spline import JointSpline, Waypoint
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
@@ -186,6 +186,18 @@ def test_late_cycles_do_not_matter_and_missing_ones_teach_nothing():
     motion.take(Recording(late, [0.5] * 11, [0.0] * 11, [0.1] * 11))
     assert len(motion.history) == 2
     assert motion.ended == ""
+
+
+def test_what_was_recorded_is_not_played_before_the_motion_begins():
+    """The first recorded torque looks ahead; some cycles too early it would kick the joint."""
+    motion = RepeatedMotion(Adding(), PERIOD, 1)
+    times = [PERIOD * k for k in range(200)]
+    motion.take(Recording(times, [0.01] * 200, [0.2] * 200, [0.1] * 200))
+    learner = MotionLearner(motion)
+    end = 5.0 + PERIOD * 200 - TAIL
+    learner.follow(JointSpline([Waypoint(5.0, 0.1, 0.0, 0.0), Waypoint(end, 0.1, 0.0, 0.0)]))
+    assert learner.torque(5.0 - PERIOD, 0.5)[0] == 0.5
+    assert learner.torque(5.0, 0.5)[0] == pytest.approx(0.2)
 
 
 def test_another_trajectory_is_not_played_with_what_was_learnt():

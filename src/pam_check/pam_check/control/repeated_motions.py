@@ -8,13 +8,21 @@ before the first repetition.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Final
 
 from pam_check.blind.truth_plant import TruthJoint
-from pam_check.control.closed_loop import TOLD, Muscles, play, true_rig
+from pam_check.control.closed_loop import (
+    APPROACH,
+    MOTIONS_BEGIN_AT,
+    TOLD,
+    Muscles,
+    play,
+    true_rig,
+)
 from pam_check.control.hidden_sizes import HIDDEN
 from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
@@ -79,6 +87,18 @@ def hide(rig: Rig, names: str) -> tuple[TruthJoint, Muscles]:
     return joint, muscles
 
 
+def from_start(points: Sequence[TrajectoryPoint]) -> list[TrajectoryPoint]:
+    """The motion, which first brings the joint to where motions begin.
+
+    The joint is taken over where its encoder shows it, a step beside its place: without time to go
+    there, each repetition would begin with another jerk, which nobody can learn.
+    """
+    return [
+        TrajectoryPoint(APPROACH[1], [MOTIONS_BEGIN_AT], [0.0], [0.0]),
+        *(replace(each, time_from_start=each.time_from_start + APPROACH[1]) for each in points),
+    ]
+
+
 def repeat(rough: RoughControl, hidden: str, repetitions: int, seed: int) -> Repetitions:
     """Repeat the motion with what is hidden, from a controller that has learnt nothing."""
     controller = rough.controller
@@ -89,8 +109,8 @@ def repeat(rough: RoughControl, hidden: str, repetitions: int, seed: int) -> Rep
     assert learner is not None
     joint, muscles = hide(rough.rig, hidden)
     errors = []
+    points = from_start(rough.motions[MOTION])
     for index in range(repetitions):
-        points = rough.motions[MOTION]
         played, _ = play(controller, joint, muscles, points, seed + index, goes_to=None)
         learner.wait()
         errors.append(played.rms)

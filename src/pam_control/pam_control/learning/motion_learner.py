@@ -71,7 +71,7 @@ class MotionLearner:
         time : float
             Present time [s].
         usual : float
-            What the adaptation adds [N m], which takes over after the motion.
+            What the adaptation adds [N m], before the motion and some time after it.
         """
         spline = self._spline
         if spline is None:
@@ -80,6 +80,8 @@ class MotionLearner:
         if known is None:
             return usual, 0.0
         base, correction = known
+        if time < spline.start_time:  # what was recorded then looks ahead already
+            return usual, correction
         after = time - spline.end_time - TAIL
         left = 1.0 if after <= 0.0 else max(1.0 - after / FADE, 0.0)
         return usual + left * (base - usual), left * correction
