@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
+from pam_gap.answer.sentences import sizes_at_the_end
 from pam_gap.answer.write_answer import AnswerForm, advice
 from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
@@ -355,6 +356,8 @@ class JointDiagnosis:
             diagnosis.cautions += small_motion(self.problem)
         elif shown is None:
             diagnosis.cautions += (NOT_IMPROVED,)
+        if decision.is_named and decision.chosen is not None:
+            diagnosis.cautions += sizes_at_the_end(decision.chosen.hypothesis.at_the_end)
         diagnosis.not_shown = not_shown(self.problem, self.candidates(), self.floor)
         self.progress("done", 1.0)
         return diagnosis

@@ -69,10 +69,11 @@ class DiagnosingProcess:
         self._errors.close()
 
     def end(self) -> None:
-        """Kill the process, also while it works."""
-        if self._process is not None:
-            self._process.kill()
-            with self._process:  # waits for its end, and closes the pipes
+        """Kill the process, also while another thread waits for its answer."""
+        process = self._process
+        if process is not None:
+            process.kill()
+            with process:  # waits for its end, and closes the pipes
                 pass
 
     def task(self, case: Path, out: Path) -> dict[str, Any]:

@@ -156,6 +156,25 @@ def _verdict(diagnosis: Diagnosis) -> str:
     return _named(diagnosis)
 
 
+def sizes_at_the_end(found: Sequence[tuple[str, str, float, str]]) -> tuple[str, ...]:
+    """A caution for each named effect with sizes at the far end of the range that is searched.
+
+    Parameters
+    ----------
+    found : sequence of tuple
+        Effect, parameter, value and unit of each such size.
+    """
+    sizes: dict[str, list[str]] = {}
+    for effect, name, value, unit in found:
+        words = " of the ".join(_words(part) for part in name.split("."))
+        sizes.setdefault(effect, []).append(f"{words} {told(value, unit)}".rstrip())
+    return tuple(
+        f"What was found of {_words(effect)} ({', '.join(values)}) is at the end of the range "
+        "that is searched. If your rig cannot have so much of it, the cause is another one."
+        for effect, values in sizes.items()
+    )
+
+
 def _unknown_size(diagnosis: Diagnosis) -> str:
     """The size of a gap that is not explained, before what comes closest."""
     if not diagnosis.sizes:

@@ -30,11 +30,14 @@ from pam_gap.prediction.fit import (
 )
 from pam_gap.prediction.linear_terms import fit_steps_with_terms
 from pam_gap.prediction.problem import PredictionProblem
+from pam_model.effects import EFFECTS
 from pam_model.plant.parameters import INDEX
 
 Rows = npt.NDArray[np.bool_]
 SIDE_BY_SIDE = 100_000_000
 """Bytes that the Jacobians of fits that run side by side may take."""
+AT_THE_END = 0.005
+"""Distance from the end of the range of a size, in ranges, within which it is at the end."""
 FEWEST_SIDE_BY_SIDE = 6
 """Number of fits that always run side by side, because single lanes are simulated slowly."""
 
@@ -72,6 +75,25 @@ class Hypothesis:
             at += len(member.free)
             if member.is_ordinary(values):
                 found.append(member.effect)
+        return tuple(found)
+
+    @property
+    def at_the_end(self) -> tuple[tuple[str, str, float, str], ...]:
+        """Effect, parameter, value and unit of each size at the far end of its range.
+
+        A size at the end that stands for no effect is not among them.
+        """
+        at = len(self.result.values) - sum(len(member.free) for member in self.members)
+        found = []
+        for member in self.members:
+            for free, (neutral, _) in zip(member.free, member.ordinary, strict=True):
+                value = float(self.result.values[at])
+                at += 1
+                parameter = EFFECTS[member.effect].parameters[free.name.split(".")[0]]
+                near = AT_THE_END * (free.high - free.low)
+                end = free.high if value > neutral else free.low
+                if not parameter.is_shape and end != neutral and abs(value - end) <= near:
+                    found.append((member.effect, free.name, value, parameter.unit))
         return tuple(found)
 
     @property

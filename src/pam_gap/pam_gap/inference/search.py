@@ -110,6 +110,29 @@ class Search:
             for h, new in zip(found, again, strict=True)
         ]
 
+    def anew(self, found: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Fit again from the rig file's nominal numbers; a result is kept if its level is lower.
+
+        The search starts from the nominal plant re-tuned without effects. Its numbers may be at the
+        ends of their tolerance, where they imitate the effect, and a fit from there can be trapped.
+        """
+        centres = [nuisance.free.centre for nuisance in self.fitter.nuisances]
+        again = self.fitter.fit_all(
+            [
+                FitTask(
+                    h.members,
+                    np.concatenate([centres, h.result.values[len(centres) :]]),
+                    self.rules.finish_steps,
+                    guess=h.result.jacobian,
+                )
+                for h in found
+            ]
+        )
+        return [
+            new if self.level(new) < self.level(h) else h
+            for h, new in zip(found, again, strict=True)
+        ]
+
     def extend(
         self,
         base: Hypothesis,
@@ -156,7 +179,7 @@ class Search:
         done = [*refined, *self._richer(refined)]
         leaders = self._leaders(done, finished, self.rules.behind)
         self.progress(f"{task}: the best {len(leaders)}", low + (high - low) * 0.8)
-        ends = self.refine(leaders, self.rules.finish_steps)
+        ends = self.anew(self.refine(leaders, self.rules.finish_steps))
         best_of: dict[str, Hypothesis] = {}
         for h in (*found, *done, *ends):
             if h.label not in best_of or self.level(h) < self.level(best_of[h.label]):
@@ -184,6 +207,30 @@ class Search:
                         )
                         for start in richer_starts(candidate, newest, h.result.values[at:])
                     ]
+        return self.fitter.fit_all(tasks)
+
+    def _simpler(self, found: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """The best hypotheses with the simpler law in place of a richer one, with its values."""
+        tasks: list[FitTask] = []
+        for h in found[: self.rules.simpler_twins]:
+            at = len(self.fitter.nuisances)
+            for k, member in enumerate(h.members):
+                first, own, last = np.split(h.result.values, [at, at + len(member.free)])
+                known = {p.name: v for p, v in zip(member.free, own, strict=True)}
+                for simple in self.candidates:
+                    if (simple.effect, member.effect) in NESTED:
+                        start = [
+                            known.get(p.name, v)
+                            for p, v in zip(simple.free, simple.starts[0], strict=True)
+                        ]
+                        tasks.append(
+                            FitTask(
+                                (*h.members[:k], simple, *h.members[k + 1 :]),
+                                np.concatenate([first, start, last]),
+                                self.rules.settled_steps,
+                            )
+                        )
+                at += len(member.free)
         return self.fitter.fit_all(tasks)
 
     def singles(self) -> SearchResult:
@@ -247,6 +294,7 @@ class Search:
                     shares=(middle, high),
                     warm=True,
                 )
+        found += self._simpler(sorted(found, key=self.level))
         distinct: dict[frozenset[str], Hypothesis] = {}
         for h in sorted(found, key=self.level):
             distinct.setdefault(frozenset(m.label for m in h.members), h)

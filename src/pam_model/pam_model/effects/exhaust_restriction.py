@@ -36,7 +36,7 @@ EFFECT = Effect(
     ),
     plausibility=Included("the pressure observer uses the true conductance of the exhaust path"),
     search=Search(
-        ranges=lambda rig: {"ratio": Range(0.1, 1.9, 0.2, (0.75,))},
+        ranges=lambda rig: {"ratio": Range(0.1, 1.0, 0.2, (0.75,))},
         shown_by=("commands",),
         is_sharp=True,
     ),

@@ -1,0 +1,64 @@
+"""The search of causes: simple laws beside richer ones, and sizes at the end of their range."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pam_gap.answer.sentences import sizes_at_the_end
+from pam_gap.inference.candidates import Candidate, candidates_for
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.search import Search
+from pam_gap.prediction.fit import FitResult
+from pam_gap.prediction.problem import PredictionProblem
+from pam_model.rig import Rig
+
+DRY = {"coulomb_friction.torque": 0.6, "pulley_radius.scale": 1.15}
+
+
+def candidate(rig: Rig, effect: str) -> Candidate:
+    return next(c for c in candidates_for(rig, rig.joints[0]) if c.effect == effect)
+
+
+def with_values(one: Candidate, values: dict[str, float]) -> Hypothesis:
+    start = [values.get(p.name, v) for p, v in zip(one.free, one.starts[0], strict=True)]
+    none = np.zeros((1, 5))
+    result = FitResult(np.array(start), none, 0.0, np.zeros((1, 5, len(start))), 1)
+    return Hypothesis((one,), result, np.zeros(5))
+
+
+def test_a_richer_law_beside_another_cause_is_compared_with_its_simpler_law(
+    rig: Rig, record
+) -> None:
+    problem = PredictionProblem(rig, 0, [record(DRY)])
+    fitter = HypothesisFitter(problem, np.ones(5))
+    fitter.fit_nominal()
+    fitter.without_background()
+    rich, radius = (candidate(rig, name) for name in ("stribeck_friction", "pulley_radius"))
+    search = Search(fitter, candidates_for(rig, rig.joints[0]))
+    start = np.concatenate([rich.starts[0], [1.15]])
+    pair = fitter.fit((rich, radius), start, max_iterations=8)
+    (simple,) = search._simpler([pair])
+    assert simple.effects == ("coulomb_friction", "pulley_radius")
+    assert search.level(simple) < search.level(pair) + 0.1
+    torque = dict(zip((p.name for p in simple.members[0].free), simple.result.values, strict=False))
+    assert torque["torque"] == pytest.approx(0.6, rel=0.1)
+
+
+def test_a_size_at_the_end_of_its_range_is_a_caution(rig: Rig) -> None:
+    payload = candidate(rig, "payload")
+    largest = next(p.high for p in payload.free if p.name == "mass")
+    ((effect, name, value, unit),) = with_values(payload, {"mass": largest}).at_the_end
+    assert (effect, name, value, unit) == ("payload", "mass", largest, "kg")
+    assert not with_values(payload, {"mass": 0.5 * largest}).at_the_end
+    (caution,) = sizes_at_the_end([(effect, name, value, unit)])
+    assert "payload" in caution
+    assert f"mass {largest:g} kg" in caution
+
+
+def test_a_size_that_stands_for_no_effect_is_no_caution(rig: Rig) -> None:
+    delay = candidate(rig, "command_delay")
+    values = {p.name: 0.0 for p in delay.free}
+    assert not with_values(delay, values).at_the_end
+    values[delay.free[0].name] = delay.free[0].high
+    assert [name for _, name, *_ in with_values(delay, values).at_the_end] == [delay.free[0].name]
