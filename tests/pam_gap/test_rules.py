@@ -59,6 +59,7 @@ NO_RULES = {
     "ECCENTRIC_ROUNDS": "after which the angle no longer changes",
     "LARGEST": "stands for no bound",
     "FIRST_STEP": "difference step, which changes no result",
+    "MOST_LATE": "half of a limit of stability",
     "AT_THE_END": "a caution that enters no verdict",
     "WORTH": "work for which a kernel is compiled, which changes no result",
     "SWITCH_INTERVAL": "time, which changes no result",

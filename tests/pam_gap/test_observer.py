@@ -1,0 +1,22 @@
+"""The observer that follows a recording stays stable, whatever is tried in its parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION
+from pam_gap.prediction.fit import mean_squares
+from pam_gap.prediction.problem import PredictionProblem
+from pam_model.plant.parameters import INDEX
+from pam_model.rig import Rig
+
+
+def test_a_late_encoder_shows_in_the_position_alone(rig: Rig, record) -> None:
+    """The motion is corrected at first; with a late measurement this correction can swing."""
+    problem = PredictionProblem(rig, 0, [record()])
+    delays = np.array([0.0, 0.05, 0.1, 0.15, 0.2])
+    lanes = np.repeat(problem.base.values[None], delays.size, axis=0)
+    lanes[:, INDEX["position_delay.delay"]] = delays
+    left = np.sqrt(mean_squares(problem.errors(lanes), problem.counted))
+    assert (left[:, BOTH_PRESSURES] < 5.0).all()  # in noises; 18 to 62 where it swings
+    assert (np.diff(left[:, POSITION]) > 0.0).all()
