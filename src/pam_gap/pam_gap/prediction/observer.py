@@ -70,8 +70,8 @@ N_GAINS = 6
 MOST_LATE = 0.3
 """Largest bandwidth of a correction of the motion times the delay of the measurement.
 
-The correction is (2 w s + w^2)/s^2 with bandwidth w; its gain is 1 at 2.06 w, where its phase margin
-is 76 deg. A delay uses this up at 0.64/w.
+The correction is (2 w s + w^2)/s^2 with bandwidth w; its gain is 1 at 2.06 w, where its phase
+margin is 76 deg. A delay of 0.64/w uses this up.
 """
 # After the sensors' constants: the share of its error that a lagging pressure sensor loses in one
 # sample, for both muscles.
