@@ -9,6 +9,8 @@ import pam_gap
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.channels import joint_channels
+from pam_gap.prediction.dead_sensors import dead_encoder
+from pam_gap.prediction.identifiable import cautions
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.noise_floor import channel_noise, quantisation
 from pam_gap.recordings.recording import LOCKED, Recording
@@ -103,3 +105,35 @@ def test_nothing_of_the_joint_is_named_for_muscles_at_constant_length(
     assert answer.verdict == "none"
     assert answer.effects == ()
     assert POSITION_NAME not in answer.gap
+
+
+@pytest.mark.parametrize("size", [0.8, 1.0, 1.25])
+def test_a_dead_encoder_is_not_taken_for_a_locked_joint(
+    rig: Rig, record: Maker, size: float
+) -> None:
+    """A joint that moved with its encoder at 0 was named a tube, with a probability of 80 %."""
+    moving = record({"pulley_radius.scale": size})
+    dead = replace(moving, values={**moving.values, POSITION_NAME: np.zeros(moving.time.size)})
+    (answer,) = pam_gap.diagnose(dead, rig, threads=1)
+    assert answer.verdict == "not_identifiable"
+    assert "Dead encoder: joint_states.elbow.position" in answer.sentence
+
+
+@pytest.mark.parametrize("effects", [{}, {"agonist.leakage.conductance": 2e-10}])
+def test_a_locked_joint_is_not_taken_for_a_dead_encoder(
+    rig: Rig, record: Maker, effects: dict[str, float]
+) -> None:
+    problem = PredictionProblem(rig, 0, [without_still(held(record, **effects), rig, 0)])
+    assert dead_encoder(problem) == ()
+    assert "taken for locked" in cautions(problem)[0]
+    told = without_still(replace(held(record), mounting=LOCKED), rig, 0)
+    assert not any("taken for locked" in c for c in cautions(PredictionProblem(rig, 0, [told])))
+
+
+def test_a_dead_pressure_sensor_is_told(rig: Rig, record: Maker) -> None:
+    moving = record()
+    name = "pressure_states.elbow_extensor"
+    dead = replace(moving, values={**moving.values, name: np.zeros(moving.time.size)})
+    (answer,) = pam_gap.diagnose(dead, rig, threads=1)
+    assert answer.verdict == "not_identifiable"
+    assert f"Dead sensor: {name} is 0 Pa throughout" in answer.sentence

@@ -10,6 +10,7 @@ import numpy as np
 
 from pam_gap.prediction.channel_order import POSITION, UNITS
 from pam_gap.prediction.channels import block_means
+from pam_gap.prediction.dead_sensors import dead_encoder, dead_pressure_sensors
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 
@@ -79,15 +80,23 @@ def what_is_missing(problem: PredictionProblem) -> tuple[str, ...]:
             f"{1.0 / rules.longest_step:g} Hz are needed to see a joint move; 200 Hz or more are "
             "better."
         )
-    return (*missing, *saturated_channels(problem))
+    dead = (*dead_encoder(problem), *dead_pressure_sensors(problem))
+    return (*missing, *dead, *saturated_channels(problem))
 
 
 def cautions(problem: PredictionProblem) -> tuple[str, ...]:
     """What makes an answer less certain than it looks, in full sentences."""
+    still = tuple(
+        f"{problem.names[POSITION]} never changes in {data.recording.source.name}, so that the "
+        "joint is taken for locked. If it was free to move, this answer is wrong."
+        for data in problem.data
+        if data.recording.is_found_still
+    )
     seconds = float(counted_seconds(problem).max())
     if seconds >= problem.rules.recording.short_seconds:
-        return ()
+        return still
     return (
+        *still,
         f"Only {seconds:.3g} s of data count, so that little is left to check a cause on data that "
         f"took no part in its fit. {USUAL}",
     )

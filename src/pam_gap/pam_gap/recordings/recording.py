@@ -109,6 +109,8 @@ class Recording:
     saturated : mapping of str to float
         Share of the time in which a sensor stood at an end of its range; its samples there are not
         valid.
+    is_found_still : bool
+        Whether the joint is taken for locked because its position never changes; nobody said so.
     """
 
     source: Path
@@ -122,6 +124,7 @@ class Recording:
     one_clock: bool = True
     silent: frozenset[str] = frozenset()
     saturated: Mapping[str, float] = field(default_factory=dict)
+    is_found_still: bool = False
 
     def has(self, channel: str) -> bool:
         """Whether the channel was recorded."""

@@ -77,6 +77,7 @@ def without_still(
     notes: list[str] = []
     silent: set[str] = set()
     mounting = recording.mounting
+    found_still = False
     for name, least in zip(names, finest.tolist(), strict=True):
         if not recording.has(name):
             continue
@@ -89,7 +90,7 @@ def without_still(
         if name == position and not recording.has(torque) and is_still(values, noise, rules):
             silent.add(name)
             if not mounting:
-                mounting = LOCKED
+                mounting, found_still = LOCKED, True
             notes.append(
                 f"{name}: stays at {float(np.median(values)):.4g} rad within its noise, so the "
                 "joint is treated as locked there; if it was free to move, nothing about the joint "
@@ -107,5 +108,6 @@ def without_still(
         recording,
         silent=frozenset(silent),
         mounting=mounting,
+        is_found_still=found_still,
         repairs=(*recording.repairs, *notes),
     )

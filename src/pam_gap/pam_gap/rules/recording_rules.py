@@ -117,6 +117,31 @@ class RecordingRules:
         "logs get no answer.",
         origin="A joint swings at 2 to 5 Hz; five samples a period, as a rule of thumb.",
     )
+    dead_encoder: float = rule(
+        0.25,
+        unit="of the mean square",
+        decides="What a free joint leaves in the pressures, over what a locked one leaves, below "
+        "which a position that never changes is that of a dead encoder.",
+        trades="Larger: a joint that was locked is taken for one with a dead encoder. Smaller: a "
+        "dead encoder is taken for a locked joint, and a wrong cause can be named.",
+        origin="Half of the RMS error; chosen by hand.",
+    )
+    dead_opening: float = rule(
+        0.1,
+        unit="of the range",
+        decides="Valve command above which a muscle is filled.",
+        trades="Larger: a dead pressure sensor is found less often. Smaller: a leak can hold the "
+        "pressure at zero while its valve is slightly open.",
+        origin="Chosen by hand.",
+    )
+    dead_seconds: float = rule(
+        0.5,
+        unit="s",
+        decides="Time with such a command after which a pressure without any change is that of a "
+        "dead sensor.",
+        trades="As for `dead_opening`.",
+        origin="A muscle fills in some tenths of a second.",
+    )
     least_excitation: float = rule(
         1.0,
         unit="RMS over floor",
