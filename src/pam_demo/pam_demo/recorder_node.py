@@ -32,6 +32,7 @@ from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
 from pam_ros.periodic import take_priority
+from pam_ros.steady_timers import turns
 
 NOT_RECORDED = ("/parameter_events",)
 LOOK_EVERY = 0.2  # s
@@ -112,14 +113,13 @@ def record(out: Path) -> None:
         executor.add_node(node)
         print(f"recording to {out}", flush=True)
         looked = kept = 0.0
-        while not ending:
+        for _ in turns(executor, None, lambda: not ending):
             if time.monotonic() - kept > KEEP_EVERY:
                 node.keep()
                 kept = time.monotonic()
             if time.monotonic() - looked > LOOK_EVERY:
                 node.join_new_topics()
                 looked = time.monotonic()
-            executor.spin_once(timeout_sec=0.1)
         executor.shutdown()
         node.destroy_node()
     rclpy.try_shutdown()

@@ -401,6 +401,7 @@ def main(arguments: list[str] | None = None) -> int:
         # rclpy's own handlers would close the context while the I/O thread still has to vent
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node: DriverNode | None = None
+        executor: EventsExecutor | None = None
         try:
             node = DriverNode()
             node.hurry = lambda: signals.urgent
@@ -421,6 +422,9 @@ def main(arguments: list[str] | None = None) -> int:
         finally:
             if node is not None:
                 node.close()
+            if executor is not None:  # else the middleware's threads may call what is gone
+                executor.shutdown()
+            if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
     return 0

@@ -18,6 +18,7 @@ from std_msgs.msg import Float64MultiArray
 
 from pam_bringup.viewer.robot_view import TOPICS, RobotView
 from pam_ros.end_signals import EndSignals
+from pam_ros.steady_timers import turns
 
 TYPES = {kind.__name__: kind for kind in (DiagnosticArray, DiagnosticStatus, JointState)}
 TYPES["Float64MultiArray"] = Float64MultiArray
@@ -48,8 +49,8 @@ def show_robot(namespace: str, view: RobotView) -> None:
         executor = EventsExecutor()
         executor.add_node(node)
         try:
-            while rclpy.ok() and not signals.asked:
-                executor.spin_once(timeout_sec=0.1)
+            for _ in turns(executor, None, lambda: rclpy.ok() and not signals.asked):
+                pass
         except ExternalShutdownException:
             pass
         finally:

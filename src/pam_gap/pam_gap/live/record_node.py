@@ -29,6 +29,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from pam_gap.live.recording_advice import RecordingAdvice
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.steady_timers import turns
 
 TOPICS = {
     "valve_commands": (JointState, "sensor_msgs/msg/JointState"),
@@ -143,8 +144,11 @@ def record(
             begun = kept = told = time.monotonic()
             looked = 0.0
             said: list[str] = []
-            while not ending and not (duration and time.monotonic() - begun > duration):
-                executor.spin_once(timeout_sec=0.1)
+
+            def going_on() -> bool:
+                return not (ending or (duration and time.monotonic() - begun > duration))
+
+            for _ in turns(executor, None, going_on):
                 now = time.monotonic()
                 if now - looked > LOOK_EVERY:
                     node.join()
