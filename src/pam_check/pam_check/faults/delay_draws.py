@@ -146,14 +146,17 @@ def run(given: Arguments) -> Outcome:
     path = chosen_rig(given)
     bounds = bounds_of(load_rig(path))
     done: list[DelayDraw] = []
-    with progress(given.draws, "delays") as bar:
-        for drawn in run_draws(path, given.draws, given.seed, given.jobs):
-            done.append(drawn)
-            bar.show(len(done), drawn.effect)
-    with make_parents(given.out).open("w", encoding="utf-8", newline="") as out:
+    with (
+        make_parents(given.out).open("w", encoding="utf-8", newline="") as out,
+        progress(given.draws, "delays") as bar,
+    ):
         table = csv.DictWriter(out, [field.name for field in fields(DelayDraw)])
         table.writeheader()
-        table.writerows(asdict(drawn) for drawn in done)
+        for drawn in run_draws(path, given.draws, given.seed, given.jobs):
+            table.writerow(asdict(drawn))
+            out.flush()  # a run that is interrupted keeps its draws
+            done.append(drawn)
+            bar.show(len(done), drawn.effect)
     outcomes = Counter(drawn.outcome for drawn in done)
     problems = [problem for drawn in done if (problem := drawn.problem(bounds))]
     fastest = max(drawn.peak_speed for drawn in done)
