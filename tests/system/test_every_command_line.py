@@ -100,6 +100,7 @@ def wrong_values(kind: str, folder: Path) -> list[str]:
         "input_file": [str(missing), str(folder)],
         "input_folder": [str(missing), str(file)],
         "output_file": [str(folder), str(file / "below")],
+        "new_file": [str(folder), str(file / "below"), str(file)],
         "output_folder": [str(file), str(file / "below")],
         "": [],
     }[kind]
