@@ -206,18 +206,11 @@ class JointDiagnosis:
         return chosen
 
     def settled(self, score: HeldOut) -> HeldOut:
-        """Complete the fit of a hypothesis and return its score.
-
-        Every search starts from the nominal plant re-tuned without effects. Its parameters may be
-        at the ends of their tolerance, where they imitate the effect, and a fit from there can be
-        trapped. Here the nominal parameters start from the values of the rig file, and the
-        parameters of the effects start from the values found so far.
-        """
+        """Complete the fit of a hypothesis, from the rig file's numbers, and return its score."""
         rules = self.rules.search
         best = score.hypothesis
-        centres = [nuisance.free.centre for nuisance in self.fitter.nuisances]
         for _ in range(rules.restarts):
-            start = np.concatenate([centres, best.result.values[len(centres) :]])
+            start = self.fitter.from_the_rig_file(best.result.values)
             again = self.fitter.fit(
                 best.members,
                 start,

@@ -182,6 +182,15 @@ class HypothesisFitter:
             factor += [False] * len(member.free)
         return free, targets, factor
 
+    def from_the_rig_file(self, values: Array) -> Array:
+        """A start with the nominal numbers of the rig file, and with these values of the effects.
+
+        A search starts from the nominal plant re-tuned without effects. Its numbers may be at the
+        ends of their tolerance, where they imitate the effect, and a fit from there can be trapped.
+        """
+        centres = [nuisance.free.centre for nuisance in self.nuisances]
+        return np.concatenate([centres, values[len(centres) :]])
+
     def vector(self, members: Sequence[Candidate], values: Array) -> Array:
         """The plant's full parameter vector of a fitted hypothesis."""
         _, targets, factor = self.problem_parts(members)

@@ -111,17 +111,12 @@ class Search:
         ]
 
     def anew(self, found: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Fit again from the rig file's nominal numbers; a result is kept if its level is lower.
-
-        The search starts from the nominal plant re-tuned without effects. Its numbers may be at the
-        ends of their tolerance, where they imitate the effect, and a fit from there can be trapped.
-        """
-        centres = [nuisance.free.centre for nuisance in self.fitter.nuisances]
+        """Fit again from the rig file's nominal numbers; a result is kept if its level is lower."""
         again = self.fitter.fit_all(
             [
                 FitTask(
                     h.members,
-                    np.concatenate([centres, h.result.values[len(centres) :]]),
+                    self.fitter.from_the_rig_file(h.result.values),
                     self.rules.finish_steps,
                     guess=h.result.jacobian,
                 )
