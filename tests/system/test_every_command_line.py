@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+import pam_model as models
+from pam_bringup.__main__ import main as pam_bringup
 from pam_bringup.viewer import markers_node
 from pam_check.__main__ import main as pam_check
 from pam_check.chain import private_domain, set_environment
@@ -43,6 +45,7 @@ TOOLS: dict[str, Main] = {
     "pam_gap": pam_gap,
     "pam_check": pam_check,
     "pam_demo": pam_demo,
+    "pam_bringup": pam_bringup,
 }
 COMMANDS = [
     (tool, command)
@@ -128,7 +131,7 @@ each_node = pytest.mark.parametrize("node", NODES)
 @each_tool
 def test_a_tool_without_a_command_says_what_it_wants(tool, capfd):
     commands = [command.name for owner, command in COMMANDS if owner == tool]
-    if tool != "pam_demo":  # runs the demo
+    if tool not in ("pam_demo", "pam_bringup"):  # which have a default
         assert "COMMAND" in refused(TOOLS[tool], [], capfd)
     line = refused(TOOLS[tool], ["nonsense"], capfd)
     assert all(name in line for name in commands)
@@ -137,12 +140,26 @@ def test_a_tool_without_a_command_says_what_it_wants(tool, capfd):
     assert all(name in told for name in commands)
 
 
+@each_tool
+def test_a_tool_tells_its_version_with_and_without_a_command(tool, capfd):
+    names = [command.name for owner, command in COMMANDS if owner == tool]
+    for words in ([], *([name] for name in names)):
+        assert TOOLS[tool]([*words, "--version"]) == 0
+        assert capfd.readouterr() == (f"{tool} {models.__version__}\n", "")
+
+
+def test_every_package_with_a_program_is_tried_here():
+    """The controller is a node alone."""
+    programs = {name.split(".")[0] for name in modules() if name.endswith(".__main__")}
+    assert programs - {"pam_control"} == set(TOOLS)
+
+
 @each_command
 def test_help_of_a_command_names_all_its_options(tool, command, capfd):
     assert TOOLS[tool]([command.name, "--help"]) == 0
     told = capfd.readouterr().out
     options = [option for action in actions(command) for option in action.option_strings]
-    options += ["--json"] + ["--check"] * bool(command.bad_news)
+    options += ["--json", "--version"] + ["--check"] * bool(command.bad_news)
     assert all(option in told for option in options)
 
 
@@ -289,6 +306,7 @@ def test_one_module_parses_all_command_lines_and_draws_all_progress_bars():
     [
         ("python -m pam_gap dia", ["diagnose"]),
         ("python -m pam_model braid --an", ["--angle"]),
+        ("python -m pam_sim --v", ["--version"]),
         ("python -m pam_check faults --ch", ["--check"]),
     ],
 )
@@ -331,6 +349,14 @@ def test_help_of_a_node_tells_parameters_topics_and_an_example(node, capfd):
     for text in ("usage: ros2 run pam_", "subscribes:", "publishes:", "parameters:", "example:"):
         assert text in told.out
     assert "docs/rig_file.md" in told.out
+
+
+@each_node
+@pytest.mark.usefixtures("as_before")
+def test_a_node_tells_its_version(node, capfd):
+    assert NODES[node](["--version"]) == 0
+    package = NODES[node].__module__.partition(".")[0]
+    assert capfd.readouterr() == (f"{package} {models.__version__}\n", "")
 
 
 @each_node

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from pam_model.argument_types import input_path, output_file
+from pam_model.argument_types import count, input_path, output_file
 from pam_model.command_line import (
     Arguments,
     Command,
@@ -33,8 +33,12 @@ def _declare(parser: Parser) -> None:
     )  # fmt: skip
     add_rig(parser)
     parser.add_argument("--namespace", default="", help="namespace of the robot's topics")
-    parser.add_argument("--web-port", type=int, default=9090, help="port of the page (9090)")
-    parser.add_argument("--data-port", type=int, default=9876, help="port of its data (9876)")
+    parser.add_argument(
+        "--web-port", type=count(1, 65535), default=9090, help="port of the page (9090)"
+    )
+    parser.add_argument(
+        "--data-port", type=count(1, 65535), default=9876, help="port of its data (9876)"
+    )
     parser.add_argument(
         "--narrow", action="store_true", help="one view at a time, for a phone's screen"
     )
@@ -69,8 +73,8 @@ def _view(given: Arguments) -> Outcome:
     if given.bag is not None:
         from pam_bringup.viewer.show_bag import show_bag  # noqa: PLC0415
 
-        count = show_bag(Path(given.bag), given.namespace, view)
-        print(f"{count} messages shown", flush=True)
+        shown = show_bag(Path(given.bag), given.namespace, view)
+        print(f"{shown} messages shown", flush=True)
         sink.finish()
         if not given.save:
             _wait()

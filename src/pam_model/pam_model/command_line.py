@@ -6,6 +6,7 @@ the same options, messages and exit codes (docs/exit_codes.md):
 - `--json` prints the result as one JSON document on standard output, and nothing else there;
 - `--check` ends with exit code 1 if the result is bad news;
 - a user's mistake ends with one line on standard error and exit code 2;
+- `--version` prints the name and the version of the package;
 - progress is shown on standard error, and only if it is a terminal.
 
 Only the standard library is imported here. A command imports its modules when it runs, so that
@@ -37,6 +38,7 @@ from pam_model.program_signals import (
     exit_code,
     interruptible,
 )
+from pam_ros.version import version_line
 
 DONE: Final = 0
 BAD_NEWS: Final = 1
@@ -124,6 +126,18 @@ class _OneLineParser(argparse.ArgumentParser):
         self.exit(MISTAKE, f"error: {message}; see {self.prog} --help\n")
 
 
+class _VersionAction(argparse.Action):
+    """Prints the version and ends; looks it up only then, because that takes time."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
+        super().__init__(option_strings, dest, nargs=0, help="print the version and exit")
+
+    def __call__(self, parser: Parser, *_: object) -> None:
+        """Take part in argparse's protocol."""
+        print(version_line(parser.prog))
+        parser.exit()
+
+
 def run_program(
     program: str,
     description: str,
@@ -156,7 +170,8 @@ def run_program(
         end_at_signals()
     given = list(sys.argv[1:] if arguments is None else arguments)
     names = [command.name for command in commands]
-    if default and (not given or (given[0].startswith("-") and given[0] not in ("-h", "--help"))):
+    of_program = ("-h", "--help", "--version")
+    if default and (not given or (given[0].startswith("-") and given[0] not in of_program)):
         given.insert(0, default)
     if given and given[0] in (moved or {}):
         print(f"error: {given[0]} is now: {(moved or {})[given[0]]}", file=sys.stderr)
@@ -167,6 +182,7 @@ def run_program(
             return command.run(given[1:])
         return run_command(command, f"{program} {command.name}", given[1:])
     parser = _OneLineParser(prog=program, description=description)
+    parser.add_argument("--version", action=_VersionAction)
     listed = parser.add_subparsers(metavar="COMMAND", required=True, title="commands")
     for command in commands:
         note = " (the default)" if command.name == default else ""
@@ -188,6 +204,7 @@ def _complete(program: str, commands: Sequence[Command | NodeCommand]) -> None:
     import argcomplete  # noqa: PLC0415
 
     parser = _OneLineParser(prog=program)
+    parser.add_argument("--version", action=_VersionAction)
     listed = parser.add_subparsers()
     for command in commands:
         one = listed.add_parser(command.name, help=command.summary)
@@ -204,6 +221,7 @@ def _declare(command: Command, parser: Parser) -> None:
         action="store_true",
         help="print the result as one JSON document, and nothing else, on standard output",
     )
+    parser.add_argument("--version", action=_VersionAction)
     if command.bad_news:
         words = command.bad_news.replace("%", "%%")  # argparse formats help texts
         parser.add_argument("--check", action="store_true", help=f"exit code {BAD_NEWS} {words}")

@@ -1,8 +1,8 @@
 """The text that a node prints for `--help`, and the check of its command line.
 
 The text is generated from the node's table of parameters and its topics, so that it is always up to
-date. ROS silently ignores an argument that is neither `--help` nor after `--ros-args`; here it is
-refused.
+date. ROS silently ignores an argument that is neither `--help`, nor `--version`, nor after
+`--ros-args`; here it is refused.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.utilities import remove_ros_args
 
 from pam_ros.parameters import Parameter
+from pam_ros.version import version_line
 
 MISTAKE = 2
 """Exit code after a mistake of the user."""
@@ -74,7 +75,11 @@ class NodeHelp:
 
     def text(self) -> str:
         """The help text."""
-        lines = [f"usage: {self.program} --ros-args --params-file FILE [-p NAME:=VALUE ...]", ""]
+        lines = [
+            f"usage: {self.program} --ros-args --params-file FILE [-p NAME:=VALUE ...]",
+            f"       {self.program} --help | --version",
+            "",
+        ]
         lines += [*textwrap.wrap(self.purpose, WIDTH), ""]
         for title, endpoints in (
             ("subscribes", self.subscribes),
@@ -97,7 +102,7 @@ class NodeHelp:
         return "\n".join(lines)
 
     def answer(self, arguments: Sequence[str] | None = None) -> int | None:
-        """Print the help text, or refuse an unknown argument.
+        """Print the help text or the version, or refuse an unknown argument.
 
         Parameters
         ----------
@@ -112,6 +117,9 @@ class NodeHelp:
         words = list(sys.argv[1:] if arguments is None else arguments)
         if "-h" in words or "--help" in words:
             print(self.text())
+            return 0
+        if "--version" in words:
+            print(version_line(self.program))
             return 0
         problem = _problem_of(words)
         if problem:

@@ -1,0 +1,24 @@
+"""The answer of every tool and node to `--version`."""
+
+from __future__ import annotations
+
+_MODELS = "pam_model"
+
+
+def version_line(program: str) -> str:
+    """Name and version of the package that a program belongs to, from its metadata.
+
+    Parameters
+    ----------
+    program : str
+        What the user types, such as "python -m pam_gap" or "ros2 run pam_sim rig"; a script that
+        names no package tells that of pam_model.
+    """
+    from importlib import metadata  # noqa: PLC0415  (only this answer needs the time)
+
+    words = (word.partition(".")[0] for word in program.split())
+    package = next((word for word in words if word.startswith("pam_")), _MODELS)
+    try:
+        return f"{package} {metadata.version(package)}"
+    except metadata.PackageNotFoundError:
+        return f"{package}, version unknown: the package is not installed"
