@@ -12,14 +12,21 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from pam_bringup.viewer.robot_view import RobotView
+from pam_bringup.viewer.show_bag import show_bag
+from pam_gap.__main__ import main as pam_gap
+from pam_gap.fleet.recording_time import time_of
+from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import RecordingError
+from support.rigs import ELBOW
 
 POSITION = "joint_states.elbow.position"
 PERIOD = 4_000_000  # ns
@@ -115,6 +122,41 @@ def test_a_spoilt_chunk_is_left_out_and_counted(bags, tmp_path) -> None:
     recording = import_recording(folder)
     assert 0.3 * COUNT < recording.values[POSITION].size < COUNT
     assert "1 chunks cannot be read and are not used" in recording.repairs[0]
+
+
+@pytest.mark.parametrize(("kind", "share"), [("mcap", 0.6), ("packed", 0.6), ("db3", 0.9)])
+@pytest.mark.parametrize("metadata", [True, False])
+def test_an_import_reads_a_bag_cut_short_as_a_diagnosis_does(
+    bags, tmp_path, kind, share, metadata, capsys
+) -> None:
+    """The same samples, a warning on the terminal and the same words on the page."""
+    bag = cut(bags[kind], tmp_path / "bag", share, metadata=metadata)
+    arguments = ["import", str(bag), "--rig", str(ELBOW), "--out", str(tmp_path / "out")]
+    assert pam_gap(arguments) == 0
+    plain = import_recording(bag)
+    assert f"warning: {plain.repairs[0]}\n" in capsys.readouterr().err
+    page = (tmp_path / "out" / "preview.html").read_text()
+    assert page.count(plain.repairs[0]) == 2  # at the top and among the repairs
+    column_map = load_column_map(tmp_path / "out" / "map.yaml")
+    mapped = import_recording(bag, column_map=column_map)
+    np.testing.assert_array_equal(mapped.values[POSITION], plain.values[POSITION])
+
+
+def test_a_whole_bag_is_imported_without_a_warning(bags, tmp_path, capsys) -> None:
+    out = str(tmp_path / "out")
+    assert pam_gap(["import", str(bags["mcap"]), "--rig", str(ELBOW), "--out", out]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("kind", ["mcap", "db3"])
+def test_the_viewer_and_the_dates_of_a_fleet_know_a_bag_cut_short(
+    bags, tmp_path, rig, kind, capsys
+) -> None:
+    bag = cut(bags[kind], tmp_path / "bag", 0.9, metadata=False)
+    view = RobotView(rig, Mock())
+    assert 0.2 * COUNT < show_bag(bag, "", view) < COUNT
+    assert "warning: " in capsys.readouterr().err
+    assert time_of(bag) == time_of(bags[kind])
 
 
 @pytest.mark.parametrize("kind", ["mcap", "packed", "db3"])

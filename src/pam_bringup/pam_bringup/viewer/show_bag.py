@@ -1,14 +1,16 @@
-"""Hands the messages of a rosbag2 to a view, without a ROS installation."""
+"""Hands the messages of a bag, or what is intact of it, to a view, without a ROS installation."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from pam_bringup.viewer.robot_view import TOPICS, RobotView
+from pam_gap.recordings.broken_bag import read_bag
 from pam_model.errors import PamError
 
 
@@ -31,16 +33,20 @@ def show_bag(path: Path, namespace: str, view: RobotView) -> int:
     """
     prefix = "/" + namespace.strip("/") if namespace.strip("/") else ""
     wanted = {name if name[0] == "/" else f"{prefix}/{name}": name for name in TOPICS}
-    count = 0
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+
+    def show(files: list[Path]) -> int:
+        count = 0
+        with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             connections = [entry for entry in reader.connections if entry.topic in wanted]
             for connection, received, data in reader.messages(connections=connections):
                 message: Any = reader.deserialize(data, connection.msgtype)
                 view.take(wanted[connection.topic], 1e-9 * received, message)
                 count += 1
-    except AnyReaderError as error:
-        raise PamError(f"{path}: {error}") from None
+        return count
+
+    count, damage = read_bag(path, show)
+    for text in damage:
+        print(f"warning: {text}", file=sys.stderr)
     if not count:
         raise PamError(f"{path}: none of the topics {', '.join(wanted)} is in it")
     return count

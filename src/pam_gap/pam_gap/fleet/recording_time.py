@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
+from pam_gap.recordings.broken_bag import read_bag
 from pam_gap.recordings.import_recording import is_bag
 from pam_gap.recordings.text_table import numbers, read_text_table
 from pam_model.errors import PamError
@@ -51,6 +53,12 @@ def read_date(text: str, where: str) -> float:
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
+def _start(files: list[Path]) -> float:
+    """The first stamp of a bag [s]."""
+    with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        return 1e-9 * float(reader.start_time)
+
+
 def first_stamp(path: Path) -> float | None:
     """The first stamp of a bag or table as Unix time [s]; None if it is no date or unreadable.
 
@@ -58,8 +66,7 @@ def first_stamp(path: Path) -> float | None:
     """
     try:
         if is_bag(path):
-            with AnyReader([path]) as reader:
-                stamp = 1e-9 * reader.start_time
+            stamp, _ = read_bag(path, _start)
         elif path.suffix.lower() in (".parquet", ".pq"):
             stamp = float(pd.read_parquet(path, columns=["time"])["time"].iloc[0])
         elif ".csv" in path.name.lower():

@@ -30,8 +30,8 @@ MAP, PAGE, TABLE = "map.yaml", "preview.html", "recording.parquet"
 Ask = Callable[[str], str]
 
 
-def columns_of(path: Path) -> dict[str, Array]:
-    """Every column of numbers in a log.
+def columns_of(path: Path) -> tuple[dict[str, Array], list[str]]:
+    """Every column of numbers in a log, and remarks on what is missing of a damaged bag.
 
     Raises
     ------
@@ -39,9 +39,10 @@ def columns_of(path: Path) -> dict[str, Array]:
         When it cannot be read or has another format.
     """
     if is_bag(path):
-        return {name: channel.value for name, channel in read_bag_columns(path).items()}
+        channels, damage = read_bag_columns(path)
+        return {name: channel.value for name, channel in channels.items()}, damage
     if is_table(path):
-        return read_columns(path)
+        return read_columns(path), []
     raise RecordingError(
         f"{path}: not a log; expected a bag, or a CSV, Parquet, NPZ, MAT, HDF5 or JSON file"
     )
@@ -162,7 +163,7 @@ def import_log(
     RecordingError
         When the log or the map cannot be read, or no column fits.
     """
-    columns = columns_of(path)
+    columns, damage = columns_of(path)
     out.mkdir(parents=True, exist_ok=True)
     used = map_path or _proposed_map(path, columns, rig, out, rate, ask)
     column_map: ColumnMap = load_column_map(used)
@@ -176,7 +177,13 @@ def import_log(
         problems.append(str(error))
     problems += _problems(rig, recording)
     preview = Preview(
-        path, _summary(columns), column_map, recording, problems, _missing(rig, recording)
+        path,
+        _summary(columns),
+        column_map,
+        recording,
+        problems,
+        _missing(rig, recording),
+        damage,
     )
     (out / PAGE).write_text(render(preview), encoding="utf-8")
     if recording is not None and not problems:
@@ -197,6 +204,8 @@ def run(given: Arguments) -> Outcome:
     )  # fmt: skip
     for channel, entry in preview.column_map.channels.items():
         print(f"{channel}: {' + '.join(entry.columns)} {conversion(entry, channel)}".rstrip())
+    for text in preview.damage:
+        print(f"warning: {text}", file=sys.stderr)
     for text in preview.problems:
         print(f"refused: {text}")
     print(f"written: {given.out}")
@@ -206,6 +215,7 @@ def run(given: Arguments) -> Outcome:
             "channels": {c: e.columns for c, e in preview.column_map.channels.items()},
             "problems": list(preview.problems),
             "missing": list(preview.missing),
+            "damage": list(preview.damage),
         },
         list(preview.problems),
     )

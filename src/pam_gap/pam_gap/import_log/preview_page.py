@@ -41,6 +41,8 @@ class Preview:
         Why a diagnosis would refuse it; empty if it would not.
     missing : sequence of str
         What a diagnosis cannot judge without channels that are not there.
+    damage : sequence of str
+        What is missing of a bag that was cut off.
     """
 
     source: Path
@@ -49,6 +51,7 @@ class Preview:
     recording: Recording | None
     problems: Sequence[str]
     missing: Sequence[str]
+    damage: Sequence[str] = ()
 
 
 _PAGE = """<!doctype html>
@@ -59,7 +62,8 @@ _PAGE = """<!doctype html>
 <h1>Preview of {{ name }}</h1>
 <div class="verdict" style="--verdict: {{ '#c2410c' if p.problems else '#00798c' }}">
 <b>{{ 'A diagnosis would refuse this' if p.problems else 'Understood' }}</b>
-{% for text in p.problems %}{{ text }}<br>{% else %}{{ summary }}{% endfor %}</div>
+{% for text in p.problems %}{{ text }}<br>{% else %}{{ summary }}{% endfor %}
+{% for text in p.damage %}<br>Damaged: {{ text }}.{% endfor %}</div>
 {% if rows %}<h2>Channels</h2>
 <div class="wide" tabindex="0"><table>
 <tr><th>channel</th><th>column of the log</th><th>read as</th><th class="n">smallest</th>

@@ -13,22 +13,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from rosbags.highlevel import AnyReader
+from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
-from pam_gap.recordings.broken_bag import storage_files
-from pam_gap.recordings.recording import Array, RawChannel, RecordingError
+from pam_gap.recordings.broken_bag import read_bag
+from pam_gap.recordings.recording import Array, RawChannel
 
-ROSBAG1: Final = ".bag"
 _MOST_ELEMENTS: Final = 64
 """Longest list whose elements become columns; pictures and point clouds are no signals."""
-
-
-def bag_files(path: Path) -> list[Path]:
-    """What the reader is given: a rosbag1 file, a rosbag2 folder, or its storage files."""
-    if path.suffix == ROSBAG1 or (path.is_dir() and (path / "metadata.yaml").is_file()):
-        return [path]
-    return storage_files(path)
 
 
 def _numbers(name: str, value: Any, names: list[str]) -> Iterator[tuple[str, float]]:
@@ -56,7 +48,9 @@ def _stamp(message: Any, received: int) -> int:
     return received
 
 
-def read_bag_columns(path: Path, wanted: Collection[str] | None = None) -> dict[str, RawChannel]:
+def read_bag_columns(
+    path: Path, wanted: Collection[str] | None = None
+) -> tuple[dict[str, RawChannel], list[str]]:
     """The numbers in the messages of a bag.
 
     Parameters
@@ -68,36 +62,49 @@ def read_bag_columns(path: Path, wanted: Collection[str] | None = None) -> dict[
 
     Returns
     -------
-    dict of str to RawChannel
-        Stamps of measurement [s] since the bag began, and values as recorded.
+    tuple of dict of str to RawChannel, list of str
+        Stamps of measurement [s] since the bag began, and values as recorded; remarks on what
+        is missing.
 
     Raises
     ------
     RecordingError
         When the bag cannot be read.
     """
+    (channels, unread), remarks = read_bag(path, lambda files: _read(files, wanted))
+    remarks += [
+        f"{topic}: {count} messages cannot be read and are not used"
+        for topic, count in unread.items()
+    ]
+    return channels, remarks
+
+
+def _read(
+    files: list[Path], wanted: Collection[str] | None
+) -> tuple[dict[str, RawChannel], dict[str, int]]:
+    """The columns, and the number of unreadable messages by topic."""
     stamps: dict[str, list[float]] = defaultdict(list)
     values: dict[str, list[float]] = defaultdict(list)
-    try:
-        with AnyReader(bag_files(path), default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
-            chosen = [
-                connection
-                for connection in bag.connections
-                if wanted is None or any(w.startswith(f"{connection.topic}.") for w in wanted)
-            ]
-            if not chosen:
-                return {}
-            for connection, received, data in bag.messages(connections=chosen):
+    unread: dict[str, int] = defaultdict(int)
+    with AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as bag:
+        chosen = [
+            connection
+            for connection in bag.connections
+            if wanted is None or any(w.startswith(f"{connection.topic}.") for w in wanted)
+        ]
+        for connection, received, data in bag.messages(connections=chosen) if chosen else ():
+            try:
                 message = bag.deserialize(data, connection.msgtype)
-                time = 1e-9 * (_stamp(message, received) - bag.start_time)
-                for name, value in _numbers(connection.topic, message, []):
-                    if wanted is None or name in wanted:
-                        stamps[name].append(time)
-                        values[name].append(value)
-    except Exception as error:  # each layer of the reader reports damage with other exceptions
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise RecordingError(f"{path}: not a readable bag ({reason})") from error
-    return {name: RawChannel(_array(stamps[name]), _array(values[name])) for name in stamps}
+            except (AnyReaderError, KeyError):  # KeyError: a type without a definition
+                unread[connection.topic] += 1
+                continue
+            time = 1e-9 * (_stamp(message, received) - bag.start_time)
+            for name, value in _numbers(connection.topic, message, []):
+                if wanted is None or name in wanted:
+                    stamps[name].append(time)
+                    values[name].append(value)
+    columns = {name: RawChannel(_array(stamps[name]), _array(values[name])) for name in stamps}
+    return columns, unread
 
 
 def _array(values: list[float]) -> Array:

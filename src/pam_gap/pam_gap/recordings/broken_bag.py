@@ -14,7 +14,8 @@ import mmap
 import shutil
 import sqlite3
 import struct
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -30,6 +31,7 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05
 _SQLITE: Final = b"SQLite format 3\0"
 _TABLES: Final = ("schema", "metadata", "message_definitions", "topics", "messages")
 STORAGES: Final = (".mcap", ".db3")
+ROSBAG1: Final = ".bag"
 _FARTHEST: Final = 10  # times its size; limits the disk space used for a file with a wrong header
 _BESIDE: Final = ("-journal", "-wal")  # what a killed recorder leaves beside an SQLite file
 
@@ -73,6 +75,48 @@ def is_unfinished(path: Path) -> bool:
         for source in storage_files(path)
         for ending in _BESIDE
     )
+
+
+def read_bag[T](path: Path, read: Callable[[list[Path]], T]) -> tuple[T, list[str]]:
+    """Read a bag, or what is intact of it.
+
+    Parameters
+    ----------
+    path : Path
+        rosbag2 folder or storage file, or rosbag1 file; only a rosbag2 is salvaged.
+    read : callable
+        Reads a bag of these paths; called a second time, for a copy, if the first call fails.
+
+    Returns
+    -------
+    tuple of object, list of str
+        Result of `read`, and remarks on what is missing; none for a whole bag.
+
+    Raises
+    ------
+    RecordingError
+        When nothing can be read. A RecordingError of `read` about a whole bag is passed on.
+    """
+    if path.suffix == ROSBAG1 or not is_unfinished(path):
+        try:
+            return read([path]), []
+        except RecordingError:
+            raise
+        except Exception as error:  # each layer of the reader reports damage with other exceptions
+            reason = " ".join(str(error).split()) or type(error).__name__
+            if path.suffix == ROSBAG1:
+                raise RecordingError(f"{path}: not a readable bag ({reason})") from error
+    else:
+        reason = "not finished"
+    with tempfile.TemporaryDirectory(prefix="pam_gap_") as folder:
+        files, remarks = salvage(path, Path(folder))
+        try:
+            return read(files), remarks
+        except RecordingError as error:
+            raise RecordingError(f"{error} ({'; '.join(remarks)})") from None
+        except Exception as error:
+            reasons = f"{reason}; {'; '.join(remarks)}"
+            raise RecordingError(f"{path}: not a readable rosbag2 ({reasons})") from error
 
 
 def salvage(path: Path, folder: Path) -> tuple[list[Path], list[str]]:

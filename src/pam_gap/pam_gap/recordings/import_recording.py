@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pam_gap.recordings.bag_columns import ROSBAG1, read_bag_columns
+from pam_gap.recordings.bag_columns import read_bag_columns
+from pam_gap.recordings.broken_bag import ROSBAG1
 from pam_gap.recordings.column_map import ColumnMap
 from pam_gap.recordings.import_csv import TABLES, is_table, read_table
 from pam_gap.recordings.import_rosbag import is_rosbag, read_rosbag
@@ -46,8 +47,9 @@ def read_raw(place: Path, column_map: ColumnMap | None = None) -> RawRecording:
     if is_bag(place):
         if column_map is None:
             return read_rosbag(place)
-        channels = column_map.apply_to_bag(place, read_bag_columns(place, column_map.columns))
-        return RawRecording(place, channels, [f"read by {column_map.source}"])
+        columns, remarks = read_bag_columns(place, column_map.columns)
+        channels = column_map.apply_to_bag(place, columns)
+        return RawRecording(place, channels, [*remarks, f"read by {column_map.source}"])
     if is_table(place):
         return read_table(place, column_map)
     if place.is_dir():

@@ -8,7 +8,6 @@ finished or is cut short is read as far as it is intact; a remark says what is m
 from __future__ import annotations
 
 import contextlib
-import tempfile
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,7 +18,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader, AnyReaderError
 from rosbags.typesys import Stores, get_typestore
 
-from pam_gap.recordings.broken_bag import STORAGES, is_unfinished, salvage, storage_files
+from pam_gap.recordings.broken_bag import STORAGES, read_bag, storage_files
 from pam_gap.recordings.joint_state_columns import JointStateColumns
 from pam_gap.recordings.recording import COMMANDS, SUPPLY, RawChannel, RawRecording, RecordingError
 from pam_ros.joint_state_bytes import (
@@ -89,24 +88,7 @@ def read_rosbag(path: Path) -> RawRecording:
     RecordingError
         When nothing in the bag can be read, or it holds none of the topics.
     """
-    if not is_unfinished(path):
-        try:
-            return _read([path], path)
-        except RecordingError:
-            raise
-        except Exception as error:  # each layer of the reader reports damage with other exceptions
-            reason = " ".join(str(error).split()) or type(error).__name__
-    else:
-        reason = "not finished"
-    with tempfile.TemporaryDirectory(prefix="pam_gap_") as folder:
-        files, remarks = salvage(path, Path(folder))
-        try:
-            recording = _read(files, path)
-        except RecordingError as error:
-            raise RecordingError(f"{error} ({'; '.join(remarks)})") from None
-        except Exception as error:
-            reasons = f"{reason}; {'; '.join(remarks)}"
-            raise RecordingError(f"{path}: not a readable rosbag2 ({reasons})") from error
+    recording, remarks = read_bag(path, lambda files: _read(files, path))
     recording.remarks[:0] = remarks
     return recording
 
