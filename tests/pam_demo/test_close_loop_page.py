@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pam_demo.close_loop import compared
 from pam_demo.close_loop_page import write_page
 from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
 from pam_gap.answer.diagnosis import Diagnosis, FoundParameter
@@ -43,3 +44,11 @@ def test_the_page_tells_hidden_and_found_and_the_errors_of_both_runs(tmp_path: P
 
 def test_without_a_second_run_the_page_says_why(tmp_path: Path) -> None:
     assert "found no change for the rig file" in page(tmp_path, [], [])
+
+
+def test_the_errors_of_several_runs_are_compared_by_their_medians() -> None:
+    runs = [[replace(BEFORE, measured=REFERENCE - error)] for error in (0.02, 0.5, 0.01)]
+    (found,) = compared(runs, [[replace(BEFORE, true=REFERENCE - 0.003)]] * 3)
+    assert abs(found.before - 0.02) < 1e-12, "not their mean: one run met a busy host"
+    assert abs(found.true_after - 0.003) < 1e-12
+    assert compared(runs, []) == [], "without an improved rig file nothing is compared"

@@ -12,7 +12,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 
-from pam_model.argument_types import input_file, output_folder
+from pam_model.argument_types import count, input_file, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, run_program
 
 DEFAULT_EFFECT = "coulomb_friction.torque=0.5"
@@ -76,6 +76,14 @@ def _declare_close_loop(parser: Parser) -> None:
         default=[DEFAULT_EFFECT],
         metavar=EFFECT,
         help=f"effects of the simulated rig that its rig file lacks (default: {DEFAULT_EFFECT})",
+    )
+    parser.add_argument(
+        "--runs",
+        type=count(1),
+        default=1,
+        metavar="N",
+        help="runs before and after the diagnosis, whose errors are given as medians "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--out", type=output_folder, default="out/close_loop", help="folder (default: %(default)s)"

@@ -3,7 +3,8 @@
 The demo runs on a simulated rig with an effect that its rig file does not contain. The recording is
 diagnosed. Then the demo runs again on the same simulated rig, and every node uses the improved rig
 file. The page shows the tracking error of both runs, measured by the sensor and taken from the
-plant itself.
+plant itself. With several runs on each side, the errors are medians; the first run is diagnosed and
+plotted.
 
 Only the simulated rig knows the hidden effect. The diagnosis gets the rig file of the first run and
 its recording without the ground truth.
@@ -17,10 +18,11 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from statistics import median
 
 from pam_demo.close_loop_page import write_page
 from pam_demo.programs import DEMO
-from pam_demo.tracking import ClosedLoopFigure, tracked_motions
+from pam_demo.tracking import ClosedLoopFigure, TrackedMotion, tracked_motions
 from pam_gap.diagnosis_files import IMPROVED_RIG, diagnose_files
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
@@ -81,7 +83,48 @@ def run_demo(
     raise PamError(f"{out}: the demo failed {ATTEMPTS} times: {last}")
 
 
-def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -> Path:
+def run_demos(
+    out: Path,
+    runs: int,
+    rig: Path,
+    effects: Sequence[str],
+    *,
+    true_rig: Path | None = None,
+    can: str = "",
+) -> list[list[TrackedMotion]]:
+    """Run the demo several times, into `out`, `out`_2 and so on; return each run's motions.
+
+    Parameters and errors are those of `run_demo`.
+    """
+    folders = [
+        out if run == 1 else out.with_name(f"{out.name}_{run}") for run in range(1, runs + 1)
+    ]
+    for folder in folders:
+        run_demo(folder, rig, effects, true_rig=true_rig, can=can)
+    return [tracked_motions(folder) for folder in folders]
+
+
+def compared(
+    before: Sequence[Sequence[TrackedMotion]], after: Sequence[Sequence[TrackedMotion]]
+) -> list[ClosedLoopFigure]:
+    """Medians over the runs of the errors of each motion; empty without runs after."""
+    if not after:
+        return []
+    return [
+        ClosedLoopFigure(
+            ones[0].name,
+            median(one.rms for one in ones),
+            median(two.rms for two in twos),
+            median(one.true_rms for one in ones),
+            median(two.true_rms for two in twos),
+        )
+        for ones, twos in zip(zip(*before, strict=True), zip(*after, strict=True), strict=True)
+    ]
+
+
+def close_loop(
+    rig: Path, effects: Sequence[str], out: Path, *, can: str = "", runs: int = 1
+) -> Path:
     """Run demo, diagnosis and second demo, write the page and return its path.
 
     Parameters
@@ -93,7 +136,9 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
     out : Path
         Folder for all results.
     can : str, optional
-        CAN interface of both runs.
+        CAN interface of all runs.
+    runs : int, optional
+        Runs before and after the diagnosis of the first one.
 
     Raises
     ------
@@ -104,25 +149,20 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
     apply_effects(written, written, parse_effects(effects, "--hide"))
     rig = rig.resolve()
     print(f"1/4 run the demo with the hidden effects {', '.join(effects)}")
-    before = run_demo(out / "before", rig, effects, can=can)
+    before = run_demos(out / "before", runs, rig, effects, can=can)
     print("2/4 diagnose its recording")
     joint = written.joint_names[0]
-    (diagnosis,) = diagnose_files([before / "bag"], rig, out / "diagnosis", joint=joint)
+    (diagnosis,) = diagnose_files([out / "before" / "bag"], rig, out / "diagnosis", joint=joint)
     print(f"    {diagnosis.sentence}")
     improved = out / "diagnosis" / IMPROVED_RIG
-    after = None
+    after: list[list[TrackedMotion]] = []
     if diagnosis.improved is not None:
         print("3/4 run the demo on the same rig with the improved rig file")
-        after = run_demo(out / "after", improved.resolve(), effects, true_rig=rig, can=can)
+        after = run_demos(out / "after", runs, improved.resolve(), effects, true_rig=rig, can=can)
     else:
         print("3/4 there is no improved rig file, so there is no second run")
     print("4/4 write the page")
-    first = tracked_motions(before)
-    second = tracked_motions(after) if after is not None else []
-    figures = [
-        ClosedLoopFigure(one.name, one.rms, two.rms, one.true_rms, two.true_rms)
-        for one, two in zip(first, second, strict=False)
-    ]
+    figures = compared(before, after)
     (out / RESULTS).write_text(
         json.dumps(
             {
@@ -130,16 +170,21 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
                 "diagnosis": diagnosis.to_json(),
                 "tracking": [asdict(figure) for figure in figures],
                 "unit": "rad",
+                "runs": {
+                    side: [{each.name: each.true_rms for each in run} for run in played]
+                    for side, played in (("before", before), ("after", after))
+                },
             },
             indent=1,
         )
     )
     page = out / "close_loop.html"
-    write_page(page, effects, diagnosis, first, second, figures)
+    write_page(page, effects, diagnosis, before[0], after[0] if after else [], figures, runs)
+    error = "RMS error" if runs == 1 else f"median RMS error of {runs} runs"
     for figure in figures:
         print(
-            f"{figure.motion}: RMS error {1e3 * figure.before:.2f} -> {1e3 * figure.after:.2f} "
-            f"mrad measured, {1e3 * figure.true_before:.2f} -> {1e3 * figure.true_after:.2f} true"
+            f"{figure.motion}: {error} {1e3 * figure.before:.2f} -> {1e3 * figure.after:.2f} mrad "
+            f"measured, {1e3 * figure.true_before:.2f} -> {1e3 * figure.true_after:.2f} true"
         )
     print(f"written: {page}")
     return page
@@ -147,7 +192,7 @@ def close_loop(rig: Path, effects: Sequence[str], out: Path, *, can: str = "") -
 
 def run(given: Arguments) -> Outcome:
     """Run `close_loop` for the command line (`pam_demo.__main__`)."""
-    page = close_loop(chosen_rig(given), given.hide, given.out, can=given.can)
+    page = close_loop(chosen_rig(given), given.hide, given.out, can=given.can, runs=given.runs)
     document = json.loads((given.out / RESULTS).read_text(encoding="utf-8"))
     worse = [
         f"{figure['motion']}: RMS error {1e3 * figure['before']:.2f} mrad before, "

@@ -49,7 +49,7 @@ In the second run, on the same rig, every node used the improved rig file.{% end
 {% for row in parameters %}<tr><td>{{ row[0] }}</td><td class="n">{{ row[1] }}</td>
 <td class="n">{{ row[2] }} to {{ row[3] }}</td><td>{{ row[4] }}</td></tr>{% endfor %}</table></div>
 {% endif %}
-<h2>RMS tracking error</h2>
+<h2>RMS tracking error{% if runs > 1 %}, median of {{ runs }} runs{% endif %}</h2>
 {% if figures %}<div class="wide" tabindex="0"><table><tr><th>motion</th>
 <th class="n">before [mrad]</th><th class="n">after [mrad]</th><th class="n">after/before</th>
 <th class="n">true, before [mrad]</th><th class="n">true, after [mrad]</th></tr>
@@ -97,6 +97,7 @@ def write_page(
     before: Sequence[TrackedMotion],
     after: Sequence[TrackedMotion],
     figures: Sequence[ClosedLoopFigure],
+    runs: int = 1,
 ) -> None:
     """Write the page.
 
@@ -109,9 +110,11 @@ def write_page(
     diagnosis : Diagnosis
         Result for the first run.
     before, after : sequence of TrackedMotion
-        Motions of both runs; `after` may be empty.
+        Motions of the first run on both sides; `after` may be empty.
     figures : sequence of ClosedLoopFigure
-        Tracking errors of both runs.
+        Tracking errors before and after.
+    runs : int, optional
+        Of whose errors `figures` are the medians.
     """
     seconds = {motion.name: motion for motion in after}
     parameters = [
@@ -133,6 +136,7 @@ def write_page(
             diagnosis=diagnosis,
             parameters=parameters,
             figures=figures,
+            runs=runs,
             titles={motion.name: motion.title for motion in before},
             plots=[(motion.title, _plot(motion, seconds.get(motion.name))) for motion in before],
         ),
