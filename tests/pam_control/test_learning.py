@@ -167,6 +167,32 @@ def test_a_worse_repetition_ends_the_learning_and_the_best_is_used():
     assert motion.corrected(0.0)[1] == pytest.approx(0.01)
 
 
+def test_what_does_not_repeat_averages_out():
+    """Otherwise each repetition would play the noise of the one before, with the opposite sign."""
+    random = np.random.default_rng(1)
+    noise, count = 0.1, 4000
+    wanted = np.sin(0.05 * np.arange(count))
+    motion = RepeatedMotion(Adding(), PERIOD, 1)
+    shares = []
+    for _ in range(8):
+        played = 0.0 if motion.played is None else motion.played.correction
+        error = wanted - played + noise * random.standard_normal(count)
+        times = [PERIOD * k for k in range(count + 1)]
+        motion.take(Recording(times, [*error, 0.0], [0.0] * len(times), [0.1] * len(times)))
+        shares.append(motion.share)
+    assert shares[0] == 1.0
+    assert motion.ended == ""
+    left = wanted - motion.played.correction
+    assert float(np.sqrt(np.mean(left**2))) < 0.65 * noise, "all of the last error would leave 1.0"
+
+
+def test_errors_that_repeat_are_learnt_as_a_whole():
+    motion = RepeatedMotion(Adding(), PERIOD, 1)
+    for error in (0.01, 0.006, 0.004, 0.001):
+        motion.take(recording(error))
+    assert motion.share == 1.0
+
+
 def test_another_motion_under_the_same_name_is_not_mixed_with_it():
     motion = RepeatedMotion(Adding(), PERIOD, 1)
     motion.take(recording(0.01))

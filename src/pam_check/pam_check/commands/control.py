@@ -151,8 +151,8 @@ COMMANDS = (
         "repeat a motion with a hidden effect while the controller learns it",
         _declare_learning,
         _learning,
-        bad_news="if the last repetition has more than a quarter of the first error, or one has "
-        "more than the first",
+        bad_news="if the last repetition has more than a quarter of the first error and more than "
+        "the encoder's noise, or one has more than the first",
         examples=("python -m pam_check learning --effects hysteresis coulomb_friction+payload",),
     ),
     Command(

@@ -7,11 +7,12 @@ before the first repetition.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Final
 
-from pam_check.blind.truth_plant import TruthJoint
+from pam_check.blind.truth_plant import Sensors, TruthJoint
 from pam_check.control.closed_loop import (
     APPROACH,
     MOTIONS_BEGIN_AT,
@@ -34,6 +35,8 @@ WORSE: Final = 1.05
 """How much above the first a repetition may be; below it, repetitions differ by their noise."""
 SMALL: Final = 5e-4
 """Errors below this need no learning [rad]; a rig that is its file has 0.2 mrad."""
+ENCODER_NOISE: Final = math.hypot(Sensors().position_noise, Sensors().position_step / 12**0.5)
+"""Standard deviation of what the encoder shows [rad]: what it hides cannot be learnt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +66,7 @@ class Repetitions:
                 f"{self.hidden}: a repetition has {max(self.errors) / first:.2f} times "
                 "the error of the first"
             )
-        if first > SMALL and last > first / LEAST_GAIN:
+        if first > SMALL and last > max(first / LEAST_GAIN, ENCODER_NOISE):
             found.append(f"{self.hidden}: the last has {last / first:.2f} of the first error")
         return found
 

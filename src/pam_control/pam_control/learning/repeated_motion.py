@@ -4,8 +4,17 @@ During the first repetitions the adaptation learns the rig (`pam_control.adaptat
 adds is recorded. Then it is played as recorded, so that only one thing changes from one repetition
 to the next: the correction, which `LearningFilter` computes from the error after each repetition.
 
+The part of an error that does not repeat would be played with the opposite sign the next time,
+beside the part of that time. Two errors in a row with a negative inner product tell so: nothing of
+them repeats. From then on less of an error is learnt, a half, then a third and so on, so that what
+does not repeat averages out. As long as errors repeat, all of them is learnt.
+
 A repetition that is worse than the best one ends the learning: the correction of the best is used
 from then on. Nothing is learnt from a repetition that was interrupted.
+
+Sources: H. Kesten, "Accelerated stochastic approximation", Annals of Mathematical Statistics 29
+(1958) 41-59 (a step shrinks only when the error turns round); B. Delyon, A. Juditsky, "Accelerated
+stochastic approximation", SIAM Journal on Optimization 3 (1993) 868-881 (by the inner product).
 """
 
 from __future__ import annotations
@@ -108,6 +117,8 @@ class RepeatedMotion:
         RMS errors of all repetitions [rad].
     ended : str
         Why nothing more is learnt; empty while learning.
+    share : float
+        Of an error that is learnt [-].
     """
 
     def __init__(
@@ -118,6 +129,8 @@ class RepeatedMotion:
         self.best = known
         self.history: list[float] = []
         self.ended = ""
+        self.share = 1.0
+        self._before: Array = np.zeros(0)  # error of the repetition before
 
     def refuse(self) -> None:
         """Note that another motion was played under this name."""
@@ -178,9 +191,13 @@ class RepeatedMotion:
     def _go_on(self, tried: Learnt, error: Array) -> None:
         if self.best is None or not tried.error >= self.best.error:
             self.best = tried
+        common = min(error.size, self._before.size)
+        if float(error[:common] @ self._before[:common]) < 0.0:
+            self.share = 1.0 / (1.0 / self.share + 1.0)
+        self._before = error
         count = min(tried.correction.size, error.size)  # by a period more or less
         correction = np.zeros_like(tried.correction)
         correction[:count] = self._filter.next_torque(
-            tried.correction[:count], error[:count], self._period
+            tried.correction[:count], self.share * error[:count], self._period
         )
         self.played = Learnt(tried.path, tried.base, correction)
