@@ -17,6 +17,7 @@ Array = npt.NDArray[np.float64]
 ARM_RATE = 20.0  # 1/s, assumed: the data source gives no rate
 ARM_EPISODE = "episode_4.csv"
 ARM_JOINT = "angle_0"
+ARM_STOP = 0.4  # s, in which the arm is brought to rest behind its recording
 WAYPOINT_RATE = 50.0  # 1/s
 APPROACH = 3.0  # s, to the first waypoint; what the valves of the slowest example rig need
 HOLD_STIFFNESS = 14.0  # N m/rad
@@ -73,15 +74,28 @@ def arm_motion(folder: Path | None = None) -> Motion:
     """The measured motion of a real muscle-driven arm, see data/ORIGIN.md.
 
     A cubic spline through every sample, so that velocity and acceleration exist; nothing is
-    smoothed, scaled or shifted.
+    smoothed, scaled or shifted. The recording ends in motion: behind it, the arm is brought to rest
+    without a jump of its acceleration, which is not scored.
     """
     path = (folder or Path(__file__).with_name("data")) / ARM_EPISODE
     with path.open(newline="") as stream:
         angles = [float(row[ARM_JOINT]) for row in csv.DictReader(stream)]
-    times = np.arange(len(angles)) / ARM_RATE
-    spline = CubicSpline(times, np.asarray(angles), bc_type="clamped")
-    q, qd, qdd = _of_spline(spline, times)
-    window = Window("all", 0.0, float(times[-1]))
+    recorded = np.arange(len(angles)) / ARM_RATE
+    end = float(recorded[-1])
+    spline = CubicSpline(recorded, np.asarray(angles), bc_type=((1, 0.0), (2, 0.0)))
+    speed = float(spline(end, 1))
+    since = np.arange(1, round(ARM_STOP * ARM_RATE) + 1) / ARM_RATE
+    x = since / ARM_STOP
+    braking = (
+        angles[-1] + speed * ARM_STOP * (x - 2.5 * x**4 + 3.0 * x**5 - x**6),
+        speed * (1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)),
+        -speed / ARM_STOP * 30.0 * (x * (1.0 - x)) ** 2,
+    )
+    times = np.concatenate([recorded, end + since])
+    q, qd, qdd = (
+        np.concatenate(each) for each in zip(_of_spline(spline, recorded), braking, strict=True)
+    )
+    window = Window("recorded", 0.0, end)
     return Motion("arm", "A real arm's motion", times, q, qd, qdd, (window,))
 
 
