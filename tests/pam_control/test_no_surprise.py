@@ -123,6 +123,34 @@ def test_45_mrad_in_20_ms_does_not_become_a_swing_of_123_mrad(controller, closed
     assert not controller.guard.softened
 
 
+@pytest.mark.parametrize("offset", [3.8e-4, -3e-3])  # a step of the encoder; almost `NEAR`
+@pytest.mark.parametrize("first", [0.0, 0.02])  # s
+def test_a_trajectory_that_begins_beside_the_joint_begins_calmly(
+    controller, closed_loop, offset, first
+):
+    """Going to its first waypoint at once would open the valves fully for nothing."""
+    loop = closed_loop(controller)
+    loop.run(1.0)
+    here = controller.references.sample("elbow", loop.time).position
+    begin = here + offset
+    points = [
+        TrajectoryPoint(first + t, [begin + 0.01 * t**3], [0.03 * t**2], [0.06 * t])
+        for t in np.arange(0.0, 1.0, 0.02).tolist()
+    ]
+    points.append(TrajectoryPoint(1.4 + first, [begin + 0.02], [0.0], [0.0]))
+    sent = loop.time
+    assert not controller.references.follow(["elbow"], points, start=None, now=sent)
+    spline = controller.references.spline("elbow")
+    rows = loop.run(0.8)
+    for valve in (5, 6):
+        assert np.abs(rows.column(valve)).max() < 0.3
+    for t in (0.3, 0.6):
+        expected = begin + 0.01 * t**3
+        assert spline.sample(sent + first + t).position == pytest.approx(expected, abs=1e-9)
+    reference = rows.column(1)
+    assert np.abs(np.diff(reference, 2)).max() / 0.002**2 < 3.0
+
+
 @pytest.mark.parametrize("velocity", [-5.0, -2.0, 3.0])
 def test_a_trajectory_that_ends_in_motion_is_brought_to_rest_within_the_limits(rig, velocity):
     controller = PositionStiffnessController(rig, ControlSettings(allow_nonzero_end_velocity=True))

@@ -25,6 +25,7 @@ from pam_control.references.drivable_pace import (
     valve_share,
 )
 from pam_control.references.evened_spline import EvenedSpline, largest_jump
+from pam_control.references.led_in_spline import LedInSpline, fading_time
 from pam_control.references.motion_limiter import AT_ONCE, SUDDEN, MotionLimits
 from pam_control.references.spline import (
     Array,
@@ -47,6 +48,7 @@ MOST_STEPS = 200
 MOST_FOR_STOP = 5.0  # how much slower a trajectory is played to be stopped in time
 SHORTEST = 1e-3  # s, of the first segment
 NEAR = 0.01  # rad
+CALM_SHARE = 0.1  # of the jerk of the limiter, with which a small difference from the path fades
 TOLD_FROM = 1e-3  # relative change of the duration that the caller is told
 
 
@@ -223,22 +225,34 @@ def joined(
         How much slower than asked the trajectory is played, and why; empty if it is not.
     """
     delay, excess = 0.0, planned.excess
+    beside = {
+        name: _beside(waypoints, at, references[name], limits[name])
+        for name, waypoints in planned.waypoints.items()
+        if name in limits
+    }
+    begins = {
+        name: _moved(reference, -beside.get(name, 0.0)) for name, reference in references.items()
+    }
     for name, waypoints in planned.waypoints.items():
-        if name in limits and _needs_way(waypoints, now, at, references[name].position):
-            late, why = _first_delay(name, waypoints, at, references[name], limits[name])
+        if name in limits and _needs_way(waypoints, now, at, begins[name].position):
+            late, why = _first_delay(name, waypoints, at, begins[name], limits[name])
             if late > delay:
                 delay, excess = late, excess or why
     moved = {
         name: dataclasses.replace(waypoints, times=waypoints.times + delay)
         for name, waypoints in planned.waypoints.items()
     }
-    if any(_is_sudden(moved[name], at, references[name], limits.get(name)) for name in moved):
-        splines = _evened(moved, at, references)
+    if any(_is_sudden(moved[name], at, begins[name], limits.get(name)) for name in moved):
+        splines = _evened(moved, at, begins)
     else:
         splines = {
-            name: JointSpline(_from(waypoints, at, references[name]))
+            name: JointSpline(_from(waypoints, at, begins[name]))
             for name, waypoints in moved.items()
         }
+    for name, offset in beside.items():
+        if offset:
+            duration = fading_time(offset, CALM_SHARE * limits[name].own_jerk)
+            splines[name] = LedInSpline(splines[name], at, offset, duration)
     end = max(spline.end_time for spline in splines.values())
     if not excess or end - planned.end <= TOLD_FROM * max(planned.end - at, 0.0) + 1e-6:
         return splines, ""
@@ -247,6 +261,29 @@ def joined(
         f"trajectory slowed down: it takes {end - at:.3g} s instead of {asked:.3g} s, because "
         f"{excess}"
     )
+
+
+def _beside(
+    waypoints: Waypoints, at: float, reference: JointReference, limits: MotionLimits
+) -> float:
+    """How far the reference is beside a trajectory that it joins [rad], if that is to fade.
+
+    It is not where the trajectory is far away, or leaves time to go to its first waypoint.
+    """
+    early = float(waypoints.times[0]) - at
+    if early > 0.0:
+        speed = float(np.nan_to_num(waypoints.velocities[0]))
+        path = float(waypoints.positions[0]) - 0.5 * early * (speed + reference.velocity)
+    else:
+        path = JointSpline(waypoints).sample(at).position
+    offset = reference.position - path
+    if abs(offset) > NEAR or early > fading_time(offset, CALM_SHARE * limits.own_jerk):
+        return 0.0
+    return offset
+
+
+def _moved(reference: JointReference, offset: float) -> JointReference:
+    return dataclasses.replace(reference, position=reference.position + offset)
 
 
 def _is_sudden(
