@@ -82,7 +82,7 @@ def arm_motion(folder: Path | None = None) -> Motion:
         angles = [float(row[ARM_JOINT]) for row in csv.DictReader(stream)]
     recorded = np.arange(len(angles)) / ARM_RATE
     end = float(recorded[-1])
-    spline = CubicSpline(recorded, np.asarray(angles), bc_type=((1, 0.0), (2, 0.0)))
+    spline = CubicSpline(recorded, np.asarray(angles), bc_type=("clamped", "natural"))
     speed = float(spline(end, 1))
     since = np.arange(1, round(ARM_STOP * ARM_RATE) + 1) / ARM_RATE
     x = since / ARM_STOP
