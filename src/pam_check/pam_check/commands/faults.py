@@ -49,6 +49,9 @@ def _declare_delays(parser: Parser) -> None:
         metavar="FILE",
         help="table of all draws (default: %(default)s)",
     )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with the table of a run that was interrupted"
+    )
 
 
 def _delays(given: Arguments) -> Outcome:
