@@ -21,6 +21,8 @@ _FOREIGN_MEMORY: Final = 1.0
 # The physics is blind if it started anew more than so often within so long [s].
 _RESTARTS: Final = 3
 _RESTART_MEMORY: Final = 1.0
+# What is wrong within so long after a pause of the driver may come of it [s].
+_PAUSE_MEMORY: Final = 0.1
 
 
 class Plausibility(Protocol):
@@ -119,7 +121,8 @@ class FaultJudge:
         self._plausibility = plausibility
         self._checks = None if plausibility is None else SensorChecks(rig)
         self._implausible: tuple[Condition, ...] = ()
-        self._judged_at = NEVER
+        self._judged_at = self._paused_at = NEVER
+        self._pause = 0.0
         self._air_since = math.inf
         self._sampled_at = [NEVER] * len(rig.muscles)
         self._restarted_at: list[float] = []
@@ -166,6 +169,9 @@ class FaultJudge:
         now : float
             Monotonic time [s].
         """
+        pause, self._judged_at = now - self._judged_at, now
+        if LONGEST_GAP < pause < math.inf:  # infinite before the first cycle
+            self._paused_at, self._pause = now, pause
         plausibility = self._plausibility
         self._air_since = math.inf if setpoints is None else min(self._air_since, now)
         if plausibility is None:
@@ -188,8 +194,7 @@ class FaultJudge:
         before = plausibility.restarts
         # After a stall of this host, the physics would lag behind the measurements and report a
         # false fault: it makes up for the cycles that are missing, or starts anew.
-        missing = (now - self._judged_at) / plausibility.period - 1.0
-        self._judged_at = now
+        missing = pause / plausibility.period - 1.0
         if missing * plausibility.period > LONGEST_GAP:
             if math.isfinite(missing):  # not in the first cycle
                 plausibility.restart()
@@ -219,7 +224,20 @@ class FaultJudge:
         return fill_time > 0.0 and now - self._air_since < fill_time
 
     def conditions(self, motion: Motion, now: float) -> Iterator[Condition]:
-        """Everything that is wrong now; while air may move, each condition is a fault."""
+        """Everything that is wrong now; while air may move, each condition is a fault.
+
+        A pause of the driver itself is no fault, but the first reason of what is wrong after it.
+        """
+        found = tuple(self._found(motion, now))
+        if found and now - self._paused_at <= _PAUSE_MEMORY:
+            text = (
+                f"the driver stood still for {self._pause:.2f} s: its process was stopped, or the "
+                "host is too slow; what else is reported follows from this, or was not seen before"
+            )
+            yield Condition("driver_paused", "", text)
+        yield from found
+
+    def _found(self, motion: Motion, now: float) -> Iterator[Condition]:
         settings = self._settings
         boards = self._boards
         yield from self._bus_conditions(now)
