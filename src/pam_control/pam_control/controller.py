@@ -490,7 +490,7 @@ class Controller(LoopDesign):
             limit=settings.integral_limit,
             # a stiffness out of reach costs no torque, so that the integrator may go on
             frozen=channel.sinking_from is not None
-            or (bool(SATURATED.intersection(clipped)) and plan.missed == 0.0),
+            or (plan.missed == 0.0 and bool(clipped) and not SATURATED.isdisjoint(clipped)),
         )
         telemetry = channel.telemetry
         telemetry.reference, telemetry.error = seen, error

@@ -150,11 +150,13 @@ class RecursiveFit:
             return found, self._explained(found)
         # with and without the suspect from one factorisation, by its Schur complement
         column = regular[:-1, -1]
-        sides = np.column_stack((self._wanted[:-1], column))
+        sides = np.array((self._wanted[:-1], column)).T
         alone, moved = np.linalg.solve(regular[:-1, :-1], sides).T
         last = (self._wanted[-1] - column @ alone) / (regular[-1, -1] - column @ moved)
-        without: Array = np.append(alone, 0.0)
-        with_all: Array = np.append(alone - last * moved, last)
+        without, with_all = np.zeros((2, len(regular)))
+        without[:-1] = alone
+        with_all[:-1] = alone - last * moved
+        with_all[-1] = last
         less, more = self._explained(without), self._explained(with_all)
         better = self._left(without, less) > self._suspect.better * self._left(with_all, more)
         return (with_all, more) if better and abs(last) > self._suspect.least else (without, less)

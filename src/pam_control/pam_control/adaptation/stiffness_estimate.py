@@ -127,6 +127,8 @@ class StiffnessEstimate:
         self._found, self._covariance = np.zeros(size), np.linalg.inv(self._prior)
         self._unsolved = 0
         self._linearise()
+        while self._coming is not None:
+            self._build_next()
 
     def restart(self) -> None:
         """Begin the filters anew; what was learnt is kept."""
@@ -164,6 +166,8 @@ class StiffnessEstimate:
         self._since += max(step, 0.0)
         if self._since < EVERY or not all(map(math.isfinite, (*pressures, position))):
             return
+        if self._coming is not None:
+            self._build_next()
         elapsed, self._since = self._since, 0.0
         torque = self._model.torque(*pressures, position)
         parts = np.array([each.torque(*pressures, position) - torque for each in self._changed])
@@ -209,37 +213,46 @@ class StiffnessEstimate:
         self._found = self._covariance @ (gain * sums.targets)
         change = np.abs(self._found[: len(self._about)] - self._about).max()
         bent = self.unexplained > BENT * NOISE * self._largest
-        if self._moved >= LINEAR_FOR and change > LINEAR_WITHIN and bent:
+        if self._moved >= LINEAR_FOR and change > LINEAR_WITHIN and bent and self._coming is None:
             self._linearise()
 
     def _linearise(self) -> None:
-        """Compute the derivatives where the fit is now; what was found elsewhere counts less."""
-        self._about = self._found[: len(self._numbers)].copy()
-        self._moved = 0.0
-        try:
-            self._model = self._with(self._about)
-            self._changed = [self._with(self._about + DIFFERENCE * unit) for unit in self._units]
-        except PamError:  # a rig at the edge of what is possible
-            self._about = np.zeros(len(self._numbers))
-            self._model = self._written
-            self._changed = [self._with(DIFFERENCE * unit) for unit in self._units]
-        self._tolerance.fade(OLD_SHARE)
+        """Begin to compute the derivatives where the fit is now."""
+        self._coming: Array | None = self._found[: len(self._numbers)].copy()
+        self._built: list[AntagonisticJoint] = []
 
-    @property
-    def _units(self) -> Array:
-        return np.eye(len(self._numbers))
+    def _build_next(self) -> None:
+        """Build one of the models for the coming derivatives; all at once would delay a cycle.
+
+        With the last one, the derivatives are used; what was found with others counts less.
+        """
+        assert self._coming is not None
+        changes = self._coming.copy()
+        if self._built:
+            changes[len(self._built) - 1] += DIFFERENCE
+        try:
+            self._built.append(self._with(changes))
+        except PamError:  # a rig at the edge of what is possible
+            self._coming, self._built = np.zeros(len(self._numbers)), []
+            return
+        if len(self._built) > len(self._numbers):
+            self._about, self._coming = self._coming, None
+            self._model, *self._changed = self._built
+            self._moved = 0.0
+            self._tolerance.fade(OLD_SHARE)
 
     def _with(self, changes: Array) -> AntagonisticJoint:
         """The joint with relative changes of its numbers."""
         rig = self._rig
+        new: dict[str, dict[str, float]] = {}
         for (owner, key), change in zip(self._numbers, changes.tolist(), strict=True):
-            factor = 1.0 + change
+            part = self._joint if owner == self._joint.name else rig.muscle(owner)
+            new.setdefault(owner, {})[key] = (1.0 + change) * getattr(part, key)
+        for owner, values in new.items():
             if owner == self._joint.name:
-                joint = rig.joint(owner)
-                rig = rig.with_joint(replace(joint, pulley_radius=factor * joint.pulley_radius))
+                rig = rig.with_joint(replace(rig.joint(owner), **values))  # type: ignore[arg-type]
             else:
-                muscle = rig.muscle(owner)
-                rig = rig.with_muscle(replace(muscle, **{key: factor * getattr(muscle, key)}))
+                rig = rig.with_muscle(replace(rig.muscle(owner), **values))  # type: ignore[arg-type]
         return AntagonisticJoint.from_rig(rig, self._joint.name)
 
     def numbers(self) -> RigNumbers:

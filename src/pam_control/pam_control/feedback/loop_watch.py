@@ -81,22 +81,23 @@ class OscillationWatch:
             self._end_half_period(time, threshold, peak_speed)
             self._sign = math.copysign(1.0, error)
         self._peak = max(self._peak, abs(error))
-        # the half period that is going on counts once it is as large as the one before
         self._excess = max(self._excess, _excess(reference_speed, speed))
+        if self._excess >= threshold and self._oscillates(time, threshold, peak_speed):
+            peak = max(self._peak, self._before)
+            return f"the joint oscillates (speed error {peak:.2g} rad/s)"
+        return self.too_fast(speed, ALARM_RATIO * peak_speed)
+
+    def _oscillates(self, time: float, threshold: float, peak_speed: float) -> bool:
+        # the half period that is going on counts once it is as large as the one before
         going_on = (
             self._counts(time, threshold)
             and not self._is_forced(peak_speed)
             and self._peak >= FADING * self._before
         )
-        violent = self._count and self._peak >= max(
+        violent = self._count > 0 and self._peak >= max(
             GROWING * max(self._before, threshold), VIOLENT_SHARE * self._max_velocity
         )
-        if (
-            self._count + going_on >= HALF_PERIODS or (going_on and violent)
-        ) and self._excess >= threshold:
-            peak = max(self._peak, self._before)
-            return f"the joint oscillates (speed error {peak:.2g} rad/s)"
-        return self.too_fast(speed, ALARM_RATIO * peak_speed)
+        return self._count + going_on >= HALF_PERIODS or (going_on and violent)
 
     def too_fast(self, speed: float, allowed: float = 0.0) -> str:
         """What is wrong with a speed [rad/s] that may be `allowed` [rad/s]; empty if nothing is."""

@@ -156,14 +156,16 @@ class MotionLimiter:
         low, high = self._accelerations(now, step)
         acceleration = self._towards(now, target, step, low, high)
         lower, upper = self.bounds
-        if not lower <= self.limits.rest(_moved(now, acceleration, step)) <= upper:
+        moved = _moved(now, acceleration, step)
+        if not lower <= self.limits.rest(moved) <= upper:
             acceleration = self._before_the_ends(acceleration, step, low, high)
         # the limits of the rig file come last, because they hold whatever was asked for
         fastest = (self.limits.velocity - now.velocity) / step
         slowest = (-self.limits.velocity - now.velocity) / step
-        acceleration = limited(acceleration, slowest, fastest)
         most = self.limits.acceleration
-        moved = _moved(now, limited(acceleration, -most, most), step)
+        acceleration = limited(limited(acceleration, slowest, fastest), -most, most)
+        if acceleration != moved.acceleration:
+            moved = _moved(now, acceleration, step)
         if not lower <= moved.position <= upper:
             return JointReference(limited(moved.position, lower, upper))
         return moved
@@ -210,9 +212,9 @@ class MotionLimiter:
         gap -= target.position
         speed = now.velocity + step * now.acceleration - target.velocity
         push = now.acceleration - at
-        pulls = (pole**3 * gap, 3.0 * pole**2 * speed, 3.0 * pole * push)
-        if sum(map(abs, pulls)) <= min(limits.own_jerk, pole * limits.own_push):
-            return limited(now.acceleration - step * sum(pulls), low, high)
+        a, b, c = pole**3 * gap, 3.0 * pole**2 * speed, 3.0 * pole * push
+        if abs(a) + abs(b) + abs(c) <= min(limits.own_jerk, pole * limits.own_push):
+            return limited(now.acceleration - step * (a + b + c), low, high)
         aim = JointReference(target.position, target.velocity, at)
         return _landing(now, aim, step, low, high, limits)
 
