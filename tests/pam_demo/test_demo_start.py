@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,10 @@ from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from std_srvs.srv import Trigger
 
+from pam_control.controller_health import ControllerHealth
 from pam_demo.demo import SIMULATING, chosen_joint, perform
+from pam_demo.motions import arm_motion
+from pam_demo.player import NotPlayedError
 from pam_demo.player_node import PlayerNode
 from pam_demo.recording import Series
 from pam_model.errors import PamError
@@ -117,3 +121,33 @@ def test_a_driver_that_is_active_already_is_not_activated_again() -> None:
     driver.state = State.PRIMARY_STATE_ACTIVE
     player.activate(lambda: None)
     assert driver.refused == 0
+
+
+def _told(player: PlayerNode, rejected: int, text: str) -> None:
+    """Let the player hear what the controller's diagnostics say of its commands."""
+    health = ControllerHealth.__new__(ControllerHealth)
+    health._name = "pam_controller"
+    health._intake = SimpleNamespace(  # type: ignore[assignment]
+        rejected=rejected, slowed=0, last_rejection=(text, 0.0), last_note=("", -math.inf)
+    )
+    player._on_diagnostics(SimpleNamespace(status=[health._commands(0.5)]))
+
+
+def test_a_motion_that_the_controller_refuses_is_played_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A busy host makes measurements old; nobody would have moved, and the error be the motion."""
+    player = PlayerNode.__new__(PlayerNode)
+    FaultyDriver(player).state = State.PRIMARY_STATE_ACTIVE
+    player._fault = player._refused = ""
+    player._refusals = 0
+    monkeypatch.setattr("rclpy.spin_once", lambda *_, **__: None)
+    player._send_stiffness = lambda *_: None  # type: ignore[method-assign]
+    player._send_trajectory = lambda *_: _told(  # type: ignore[method-assign]
+        player, 1, "joint_trajectory: trajectory rejected: positions are 51 ms old"
+    )
+    with pytest.raises(NotPlayedError, match="positions are 51 ms old"):
+        player.play(arm_motion(), lambda: None, lambda _: None)
+    player._refused = ""
+    _told(player, 1, "joint_trajectory: trajectory rejected: positions are 51 ms old")
+    assert player._refused == "", "told again, of the same message"

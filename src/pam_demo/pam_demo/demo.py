@@ -23,7 +23,7 @@ from pam_check.processes import NodeProcess, Setting
 from pam_demo.figures import evaluate, show, target_text
 from pam_demo.motions import APPROACH, Motion, all_motions
 from pam_demo.page import write_page, write_picture
-from pam_demo.player import TAIL, OpenPlayer, Player, VentedError
+from pam_demo.player import TAIL, NotPlayedError, OpenPlayer, Player
 from pam_demo.programs import RECORDER
 from pam_gap.answer.user_units import told
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
@@ -69,15 +69,15 @@ def _advance(bar: Progress, before: float, gone: float) -> None:
 def _play(
     player: Player, motion: Motion, chain: Chain, advance: Callable[[float], None]
 ) -> tuple[float, list[str]]:
-    """Play a motion, again if the driver vents; return its start and the reasons of repetitions."""
+    """Play a motion, again if it is interrupted or refused; return its start and the reasons."""
     repeats: list[str] = []
     while True:
         try:
             return player.play(motion, chain.check, advance), repeats
-        except VentedError as error:
+        except NotPlayedError as error:
             repeats.append(str(error))
             if len(repeats) > MOST_REPEATS:
-                raise PamError(f"{motion.title}: the driver vented again: {error}") from None
+                raise PamError(f"{motion.title}: not played again: {error}") from None
             player.clear_faults(chain.check)
             player.activate(chain.check)
             player.wait_for_controller(START_TIMEOUT, chain.check)

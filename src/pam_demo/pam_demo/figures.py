@@ -350,7 +350,7 @@ def evaluate(
         title = motions[run["motion"]].title
         for reason in run.get("repeats", []):
             notes.append(
-                f"{title}, {NAMES[run['law']]}: this run was repeated because the driver vented "
+                f"{title}, {NAMES[run['law']]}: this run was repeated, because it was interrupted "
                 f"({reason}). This happens on a busy host."
             )
     notes.append(

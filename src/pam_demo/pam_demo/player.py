@@ -12,7 +12,11 @@ from pam_model.errors import PamError
 TAIL: Final = 0.3  # s, recorded after a motion's end
 
 
-class VentedError(PamError):
+class NotPlayedError(PamError):
+    """A motion was not played to its end; the message gives the reason."""
+
+
+class VentedError(NotPlayedError):
     """The driver has vented by itself; the message gives the reason."""
 
 

@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from pam_check.chain import set_environment
 from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
-from pam_demo.player import TAIL, VentedError
+from pam_demo.player import TAIL, NotPlayedError, VentedError
 from pam_model.errors import PamError
 
 Progress = Callable[[float], None]
@@ -45,13 +45,20 @@ class PlayerNode(Node):  # type: ignore[misc]
             Float64MultiArray, "pam_controller/stiffness_commands", 1
         )
 
-        self._fault = ""
+        self._fault = self._refused = ""
+        self._refusals = 0
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             if status.name == "pam_driver: safety":
                 self._fault = status.message if status.level == DiagnosticStatus.ERROR else ""
+            elif status.name == "pam_controller: commands":
+                values = {pair.key: pair.value for pair in status.values}
+                refusals = int(values["rejected messages"])
+                if refusals > self._refusals:
+                    self._refused = values["last rejection"]
+                self._refusals = refusals  # another controller counts anew
 
     def wait_for_controller(self, timeout: float, check: Callable[[], None]) -> None:
         """Wait until a controller is connected and follows a reference.
@@ -188,8 +195,11 @@ class PlayerNode(Node):  # type: ignore[misc]
         ------
         VentedError
             If the driver vents during the motion.
+        NotPlayedError
+            If the controller refuses a command; a busy host lets its measurements become old.
         """
         self._check_driver(check)
+        self._refused = ""
         begin = time.time() + 0.05
         start = begin + APPROACH
         self._send_trajectory(motion, begin)
@@ -209,6 +219,8 @@ class PlayerNode(Node):  # type: ignore[misc]
             rclpy.spin_once(self, timeout_sec=0.0)
             if self._fault:
                 raise VentedError(self._fault)
+            if self._refused:
+                raise NotPlayedError(self._refused)
             tick += 1.0 / WAYPOINT_RATE
             time.sleep(max(tick - time.time(), 0.0))
         self._check_driver(check)
