@@ -8,6 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from pam_gap.answer import report_figures
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
@@ -16,6 +17,7 @@ from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, render,
 from pam_gap.answer.report_figures import GUILTY, STAGES
 from pam_gap.answer.traces import CLOSEST, IMPROVED, MEASURED, NOMINAL, Trace, draw, thinned
 from pam_gap.diagnosis_files import _delay
+from pam_model.effects import EFFECTS
 
 CHANNEL = "joint_states.elbow.position"
 
@@ -72,6 +74,17 @@ def test_names_from_outside_are_escaped() -> None:
     page = render(named)
     assert "<script>alert" not in page
     assert "&lt;script&gt;" in without_scripts(page)
+
+
+def test_a_reader_sees_words_and_no_names_of_the_machine(drawn: list[Figure]) -> None:
+    """The figure and the lists said coulomb_friction where the sentences say coulomb friction."""
+    some = data(not_shown=["valve_dead_zone"], probabilities={"coulomb_friction": 1.0})
+    page = without_scripts(render(some))
+    labels = {text.get_text() for figure in drawn for text in figure.findobj(Text)}
+    assert "coulomb friction" in labels
+    assert not {label for label in labels if "_" in label and set(EFFECTS) & set(label.split())}
+    assert {name for name in EFFECTS if "_" in name and name in page} == set()
+    assert "valve dead zone" in page
 
 
 def without_scripts(page: str) -> str:
@@ -147,7 +160,11 @@ def test_two_sides_of_one_effect_have_rows_of_their_own(drawn: list[Figure]) -> 
     ranking = [RankedCandidate(name, 0.5, 0.4, 0.3, 0.5) for name in names]
     report_figures.draw_ranking(ranking, ["pressure_gain"])
     axis = drawn[-1].axes[0]
-    assert [label.get_text() for label in axis.get_yticklabels()] == names
+    assert [label.get_text() for label in axis.get_yticklabels()] == [
+        "pressure gain (agonist)",
+        "pressure gain (antagonist)",
+        "creep + leakage",
+    ]
     colours = [line.get_color() for line in axis.get_lines()[::2]][:3]
     assert colours == [report_figures.IMPROVED, report_figures.IMPROVED, "0.45"]
 

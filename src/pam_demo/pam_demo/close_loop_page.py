@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.page_style import STYLE
+from pam_gap.answer.user_units import spoken
 
 ASKED, BEFORE, AFTER = "#1d2433", "#d1495b", "#00798c"
 LOOK: Any = {  # matplotlib's own type lists every key
@@ -119,7 +120,7 @@ def write_page(
     seconds = {motion.name: motion for motion in after}
     parameters = [
         (
-            f"{effect}.{name}",
+            f"{spoken(effect)}, {spoken(name)}",
             f"{found.interval.value:.4g}",
             f"{found.interval.low:.4g}",
             f"{found.interval.high:.4g}",

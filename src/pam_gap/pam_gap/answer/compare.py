@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pam_gap.answer.user_units import spoken
 from pam_gap.inference.confidence import NORMAL_90
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
@@ -263,15 +264,17 @@ def _changes(answers: tuple[Answer, ...], rows: Sequence[Row]) -> list[str]:
             if row.differences[place].sure:
                 changed.setdefault(row.effect, {})[row.parameter] = row.differences[place]
         for effect, found in changed.items():
-            name = effect.replace("_", " ")
+            name = spoken(effect)
             if (
                 len(found) > 1
                 and len({change.words.partition(",")[0] for change in found.values()}) == 1
             ):
                 surest = max(found.values(), key=lambda change: abs(change.z))
-                said.append(f"{where}{name} ({', '.join(found)}): {surest.words}.")
+                said.append(f"{where}{name} ({', '.join(map(spoken, found))}): {surest.words}.")
                 continue
-            said += [f"{where}{name}, {key}: {change.words}." for key, change in found.items()]
+            said += [
+                f"{where}{name}, {spoken(key)}: {change.words}." for key, change in found.items()
+            ]
     return said
 
 
@@ -294,7 +297,7 @@ def compare(groups: Sequence[Sequence[Answer]]) -> list[JointComparison]:
     for group, found in zip(groups[1:], names[1:], strict=True):
         if found != names[0]:
             raise PamError(
-                f"{group[0].name}: diagnosis of {', '.join(found)}; expected "
+                f"{group[0].name}: diagnosis of {', '.join(map(spoken, found))}; expected "
                 f"{', '.join(names[0])}, as in {groups[0][0].name}"
             )
     made = []

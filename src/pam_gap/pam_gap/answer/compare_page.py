@@ -23,7 +23,7 @@ from pam_gap.answer.compare import (
     read_answers,
 )
 from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
-from pam_gap.answer.user_units import interval_digits, plain, told, user_unit
+from pam_gap.answer.user_units import interval_digits, plain, spoken, told, user_unit
 from pam_model.command_line import Arguments, Outcome
 
 PAGE = "compare.html"
@@ -168,8 +168,8 @@ def render(joints: Sequence[JointComparison], names: Sequence[str]) -> str:
 
 def _row(row: Row) -> dict[str, Any]:
     return {
-        "effect": row.effect.replace("_", " "),
-        "parameter": row.parameter,
+        "effect": spoken(row.effect),
+        "parameter": spoken(row.parameter),
         "cells": [_cell(value, row.unit) for value in row.values],
         "differences": row.differences,
     }
@@ -197,7 +197,7 @@ def print_table(joints: Sequence[JointComparison]) -> None:
                     table.add_row(f"{gap.channel}, {cells['kind']}", *cells["cells"], *blank)
         for row in joint.parameters:
             table.add_row(
-                f"{row.effect.replace('_', ' ')}, {row.parameter}",
+                f"{spoken(row.effect)}, {spoken(row.parameter)}",
                 *(_cell(value, row.unit) for value in row.values),
                 *(d.words for d in row.differences),
             )

@@ -23,7 +23,7 @@ from pam_gap.answer.report_figures import (
     draw_stages,
 )
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw, short_name
-from pam_gap.answer.user_units import percent, told
+from pam_gap.answer.user_units import percent, spoken, told
 from pam_model.effects import EFFECTS
 
 __all__ = ["RankedCandidate", "ReportData", "StageGap", "Trace", "render", "write_report"]
@@ -101,7 +101,8 @@ below the limit, {{ limit }} of the range, does not matter; of what no effect ex
 <th>unit</th></tr>
 {% for effect, parameters in diagnosis.parameters.items() %}
 {% for name, p in parameters.items() %}
-<tr><td>{{ effect }}</td><td>{{ name }}</td><td class="n">{{ '%.4g' % p.value }}</td>
+<tr><td>{{ effect | spoken }}</td><td>{{ name | spoken }}</td>
+<td class="n">{{ '%.4g' % p.value }}</td>
 <td class="n">{{ '%.4g' % p.low }} to {{ '%.4g' % p.high }}</td><td>{{ p.unit }}</td></tr>
 {% endfor %}{% endfor %}</table></div>{% endif %}
 
@@ -123,7 +124,8 @@ channel with small errors counts as well. The shares are of the RMS error of all
 {% endif %}
 {% if diagnosis.indistinguishable %}
 <p>This recording cannot distinguish:
-{% for group in diagnosis.indistinguishable %}<br>{{ group | join(', ') }}{% endfor %}</p>
+{% for group in diagnosis.indistinguishable %}<br>{{ group | map('spoken') | join(', ') }}
+{% endfor %}</p>
 {% endif %}
 
 {% if diagnosis.gap and shrinkage %}<h2>How far the gap closes</h2>
@@ -156,7 +158,7 @@ within their tolerance.{% endif %}</p>{% endif %}
 {% endfor %}{% for r in d.left_out %}<li>Not available: {{ r }}</li>{% endfor %}
 {% if diagnosis.get('not_shown') %}<li>At their usual size, these effects would stay below the noise
 in this recording, so that nothing is said about them:
-{{ diagnosis.not_shown | join(', ') }}.</li>{% endif %}</ul>
+{{ diagnosis.not_shown | map('spoken') | join(', ') }}.</li>{% endif %}</ul>
 <h2>Where this answer comes from</h2>
 <div class="wide" tabindex="0"><table class="origin">
 {% for key, value in origin %}<tr><td>{{ key }}</td><td>{{ value }}</td></tr>{% endfor %}
@@ -202,7 +204,7 @@ LEAST_SHOWN = 0.005
 def _probabilities(found: Mapping[str, float]) -> list[dict[str, Any]]:
     shown = {name: p for name, p in found.items() if p >= LEAST_SHOWN}
     rest = sum(found.values()) - sum(shown.values())
-    rows = [(name.replace("_", " "), p) for name, p in shown.items()]
+    rows = [(spoken(name), p) for name, p in shown.items()]
     if rest >= LEAST_SHOWN:
         rows.append((f"{len(found) - len(shown)} others together", rest))
     return [{"name": n, "words": percent(p), "width": min(100.0 * p, 100.0)} for n, p in rows]
@@ -243,7 +245,7 @@ def _legend_words(first: Trace) -> str:
             f"{short_name(first.improved_name).capitalize()}: by the {first.improved_name}."
         )
     if first.closest is not None:
-        words.append(f"Closest: by the effects that come closest ({first.closest_name}).")
+        words.append(f"Closest: by the effects that come closest ({spoken(first.closest_name)}).")
     return " ".join(words)
 
 
@@ -307,6 +309,7 @@ def render(data: ReportData) -> str:
         The content of the page.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters["spoken"] = spoken
     diagnosis = dict(data.diagnosis)
     verdict = str(diagnosis["verdict"])
     materiality = diagnosis.get("materiality") or {}

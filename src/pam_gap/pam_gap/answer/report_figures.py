@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pam_gap.answer.traces import IMPROVED, NOMINAL, WITH_ANSWER, WRITTEN
-from pam_gap.answer.user_units import percent, plain, told
+from pam_gap.answer.user_units import percent, plain, spoken, told
 
 GUILTY, NEUTRAL = "#fbd5c0", "#f4f4f4"
 STAGES = ("valve", "muscle", "joint", "sensing")
@@ -103,7 +103,7 @@ def draw_ranking(ranking: Sequence[RankedCandidate], named: Sequence[str]) -> st
             1.01, row, percent(max(entry.remaining, 0.0)), transform=axis.get_yaxis_transform(),
             va="center", fontsize=8,
         )  # fmt: skip
-    axis.set_yticks(range(len(shown)), [c.effect for c in shown])
+    axis.set_yticks(range(len(shown)), [spoken(c.effect) for c in shown])
     axis.set_ylim(len(shown) - 0.4, -0.6)
     axis.set_xscale("log")
     axis.axvline(1.0, color="0.7", lw=1)

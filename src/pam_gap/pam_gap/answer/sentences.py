@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.user_units import interval_digits, percent, plain, told, user_unit
+from pam_gap.answer.user_units import interval_digits, percent, plain, spoken, told, user_unit
 from pam_gap.prediction.materiality import GapSize
 from pam_model.effects import EFFECTS
 
@@ -18,12 +18,8 @@ VISIBLE = 0.66
 """Error without noise, over the floor, from which a gap can be seen (1.2 floors with noise)."""
 
 
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def _words(effect: str) -> str:
-    return effect.replace("_", " ")
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _with_stages(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
@@ -31,7 +27,7 @@ def _with_stages(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
     probable = diagnosis.cause_probabilities
     return _listed(
         [
-            f"{_words(effect)} ({EFFECTS[effect].stage} stage"
+            f"{spoken(effect)} ({EFFECTS[effect].stage} stage"
             + (f", {percent(probable[effect])})" if effect in probable else ")")
             for effect in effects
         ]
@@ -44,7 +40,7 @@ def best_left(diagnosis: Diagnosis) -> str:
         return "no known effect was fitted."
     best = diagnosis.ranking[0]
     worst = max(best.over_floor, default=0.0)
-    names = _listed([_words(effect) for effect in best.effects])
+    names = _listed([spoken(effect) for effect in best.effects])
     if diagnosis.looks_like:
         return (
             f"it looks like {diagnosis.looks_like}, which is no effect of the table but explains "
@@ -67,9 +63,8 @@ def with_parameters(diagnosis: Diagnosis, effect: str) -> str:
         unit, factor = user_unit(value, found.unit)
         digits = interval_digits(factor * low, factor * high)
         ends = " to ".join(plain(factor * end, digits) for end in (low, high))
-        words = name.replace("_", " ").replace(".", " of the ")
         number = f"{plain(factor * value, digits)} {unit}".removesuffix(" -")
-        shown.append(f"{words} {number} ({ends})")
+        shown.append(f"{spoken(name)} {number} ({ends})")
     return ", ".join(shown)
 
 
@@ -104,7 +99,7 @@ def _ordinary(diagnosis: Diagnosis, start: str) -> str:
     """The effects that are no larger than on an ordinary good rig; empty without any."""
     if not diagnosis.ordinary:
         return ""
-    names = _listed([_words(effect) for effect in diagnosis.ordinary])
+    names = _listed([spoken(effect) for effect in diagnosis.ordinary])
     return f" {start} {names} of a size that every good rig has."
 
 
@@ -166,10 +161,9 @@ def sizes_at_the_end(found: Sequence[tuple[str, str, float, str]]) -> tuple[str,
     """
     sizes: dict[str, list[str]] = {}
     for effect, name, value, unit in found:
-        words = " of the ".join(_words(part) for part in name.split("."))
-        sizes.setdefault(effect, []).append(f"{words} {told(value, unit)}".rstrip())
+        sizes.setdefault(effect, []).append(f"{spoken(name)} {told(value, unit)}".rstrip())
     return tuple(
-        f"What was found of {_words(effect)} ({', '.join(values)}) is at the end of the range "
+        f"What was found of {spoken(effect)} ({', '.join(values)}) is at the end of the range "
         "that is searched. If your rig cannot have so much of it, the cause is another one."
         for effect, values in sizes.items()
     )
@@ -237,11 +231,11 @@ def _named(diagnosis: Diagnosis) -> str:
         likely = "" if probability is None else f", with a probability of {percent(probability)}"
         subject = "The cause" if probability is None or probability >= LIKELY else _DOUBTFUL
         return (
-            f"{subject} is {_words(effects[0])} at the {diagnosis.stage} stage{likely}{size}."
+            f"{subject} is {spoken(effects[0])} at the {diagnosis.stage} stage{likely}{size}."
             f"{_ordinary(diagnosis, 'Beside it there is')}{_closes(diagnosis, 'It explains')}"
         )
     numbers = "; ".join(
-        f"{_words(effect)}: {text}"
+        f"{spoken(effect)}: {text}"
         for effect in effects
         if (text := with_parameters(diagnosis, effect))
     )

@@ -1,4 +1,4 @@
-"""Numbers for people: mrad, kPa and three digits, instead of 0.000301 rad and 1.2e+05 Pa."""
+"""Numbers and names for people: 0.3 mrad, 120 kPa, null offset of the agonist."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ _SMALLER = {"rad": ("mrad", 1e3, 0.1), "m": ("mm", 1e3, 1.0), "s": ("ms", 1e3, 1
 """Unit -> smaller unit, its factor, and the value from which the plain unit is used."""
 _LARGER = {"Pa": ("kPa", 1e-3, 1e3)}
 """Unit -> larger unit, its factor, and the value from which it is used."""
+
+
+def spoken(name: str) -> str:
+    """Name of an effect or parameter: "null_offset.agonist" is "null offset of the agonist"."""
+    return name.replace("_", " ").replace(".", " of the ")
 
 
 def user_unit(size: float, unit: str) -> tuple[str, float]:

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
-from pam_gap.answer.user_units import told, user_unit
+from pam_gap.answer.user_units import spoken, told, user_unit
 from pam_gap.fleet.change_points import SLOPE, STEP
 from pam_gap.fleet.series import Series, day
 
@@ -202,7 +202,7 @@ def render(document: Mapping[str, Any], series: Sequence[Series]) -> str:
                 "recording": row["recording"],
                 "robot": row["robot"],
                 "joint": row["joint"],
-                "effects": row["effects"].replace("_", " "),
+                "effects": spoken(row["effects"]),
                 "word": _word(row),
                 "link": row["link"],
             }

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pam_gap.answer.user_units import told, user_unit
+from pam_gap.answer.user_units import spoken, told, user_unit
 from pam_gap.fleet.change_points import SLOPE, Change, Course, deviations, find_changes
 
 WEEK = 7.0 * 86400.0  # s
@@ -57,9 +57,7 @@ class Series:
     @property
     def name(self) -> str:
         """Effect and parameter in words."""
-        key, _, side = self.parameter.partition(".")
-        words = f"{self.effect.replace('_', ' ')}, {key.replace('_', ' ')}"
-        return f"{words} of the {side}" if side else words
+        return f"{spoken(self.effect)}, {spoken(self.parameter)}"
 
 
 def make_series(
