@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from pam_bringup.viewer import rerun_sink
-from pam_bringup.viewer.arm_drawing import arm_strokes, pressure_colour
+from pam_bringup.viewer.arm_drawing import arm_strokes, eye_of, pressure_colour
 from pam_bringup.viewer.robot_view import GAP_WINDOW, TOPICS, RobotView
 from pam_check.security.policy import POLICY, rights_of
 from pam_model.errors import PamError
@@ -147,6 +147,14 @@ def test_a_full_muscle_is_shorter_and_redder_on_the_side_to_which_the_joint_turn
     assert strokes[antagonist].colour == pressure_colour(math.nan)
 
 
+def test_the_eye_looks_at_the_middle_from_where_all_of_the_arm_is_in_view(rig):
+    """Both ends of the arm were cut off."""
+    eye, middle = eye_of(rig)
+    points = [point for stroke in arm_strokes(rig, 0, 0.0, {}) for point in stroke.points]
+    farthest = max(math.dist(point, middle) for point in points)
+    assert farthest / math.dist(eye, middle) < math.tan(math.radians(25.0))
+
+
 def test_without_the_viewer_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "rerun", None)
     with pytest.raises(PamError, match="pip install rerun-sdk"):
@@ -158,7 +166,7 @@ def test_the_viewer_gets_the_curves_the_arm_and_the_words(rig, tmp_path):
     rr = pytest.importorskip("rerun", reason="rerun-sdk is optional")
     view_file = tmp_path / "shown.rrd"
     sink = rerun_sink.RerunSink()
-    sink.save(view_file, rerun_sink.layout(live=False, narrow=False))
+    sink.save(view_file, rerun_sink.layout(rig, live=False, narrow=False))
     view = RobotView(rig, sink)
     for tick in range(100):
         view.take("joint_states", 100.0 + 0.1 * tick, states([rig.joint_names[0]], [0.1]))
@@ -168,7 +176,7 @@ def test_the_viewer_gets_the_curves_the_arm_and_the_words(rig, tmp_path):
     del sink, view
     assert rr.__version__
     content = view_file.read_bytes()
-    for path in (b"/angle/elbow/measured", b"/arm/elbow/link", b"/driver", b"muscle_and_joint"):
+    for path in (b"/angle/elbow/measured", b"/arm/elbow/link", b"/driver", b"muscle-and-joint"):
         assert path in content, path
 
 
@@ -183,12 +191,14 @@ def listening(port: int) -> list[str]:
     return [host for host, number in addresses if int(number, 16) == port]
 
 
-def test_the_page_is_served_to_this_machine_alone():
+def test_the_page_is_served_to_this_machine_alone(rig):
     """Whoever can open the page sees the robot."""
     pytest.importorskip("rerun", reason="rerun-sdk is optional")
     web, data = free_port(), free_port()
     sink = rerun_sink.RerunSink()
-    address = sink.serve(web, data, rerun_sink.layout(live=False, narrow=False), open_browser=False)
+    address = sink.serve(
+        web, data, rerun_sink.layout(rig, live=False, narrow=False), open_browser=False
+    )
     assert address.startswith(f"http://127.0.0.1:{web}/")
     assert listening(web) == listening(data) == ["0100007F"]
     with pytest.raises(PamError, match=f"port {web} is in use"):

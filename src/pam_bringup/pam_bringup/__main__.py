@@ -57,7 +57,7 @@ def _view(given: Arguments) -> Outcome:
     from pam_model.rig import load_rig  # noqa: PLC0415
 
     rig = load_rig(chosen_rig(given))
-    blueprint = layout(live=given.bag is None, narrow=given.narrow)
+    blueprint = layout(rig, live=given.bag is None, narrow=given.narrow)
     sink = RerunSink()
     address = ""
     # the server of the page must not outlive this program

@@ -20,8 +20,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pam_bringup.viewer.arm_drawing import Stroke
+from pam_bringup.viewer.arm_drawing import Stroke, eye_of
 from pam_model.errors import PamError
+from pam_model.rig import Rig
 
 HOST = "127.0.0.1"  # nobody else may see the robot
 START_TIME = 30.0  # s; of the viewer's server
@@ -57,7 +58,7 @@ def rerun() -> Any:
     return rerun
 
 
-def layout(*, live: bool, narrow: bool) -> Any:
+def layout(rig: Rig, *, live: bool, narrow: bool) -> Any:
     """Arrangement of the views: side by side, or one at a time for a narrow screen."""
     rerun()
     import rerun.blueprint as rrb  # noqa: PLC0415  (optional)
@@ -71,7 +72,9 @@ def layout(*, live: bool, narrow: bool) -> Any:
         name: rrb.TimeSeriesView(origin=f"/{name}", name=title, time_ranges=ranges)
         for name, title in CURVES
     }
-    arm = rrb.Spatial3DView(origin="/arm", name="Arm and muscles")
+    eye, target = eye_of(rig)
+    look = rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0))
+    arm = rrb.Spatial3DView(origin="/arm", name="Arm and muscles", eye_controls=look)
     driver = rrb.TextDocumentView(origin="/driver", name="Driver and faults")
     views: Any
     if narrow:
@@ -89,7 +92,7 @@ def layout(*, live: bool, narrow: bool) -> Any:
         views,
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="hidden" if narrow else "collapsed"),
+        rrb.TimePanel(state="hidden" if narrow and live else "collapsed"),
     )
 
 
@@ -172,10 +175,10 @@ class RerunSink:
             if colour and path not in self._coloured:
                 self._coloured.add(path)
                 look = self._rr.SeriesLines(colors=[colour])
-                self._stream.log(path.replace(" ", "_"), look, static=True)
+                self._stream.log(path.replace(" ", "-"), look, static=True)
             times, values = zip(*points, strict=True)
             self._stream.send_columns(
-                path.replace(" ", "_"),
+                path.replace(" ", "-"),
                 indexes=[self._rr.TimeColumn("time", timestamp=times)],
                 columns=self._rr.Scalars.columns(scalars=values),
             )
