@@ -115,10 +115,13 @@ class JointChannel:
         largest = 0.5 * (
             self.model.torque(highest[0], 0.0, middle) - self.model.torque(0.0, highest[1], middle)
         )
+        turn = rig.joint_names.index(joint.name) / len(rig.joints)
         self.adaptation = TorqueAdaptation(
-            self.dynamics.inertia, self.dynamics.viscous_friction, largest
+            self.dynamics.inertia, self.dynamics.viscous_friction, largest, turn
         )
-        self.stiffness = StiffnessEstimate(rig, joint, self.model, self.dynamics, largest)
+        self.stiffness = StiffnessEstimate(
+            rig, joint, self.model, self.dynamics, largest, turn + 0.5 / len(rig.joints)
+        )
         self.stiffness_goal = self.stiffness_factor = 1.0
         self.corrected_at = -math.inf
         self.stuck = StuckIntegral()

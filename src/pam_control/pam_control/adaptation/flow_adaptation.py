@@ -100,6 +100,9 @@ class FlowAdaptation:
         Of the open valve from the supply [kg/s].
     supply : float
         Its pressure [Pa absolute].
+    turn : float, optional
+        Part of the time between two updates after which the first one is due, so that several
+        valves do not compute theirs in one control cycle [-].
 
     Attributes
     ----------
@@ -109,8 +112,8 @@ class FlowAdaptation:
         Whether the sensor is before a tube.
     """
 
-    def __init__(self, full_flow: float, supply: float) -> None:
-        self._full, self._per_pressure = full_flow, full_flow / supply
+    def __init__(self, full_flow: float, supply: float, turn: float = 0.0) -> None:
+        self._full, self._per_pressure, self._turn = full_flow, full_flow / supply, turn
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
         self.tube = TubeSearch(full_flow, supply)
         self.forget()
@@ -132,7 +135,7 @@ class FlowAdaptation:
         self.tube.restart()
         self._smooth: list[float] = []
         self._late = self._moved = self._taken = self._warm = 0.0
-        self._since = 0.0
+        self._since = -self._turn * EVERY
 
     @property
     def weights(self) -> list[float]:

@@ -33,6 +33,7 @@ import numpy.typing as npt
 CORRELATED: Final = 0.05  # s, for which the error of a fit stays about the same
 DOUBTED: Final = 1e9  # times the penalty; such a weight is as good as 0
 MEMORY: Final = 15.0  # s of motion or work, not of time
+SOLVED_EVERY: Final = 0.045  # s of motion or work; the weights change within seconds
 
 Array = npt.NDArray[np.float64]
 
@@ -99,18 +100,26 @@ class RecursiveFit:
         self._products: Array = np.zeros((count, count))
         self._wanted: Array = np.zeros(count)
         self._seen = self._energy = 0.0
+        self._unsolved = math.inf
         self._solution: Array = np.zeros(count)
         self._size = 1.0
         self._doubt: Array = np.ones(count)
 
     def update(self, functions: Array, value: float, duration: float) -> None:
-        """Take the functions' values, shape (n,), and the measured value after a time [s]."""
+        """Take the functions' values, shape (n,), and the measured value after a time [s].
+
+        The weights are computed anew every `SOLVED_EVERY`, because that takes most of the time.
+        """
         kept, share = math.exp(-duration / MEMORY), duration / CORRELATED
         self._products *= kept
         self._products += share * (functions[:, None] * functions)
         self._wanted = kept * self._wanted + (share * value) * functions
         self._energy = kept * self._energy + share * value * value
         self._seen = kept * self._seen + share
+        self._unsolved += duration
+        if self._unsolved < SOLVED_EVERY:
+            return
+        self._unsolved = 0.0
         left = self._left(self._solution, self._explained(self._solution))
         self._size = max(left / (self._seen * self._noise**2), 1.0)
         weights, explained = self._solved()

@@ -94,6 +94,8 @@ class StiffnessEstimate:
         Of the joint.
     largest : float
         Torque that the muscles can give at most [N m].
+    turn : float, optional
+        As for `TorqueAdaptation` [-].
     """
 
     def __init__(
@@ -103,8 +105,9 @@ class StiffnessEstimate:
         model: AntagonisticJoint,
         dynamics: InverseDynamics,
         largest: float,
+        turn: float = 0.0,
     ) -> None:
-        self._rig, self._joint, self._written = rig, joint, model
+        self._rig, self._joint, self._written, self._turn = rig, joint, model, turn
         self._dynamics, self._largest = dynamics, largest
         self._numbers = [(joint.name, "pulley_radius")] + [
             (name, key)
@@ -134,7 +137,7 @@ class StiffnessEstimate:
         """Begin the filters anew; what was learnt is kept."""
         self._filtered: tuple[Array, Array, Array] | None = None
         self._slip.reset()
-        self._since, self._settling = 0.0, SETTLING
+        self._since, self._settling = -self._turn * EVERY, SETTLING
 
     @property
     def explains(self) -> bool:

@@ -87,6 +87,9 @@ class TorqueAdaptation:
         Of the model [kg m^2], [N m s/rad].
     largest : float
         Torque that the muscles can give at most [N m].
+    turn : float, optional
+        Part of the time between two updates after which the first one is due, so that several
+        joints do not compute theirs in one control cycle [-].
 
     Attributes
     ----------
@@ -97,8 +100,8 @@ class TorqueAdaptation:
         Dry friction that was learnt, and that changes its side within some 10 mrad [N m].
     """
 
-    def __init__(self, inertia: float, damping: float, largest: float) -> None:
-        self._inertia, self._damping = inertia, damping
+    def __init__(self, inertia: float, damping: float, largest: float, turn: float = 0.0) -> None:
+        self._inertia, self._damping, self._turn = inertia, damping, turn
         self._fit = RecursiveFit(
             [*(largest * each for each in DEVIATIONS), DELAY_DEVIATION],
             NOISE * largest,
@@ -135,7 +138,7 @@ class TorqueAdaptation:
         self._measured.reset()
         self._planned.reset()
         self._raw: list[float] = []
-        self._since = 0.0
+        self._since = -self._turn * EVERY
         self._planned_at = math.nan
         self._reference = math.nan
 

@@ -174,7 +174,8 @@ class FlowValveLoop:
         self._density = reference_density(rig.gas.temperature)
         self._exponent = rig.gas.polytropic_exponent
         self._full = self._full_flow(True, self._ambient)
-        self.adaptation = FlowAdaptation(self._full, self._supply)
+        turn = (rig.muscle_names.index(muscle.name) + 0.5) / len(rig.muscles)
+        self.adaptation = FlowAdaptation(self._full, self._supply, turn)
         self._tube = TubePressure()
         self._flow = self._rate = self._shown = self._loss = 0.0
 
