@@ -135,6 +135,8 @@ INJECTIONS: Mapping[str, Injection] = {
     "frames_very_late_up": _frames("late", "up"),
     "frames_repeated_down": _frames("repeated", "down"),
     "frames_repeated_up": _frames("repeated", "up"),
+    "frames_replayed_down": _frames("replayed", "down"),
+    "frames_replayed_up": _frames("replayed", "up"),
     "frames_reordered_down": _frames("reordered", "down"),
     "frames_reordered_up": _frames("reordered", "up"),
     "frames_corrupted_few": _frames("corrupted", "down"),

@@ -193,6 +193,12 @@ class SimulatedRig:
                 side = MUSCLES[muscles.index(muscle)]
                 self._plants[joint].change({f"{side}.leakage.conductance": conductance})
 
+    def set_brake(self, torque: float) -> None:
+        """Let brakes hold the joints with a torque [N m] beside their friction; 0 releases them."""
+        name = "coulomb_friction.torque"
+        for plant, without in zip(self._plants, self.parameters, strict=True):
+            plant.change({name: without[name] + torque})
+
     def set_supply_pressure(self, pressure: float) -> None:
         """Set the supply pressure [Pa absolute]."""
         for plant in self._plants:

@@ -32,6 +32,7 @@ from pam_driver.start_up import StartUp
 from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import Estimate, JointEstimator
 from pam_model.rig import Rig
+from pam_ros.message_sources import MessageSources
 from pam_ros.valve_command import ValveCommandFormat
 from pam_sim.faults.frame_faults import FrameFaults
 from pam_sim.simulated_rig import GroundTruth, SimulatedRig
@@ -134,6 +135,7 @@ class FaultChain:
         self.on_way: list[tuple[NamedCommand, float, float]] = []
         self._measured: list[tuple[Snapshot, float]] = []
         self.heard = Measurement((), (), -math.inf, -math.inf)
+        self._sources = MessageSources()
         self.inject: list[Callable[[float], None]] = []
         self.before_control: list[Callable[[float], None]] = []
         self.after: list[Callable[[float], None]] = []
@@ -309,14 +311,19 @@ class FaultChain:
             count = len(self.rig.joints)
             self.intake.stream(self.rig.joint_names, [angle] * count, [speed] * count)
         stopped = self.controller.guard.stopped
-        output = self.controller.step(self.now, self.heard)
-        self.reason = output.reason
+        self.controller.guard.stopped = stopped or self._sources.taking_turns(self.now)
+        try:
+            output = self.controller.step(self.now, self.heard)
+            commands, self.reason = output.commands, output.reason
+        except PamError as error:  # as the node does
+            self.controller.deactivate()
+            commands, self.reason = None, str(error)
         if self.controller.guard.stopped != stopped:  # as the node does
             self.at(self.now + self.command_time(), lambda: self.driver.vent(self.now))
-        if output.commands is None:
+        if commands is None:
             return
         self.reference = references.sample(self.rig.joint_names[0], self.now).position
-        position, effort = self.command_format.pack(output.commands)
+        position, effort = self.command_format.pack(commands)
         command = NamedCommand(self.rig.muscle_names, position, (), effort, 0.0)
         for one in [command] if self.edit is None else self.edit(command):
             arrives = self.now + self.command_time()
@@ -345,8 +352,9 @@ class FaultChain:
         if came:
             self.hear(came[-1])
 
-    def hear(self, seen: Snapshot) -> None:
-        """Take measurements as the controller's node does."""
+    def hear(self, seen: Snapshot, source: str = "driver") -> None:
+        """Take measurements of a source as the controller's node does."""
+        self._sources.hear(source, self.now)
         self.snapshot = seen
         times = [
             min(self.now - (self.wall - stamp), self.now) if stamp else self.now

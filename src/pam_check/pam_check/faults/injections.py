@@ -7,9 +7,11 @@ from collections.abc import Mapping
 from functools import partial
 
 from pam_check.faults import (
+    foreign_faults,
     hidden_effects,
     host_faults,
     operator_faults,
+    output_faults,
     people_faults,
     random_acts,
     reference_faults,
@@ -32,6 +34,8 @@ _PLAIN: Mapping[str, Injection] = {
     **reference_faults.INJECTIONS,
     **operator_faults.INJECTIONS,
     **people_faults.INJECTIONS,
+    **output_faults.INJECTIONS,
+    **foreign_faults.INJECTIONS,
     **random_acts.INJECTIONS,
     **hidden_effects.INJECTIONS,
 }

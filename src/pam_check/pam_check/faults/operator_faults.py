@@ -208,6 +208,29 @@ def _controller_restarted(chain: FaultChain, values: Values, draw: random.Random
     chain.at(chain.now + values["gap"], lambda: setattr(chain, "controller_runs", True))
 
 
+def _restarts_again(chain: FaultChain, values: Values, draw: random.Random) -> None:
+    """A board loses power again and again; someone clears and activates between the restarts."""
+    board = draw.choice(list(chain.sim.boards))
+    begin, end = chain.now, chain.now + 10.0 * values["period"]
+
+    def turn(now: float, restart_at: float) -> None:
+        chain.sim.restart_board(board, now)
+        if restart_at < end:
+            later = restart_at + values["period"] * draw.uniform(0.5, 1.5)
+            for share in (0.3, 0.6):
+                chain.at(restart_at + share * (later - restart_at), try_again)
+            chain.at(later, lambda: turn(chain.now, later))
+
+    def try_again() -> None:
+        clear_faults(chain)
+        chain.at(chain.now + 0.02, retry)
+
+    def retry() -> None:
+        activate(chain)
+
+    turn(begin, begin)
+
+
 def held(inject: Injection) -> Injection:
     """The same fault while the joint is held away from where it hangs."""
 
@@ -234,5 +257,6 @@ INJECTIONS: Mapping[str, Injection] = {
     "old_commands_after_activation": _old_commands,
     "hoses_crossed": _crossed,
     "exhausts_blocked": _blocked,
+    "board_restarts_again_and_again": _restarts_again,
     "controller_restarted": _controller_restarted,
 }

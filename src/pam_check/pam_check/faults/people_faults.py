@@ -10,9 +10,12 @@ import random
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from pam_check.faults.acts import claim_no_air, vent
 from pam_check.faults.chain import FaultChain
+from pam_driver.boards.pam_board.codec import SafetyInput
 from pam_driver.boards.protocol import EMERGENCY_STOP, ENABLING_SWITCH
 from pam_driver.safety.people_inputs import FULL_SPEED, PeopleInputs
+from pam_sim.faults.fault_kind import VENT
 
 Values = Mapping[str, float]
 Injection = Callable[[FaultChain, Values, random.Random], None]
@@ -86,11 +89,58 @@ def _ignored(chain: FaultChain, values: Values, draw: random.Random) -> None:
     _ends(FULL_SPEED)(chain, values, draw)
 
 
+def _bounces(chain: FaultChain, values: Values, draw: random.Random) -> None:
+    """Released and held again, many times; the user goes on sending references."""
+    chain.inject.remove(_permitted(chain, ENABLING_SWITCH))
+    start, people = chain.now, chain.driver.people
+    claim_no_air(chain, VENT)
+
+    def bounce(now: float) -> None:
+        held = (now - start) % values["period"] >= 0.5 * values["period"]
+        people.hear_topic(ENABLING_SWITCH, held, now)
+
+    bounce(start)
+    chain.inject.append(bounce)
+
+
+def _while_lowered(chain: FaultChain, values: Values, draw: random.Random) -> None:
+    permit = _permitted(chain, EMERGENCY_STOP)
+    vent(chain)
+    chain.wait(values["after"])
+    chain.inject.remove(permit)
+    chain.driver.people.hear_topic(EMERGENCY_STOP, False, chain.now)
+
+
+def _lowered_with_inputs(chain: FaultChain, values: Values, draw: random.Random) -> None:
+    _permitted(chain, EMERGENCY_STOP)
+    vent(chain)
+    chain.noticed["vented"] += 1
+    chain.claims.append(lambda: "; ".join(map(str, chain.driver.faults)))
+
+
+def _input_lost(name: str) -> Injection:
+    """The input of a board permits motion, then the board reports none."""
+
+    def inject(chain: FaultChain, values: Values, draw: random.Random) -> None:
+        for board in chain.sim.boards.values():
+            board.misbehave(name, SafetyInput.PERMIT)
+        chain.wait(_BEFORE)
+        for board in chain.sim.boards.values():
+            board.misbehave(name, SafetyInput.NOT_AVAILABLE)
+
+    return inject
+
+
 INJECTIONS: Mapping[str, Injection] = {
     "emergency_stop_pressed": _forbidden(EMERGENCY_STOP),
     "emergency_stop_silent": _ends(EMERGENCY_STOP),
     "enabling_switch_released": _forbidden(ENABLING_SWITCH),
     "enabling_switch_silent": _ends(ENABLING_SWITCH),
+    "enabling_switch_bounces": _bounces,
+    "emergency_stop_while_lowered": _while_lowered,
+    "vent_with_inputs_held": _lowered_with_inputs,
+    "emergency_stop_input_lost": _input_lost(EMERGENCY_STOP),
+    "enabling_switch_input_lost": _input_lost(ENABLING_SWITCH),
     "full_speed_ended": _slowed(_forbidden(FULL_SPEED)),
     "full_speed_silent": _slowed(_ends(FULL_SPEED)),
     "reduced_speed_ignored": _ignored,

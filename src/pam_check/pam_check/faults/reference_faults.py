@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 from collections.abc import Callable, Mapping, Sequence
@@ -46,13 +47,18 @@ def _serialized(name: str, points: Sequence[TrajectoryPoint]) -> bytes:
     return b"\0\1\0\0" + bytes(data)
 
 
-def send_trajectory(chain: FaultChain, points: Sequence[TrajectoryPoint]) -> None:
-    """Send a trajectory to the first joint, as bytes as they arrive at the node."""
+def send_trajectory(
+    chain: FaultChain, points: Sequence[TrajectoryPoint], ahead: float = 0.0
+) -> None:
+    """Send a trajectory to the first joint, as bytes as they arrive at the node.
+
+    Its stamp is as far ahead [s]; 0 means "now".
+    """
     chain.motion = None
     table = {entry.name: entry.default for entry in parameter_table(chain.rig.joint_names)}
     most = int(table["trajectory.max_points"])
     data = _serialized(chain.rig.joint_names[0], points)
-    chain.intake.trajectory(data, most, lambda message: None)
+    chain.intake.trajectory(data, most, lambda message: chain.now + ahead if ahead else None)
 
 
 def _fast(chain: FaultChain, values: Values, draw: random.Random) -> None:
@@ -75,6 +81,24 @@ def _long(chain: FaultChain, values: Values, draw: random.Random) -> None:
     motion = chain.motion
     send_trajectory(chain, [TrajectoryPoint(1.0 + 1e-3 * n, [0.1]) for n in range(LONG)])
     chain.motion = motion
+
+
+def _ahead(chain: FaultChain, values: Values, draw: random.Random) -> None:
+    motion = chain.motion
+    send_trajectory(chain, [TrajectoryPoint(1.0, [0.5])], values["ahead"])
+    chain.motion = motion
+
+
+def _in_degrees(chain: FaultChain, values: Values, draw: random.Random) -> None:
+    """Someone streams the same motion in degrees: angle and speed, or the speed alone."""
+    motion = chain.motion
+    angle_too = draw.random() < 0.5
+
+    def degrees(now: float) -> tuple[float, float]:
+        angle, speed = (0.0, 0.0) if motion is None else motion(now)
+        return math.degrees(angle) if angle_too else angle, math.degrees(speed)
+
+    chain.motion = degrees
 
 
 def _jumps(chain: FaultChain, values: Values, draw: random.Random) -> None:
@@ -130,6 +154,8 @@ INJECTIONS: Mapping[str, Injection] = {
     "trajectory_too_fast": _fast,
     "trajectory_too_steep": _steep,
     "trajectory_too_long": _long,
+    "trajectory_in_the_future": _ahead,
+    "stream_in_degrees": _in_degrees,
     "stream_jumps": _jumps,
     "stream_is_noise": _noise,
     "stream_with_wrong_speed": _wrong_speed,

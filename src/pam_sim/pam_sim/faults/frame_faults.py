@@ -18,8 +18,8 @@ from pam_driver.can_bus.bus import CanPort, ReceivedFrame, SendOutcome
 Direction = Literal["up", "down"]
 Frame = tuple[int, bytes]
 KINDS: Final = (
-    "lost", "late", "jitter", "gaps", "repeated", "reordered", "corrupted", "wrong_length",
-    "foreign",
+    "lost", "late", "jitter", "gaps", "repeated", "replayed", "reordered", "corrupted",
+    "wrong_length", "foreign",
 )  # fmt: skip
 
 
@@ -36,8 +36,8 @@ class FrameFault:
     share : float
         Share of the frames that are affected, 0 to 1; for foreign frames, their number per frame.
     delay : float
-        Delay of late frames, longest delay with jitter, length of a gap, and delay of frames that
-        others overtake [s].
+        Delay of late frames, longest delay with jitter, length of a gap, delay of frames that
+        others overtake, and how old a frame is when it is replayed [s].
     until : float
         When the fault ends [s].
     period : float
@@ -108,7 +108,7 @@ class FrameFaults:
         gap = fault.kind == "gaps" and (fault.until - now) % fault.period < fault.delay
         if fault.kind == "lost" or gap:
             return []
-        if fault.kind in {"late", "reordered", "jitter"}:
+        if fault.kind in {"late", "reordered", "jitter", "replayed"}:
             arrives = now + fault.delay
             if fault.kind == "jitter":  # frames of a bus do not overtake each other
                 arrives = max(now + draw.random() * fault.delay, self._latest[fault.direction])
@@ -116,7 +116,7 @@ class FrameFaults:
             self._order += 1
             entry = (arrives, self._order, frame)
             heapq.heappush(self._held.setdefault((bus, fault.direction), []), entry)
-            return []
+            return [frame] if fault.kind == "replayed" else []
         if fault.kind in {"repeated", "gaps"}:
             return [frame] * (2 if fault.kind == "repeated" else 1)
         if fault.kind == "corrupted":

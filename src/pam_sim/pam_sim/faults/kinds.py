@@ -17,8 +17,10 @@ from pam_model.errors import PamError
 from pam_sim.faults.bus_and_board_kinds import BUS_AND_BOARD_KINDS
 from pam_sim.faults.device_kinds import DEVICE_KINDS, FOR_ALL_BOARDS
 from pam_sim.faults.fault_kind import STOPS, FaultKind
+from pam_sim.faults.foreign_kinds import FOREIGN_KINDS
 from pam_sim.faults.host_and_command_kinds import HOST_AND_COMMAND_KINDS
 from pam_sim.faults.operator_kinds import HIDDEN_KINDS, OPERATOR_KINDS, while_held
+from pam_sim.faults.output_kinds import OUTPUT_KINDS
 from pam_sim.faults.people_kinds import PEOPLE_KINDS
 from pam_sim.faults.reference_kinds import REFERENCE_KINDS
 from pam_sim.faults.sensor_and_valve_kinds import SENSOR_AND_VALVE_KINDS
@@ -34,9 +36,11 @@ _PLAIN: Final = (*BUS_AND_BOARD_KINDS, *SENSOR_AND_VALVE_KINDS, *HOST_AND_COMMAN
 ALL_KINDS: Final = (
     *_PLAIN,
     *TIME_KINDS,
+    *FOREIGN_KINDS,
     *REFERENCE_KINDS,
     *OPERATOR_KINDS,
     *PEOPLE_KINDS,
+    *OUTPUT_KINDS,
     *while_held(_PLAIN, HELD),
     *HIDDEN_KINDS,
     *DEVICE_KINDS,

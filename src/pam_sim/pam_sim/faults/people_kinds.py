@@ -11,6 +11,7 @@ _K = FaultKind
 _R = Reaction
 _P: Final = People()
 _SILENT: Final = "people.deadline"
+_STATUS: Final = 0.02 + VENT  # two periods of the status
 HALF_TURN: Final = 0.84  # s, half a period of the campaign's motion
 
 PEOPLE_KINDS: Final = (
@@ -22,6 +23,19 @@ PEOPLE_KINDS: Final = (
        _R.VENT, VENT, "the next cycle of the driver; no fault"),
     _K("enabling_switch_silent", "people", "the enabling switch's topic ends", {}, (), _R.VENT,
        _P.deadline + VENT, _SILENT),
+    _K("enabling_switch_bounces", "people", "the enabling switch bounces (topic)",
+       {"period": (0.004, 0.03)}, (), _R.VENT, VENT, "released once is released: nothing moves "
+       "again by itself"),
+    _K("emergency_stop_while_lowered", "people", "the emergency stop is pressed while ~/vent "
+       "lowers the joint (topic)", {"after": (0.02, 0.3)}, ("emergency_stop",), _R.VENT, VENT,
+       "the next cycle of the driver"),
+    _K("vent_with_inputs_held", "people", "someone calls ~/vent while the emergency stop's topic "
+       "permits motion", {}, ("vented",), _R.LOWER, VENT, "lowered to the end: inputs are heard "
+       "while the joint is lowered"),
+    _K("emergency_stop_input_lost", "people", "the board no longer reports its emergency stop", {},
+       ("emergency_stop",), _R.VENT, _STATUS, "the next status"),
+    _K("enabling_switch_input_lost", "people", "the board no longer reports its enabling switch",
+       {}, (), _R.VENT, _STATUS, "the next status; no fault"),
     _K("full_speed_ended", "people", "full speed is no longer permitted (topic)", {},
        ("refused references",), _R.RIDE, 3.0, "the controller brakes and holds, then keeps "
        "reduced_velocity"),
