@@ -37,3 +37,18 @@ def test_a_short_pause_without_a_consequence_is_no_fault(chain):
         return chain.driver.state.value, len(chain.driver.conditions)
 
     assert in_a_fork(pause) == ("active", 0)
+
+
+def test_a_pause_inside_a_cycle_is_a_pause_and_no_fault_of_the_muscles(chain):
+    """The process stands still after it has looked at the clocks, and before it reads the bus."""
+
+    def reasons() -> list[str]:
+        began = chain.now, chain.wall
+        chain.driver_runs = False
+        chain.wait(5.0)
+        chain.driver.cycle(*began, lambda: (chain.now, chain.wall))
+        return [fault.kind for fault in chain.driver.faults]
+
+    first, *others = in_a_fork(reasons)
+    assert first == "driver_paused"
+    assert "pressure_implausible" not in others

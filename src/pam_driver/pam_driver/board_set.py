@@ -7,7 +7,7 @@ which one table look-up finds, so that a kind of board adds only its own decodin
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from pam_driver.boards.frame_errors import ForeignCommandError, FrameError, UnknownFrameError
@@ -35,6 +35,8 @@ class Port(Protocol):
 LATCH_PERIOD = 0.05
 """How often a board is told a fault of the driver until it reports that it keeps it [s]."""
 
+Clock = Callable[[], tuple[float, float]]
+"""Gives the present monotonic and wall time [s]."""
 _Angle = tuple[JointVelocity, Mapping[Channel, Sample], Channel]
 _Route = tuple[Hear, tuple[_Angle, ...]]
 
@@ -115,7 +117,7 @@ class BoardSet:
                 measures = frame_id in board.identifiers.answers
                 routes[frame_id] = (hear, angles if measures else ())
 
-    def receive(self, now: float, wall_now: float) -> None:
+    def receive(self, now: float, wall_now: float, clock: Clock | None = None) -> float:
         """Process the frames that have arrived on the buses.
 
         Parameters
@@ -124,12 +126,26 @@ class BoardSet:
             Monotonic time [s].
         wall_now : float
             The same moment on the clock that stamps frames [s].
+        clock : callable, optional
+            Gives both times anew after the frames were read. Without it, frames that arrived while
+            this process stood still between the look at the clocks and the reading would seem to
+            have followed each other without a pause.
+
+        Returns
+        -------
+        float
+            The monotonic time at which the frames were read [s].
         """
+        arrived = [(name, self.ports[name].receive_all(now)) for name in self._routes]
+        began = now
+        if clock is not None:
+            now, wall_now = clock()
         # A frame that is read now arrived after the last read: this bounds its age when the wall
         # clock steps, and gives frames that waited during a stall their true age.
         longest = now - self._drained_at
-        for name, routes in self._routes.items():
-            for frame_id, data, stamp in self.ports[name].receive_all(now):
+        for name, frames in arrived:
+            routes = self._routes[name]
+            for frame_id, data, stamp in frames:
                 time = now - min(max(wall_now - stamp, 0.0), longest)
                 try:
                     hear, angles = routes[frame_id]
@@ -146,7 +162,8 @@ class BoardSet:
                 for velocity, samples, channel in angles:
                     sample = samples[channel]
                     velocity.update(sample.value, sample.time)
-        self._drained_at = now
+        self._drained_at = began
+        return now
 
     def command(self, setpoints: Sequence[float] | None, now: float) -> bool:
         """Command every board; False if a bus did not accept one of the frames.

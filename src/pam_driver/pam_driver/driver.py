@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from pam_driver.board_set import BoardSet, Port
+from pam_driver.board_set import BoardSet, Clock, Port
 from pam_driver.boards.protocol import NEVER, Address, Board, Condition
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.driver_settings import DriverSettings
@@ -260,7 +260,7 @@ class Driver:
                 self._boards.latch_fault(now)
             self._event(SafetyEvent.CLEANUP, now)
 
-    def cycle(self, now: float, wall_now: float) -> Snapshot:
+    def cycle(self, now: float, wall_now: float, clock: Clock | None = None) -> Snapshot:
         """Receive the frames that have arrived, judge them, and command every board.
 
         Parameters
@@ -269,9 +269,11 @@ class Driver:
             Monotonic time [s].
         wall_now : float
             The same moment on the clock that stamps frames [s].
+        clock : callable, optional
+            Gives both times anew, see `BoardSet.receive`.
         """
         with self._lock:
-            self._boards.receive(now, wall_now)
+            now = self._boards.receive(now, wall_now, clock)
             oldest = now - self._settings.sensor_timeout
             snapshot = take_snapshot(self.state, self._boards, self._velocity, oldest)
             self._readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)

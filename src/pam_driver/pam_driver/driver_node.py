@@ -262,7 +262,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         """One cycle, in the I/O thread."""
         self._poll()
         wall_now = time.time()
-        snapshot = driver.cycle(now, wall_now)
+        snapshot = driver.cycle(now, wall_now, lambda: (time.monotonic(), time.time()))
         sent_at = time.time()
         if self._follower is not None:
             self._follower.follow(wall_now - snapshot.pressure_stamp)
