@@ -1,7 +1,7 @@
 """A node of your own that drives a joint along a sine, by streamed references.
 
-ros2 launch pam_bringup simulation.launch.py        # in another terminal
-python examples/sinusoid_node.py [JOINT]
+python -m pam_demo robot                 # or ros2 launch pam_bringup simulation.launch.py
+python examples/sinusoid_node.py [JOINT]    # in a second terminal
 """
 
 import contextlib

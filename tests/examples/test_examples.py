@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import runpy
 import subprocess
@@ -28,7 +29,7 @@ def example(name: str) -> dict[str, Any]:
 def test_every_script_is_on_the_page_and_tested_here():
     here, page = Path(__file__).read_text(), (ROOT / "docs/python.md").read_text()
     names = [path.stem for path in EXAMPLES.glob("*.py")]
-    assert len(names) == 6
+    assert len(names) == 7
     for name in names:
         assert f'("{name}")' in here or f'"{name}.py"' in here
         assert f"examples/{name}.py)" in page
@@ -62,6 +63,20 @@ def test_diagnose_recording_finds_the_hidden_friction(tmp_path, monkeypatch):
     assert "coulomb_friction" in named
     improved = load_rig(tmp_path / "improved.yaml").joints[0].effects["coulomb_friction"]
     assert improved["torque"] == pytest.approx(0.6, rel=0.15)
+
+
+def test_motion_for_diagnosis_uses_the_range_slowly_enough_and_begins_with_a_rest():
+    """What `pam_gap record` asks for: rest, half of the range, 40 s."""
+    points = example("motion_for_diagnosis")["waypoints"](0.6)
+    times, positions = zip(*points, strict=True)
+    steps = list(itertools.pairwise(points))
+    assert points[0] == (3.0, 0.0)
+    assert 40.0 < times[-1] < 60.0
+    assert max(positions) - min(positions) > 0.9
+    assert max(map(abs, positions)) <= 0.6
+    assert all(b[0] > a[0] for a, b in steps)
+    fastest = max(abs(b[1] - a[1]) / (b[0] - a[0]) for a, b in steps)
+    assert fastest < 0.6 * min(joint.max_velocity for joint in load_rig(ELBOW).joints)
 
 
 @pytest.mark.system

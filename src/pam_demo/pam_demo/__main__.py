@@ -91,6 +91,27 @@ def _declare_close_loop(parser: Parser) -> None:
     _add_can(parser)
 
 
+def _robot(given: Arguments) -> Outcome:
+    from pam_demo.robot import run  # noqa: PLC0415  (matplotlib)
+
+    return run(given)
+
+
+def _declare_robot(parser: Parser) -> None:
+    add_rig(parser)
+    _add_can(parser)
+    parser.add_argument(
+        "--true-effects",
+        nargs="+",
+        default=[],
+        metavar=EFFECT,
+        help="effects of the simulated robot that its rig file lacks",
+    )
+    parser.add_argument(
+        "--out", type=output_folder, default="out/robot", help="folder (default: %(default)s)"
+    )
+
+
 def _add_can(parser: Parser) -> None:
     parser.add_argument(
         "--can",
@@ -116,6 +137,13 @@ COMMANDS = (
         _close_loop,
         bad_news="if a motion is not followed more closely than before",
         examples=("python -m pam_demo close-loop --hide valve_dead_zone.overlap=0.1",),
+    ),
+    Command(
+        "robot",
+        "run a simulated robot until Ctrl-C, for nodes of your own, without ros2 launch",
+        _declare_robot,
+        _robot,
+        examples=("python -m pam_demo robot --true-effects coulomb_friction.torque=0.6",),
     ),
 )
 

@@ -49,7 +49,7 @@ def eye_of(rig: Rig) -> tuple[Point, Point]:
     points = [p for k in places for s in arm_strokes(rig, k, 0.0, {}) for p in s.points]
     low, high = ([choose(axis) for axis in zip(*points, strict=True)] for choose in (min, max))
     middle = (0.0, 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
-    distance = 1.6 * max(high[2] - low[2], high[1] - low[1])
+    distance = 1.2 * max(high[2] - low[2], high[1] - low[1])
     side = 0.3 if len(rig.joints) == 1 else 1.0  # joints one behind the other are seen from a side
     return (side * distance, low[1] - distance, middle[2] + 0.2 * distance), middle
 

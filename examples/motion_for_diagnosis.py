@@ -1,0 +1,89 @@
+"""A motion that shows a diagnosis what it needs: random steps and sines, at two stiffnesses.
+
+python -m pam_demo robot                                             # or a real robot
+python -m pam_gap record --rig config/elbow.yaml --out recording     # in a second terminal
+python examples/motion_for_diagnosis.py [RIG] [JOINT]                # in a third one
+"""
+
+import math
+import random
+import sys
+
+import rclpy
+from builtin_interfaces.msg import Duration
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+import pam_model
+from pam_ros import leave_out_shared_memory
+
+REST, LENGTH, SHARE = 3.0, 45.0, 0.75  # s, s, of the smaller half of the joint's range
+SOFT, STIFF, CHANGE = 8.0, 14.0, 10.0  # N m/rad, N m/rad, s between them
+RATE = 20.0  # points per second of a sine
+
+
+def waypoints(reach: float, seed: int = 1) -> list[tuple[float, float]]:
+    """Times after the start [s] and positions [rad]: steps with pauses, in between two sines."""
+    draw = random.Random(seed)
+    points, time = [(REST, 0.0)], REST
+    for frequency in (0.3, 1.0):
+        until = time + 0.3 * LENGTH
+        while time < until:
+            time += draw.uniform(1.0, 1.5)
+            position = draw.choice((-1, 1)) * draw.uniform(0.4, 1.0) * reach
+            points += [(time, position), (time + 0.8, position)]
+            time += 0.8
+        points.append((time + 1.0, 0.0))
+        time, size = time + 1.0, min(reach, 0.25 / frequency)
+        for k in range(1, round(0.2 * LENGTH * RATE) + 1):
+            angle = 2.0 * math.pi * frequency * k / RATE
+            points.append((time + k / RATE, size * math.sin(angle)))
+        time, _ = points[-1]
+    return [*points, (time + 2.0, 0.0)]
+
+
+class Motion(Node):
+    """Sends the trajectory once, and the stiffness from time to time."""
+
+    def __init__(self, rig: pam_model.Rig, joint: str) -> None:
+        super().__init__("motion_for_diagnosis")
+        self.stiffness = [SOFT] * len(rig.joint_names)
+        self.soft = self.create_publisher(Float64MultiArray, "pam_controller/stiffness_commands", 1)
+        self.motion = self.create_publisher(JointTrajectory, "pam_controller/joint_trajectory", 1)
+        low, high = rig.joint(joint).position_limits
+        message = JointTrajectory(joint_names=[joint])
+        for time, position in waypoints(SHARE * min(-low, high)):
+            after = Duration(sec=int(time), nanosec=int(time % 1.0 * 1e9))
+            message.points.append(JointTrajectoryPoint(positions=[position], time_from_start=after))
+        self.message, self.end = message, time
+        self.waiting = self.create_timer(0.1, self.begin)
+
+    def begin(self) -> None:
+        """Send the trajectory as soon as the controller hears it."""
+        if self.motion.get_subscription_count() and self.soft.get_subscription_count():
+            self.waiting.cancel()
+            self.motion.publish(self.message)
+            self.change()
+            self.create_timer(CHANGE, self.change)
+            self.get_logger().info(f"moving for {self.end:.0f} s")
+
+    def change(self) -> None:
+        """Change between soft and stiff."""
+        self.stiffness = [STIFF if value == SOFT else SOFT for value in self.stiffness]
+        self.soft.publish(Float64MultiArray(data=self.stiffness))
+
+
+def main() -> None:
+    """Send the motion and wait for its end."""
+    rig = pam_model.load_rig(sys.argv[1] if len(sys.argv) > 1 else "config/elbow.yaml")
+    leave_out_shared_memory()
+    rclpy.init()
+    node = Motion(rig, sys.argv[2] if len(sys.argv) > 2 else rig.joint_names[0])
+    until = node.get_clock().now().nanoseconds * 1e-9 + node.end + 3.0
+    while node.get_clock().now().nanoseconds * 1e-9 < until:
+        rclpy.spin_once(node, timeout_sec=0.1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""`python -m pam_demo robot`: the simulated robot, for nodes of one's own, without `ros2 launch`.
+
+Simulated rig, driver, model and controller run in the ROS domain of the terminal until Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from pam_check.chain import BusChoice, Chain, best_bus
+from pam_check.processes import Setting
+from pam_demo.demo import COMPILE_TIMEOUT, REALTIME, SIMULATING, START_TIMEOUT
+from pam_model.command_line import Arguments, Outcome, chosen_rig
+from pam_model.rig import load_rig
+from pam_sim.rig import parse_effects
+from pam_sim.simulated_rig import apply_effects
+
+ACTIVE = "active: valves follow"  # in the line that the driver writes when the robot may move
+LOOK_EVERY = 0.5  # s
+
+
+def _pass_on(chain: Chain, said: dict[str, int]) -> None:
+    """Print what the nodes warn of; `said` is how many of their lines were looked at."""
+    for name, process in chain.processes.items():
+        lines = process.output.splitlines()
+        for line in lines[said.get(name, 0) :]:
+            if "[WARN]" in line or "[ERROR]" in line:
+                print(f"{name}: {line}", flush=True)
+        said[name] = len(lines)
+
+
+def run(given: Arguments) -> Outcome:
+    """Run the robot until Ctrl-C or SIGTERM, which lower the arm and vent it.
+
+    Raises
+    ------
+    PamError
+        When a node does not start, or ends by itself; the message has its last output.
+    """
+    rig_path = chosen_rig(given)
+    rig = load_rig(rig_path)
+    plant: dict[str, Setting] = {}
+    if given.true_effects:
+        apply_effects(rig, rig, parse_effects(given.true_effects, "--true-effects"))
+        plant["hidden_effects"] = " ".join(given.true_effects)
+    bus = BusChoice("socketcan", given.can) if given.can else best_bus()
+    chain = Chain([rig_path], bus, {})
+    out: Path = given.out
+    out.mkdir(parents=True, exist_ok=True)
+    print(f"rig {rig_path}, bus: {bus}; starting (the first start takes a minute)", flush=True)
+    try:
+        with chain:
+            # before the boards simulate, none answers the driver
+            chain.start("rig", plant | REALTIME["rig"]).wait_for_output(SIMULATING, COMPILE_TIMEOUT)
+            chain.start("controller", REALTIME["controller"])
+            chain.start("model")
+            asked: dict[str, Setting] = {
+                "activate_on_start": True,
+                "startup_timeout": START_TIMEOUT,
+            }
+            chain.start("driver", asked | REALTIME["driver"]).wait_for_output(ACTIVE, START_TIMEOUT)
+            print(f"{', '.join(rig.joint_names)}: ready to move; Ctrl-C ends it", flush=True)
+            said: dict[str, int] = {}
+            while True:
+                chain.check()
+                _pass_on(chain, said)
+                time.sleep(LOOK_EVERY)
+    except KeyboardInterrupt:  # Ctrl-C or SIGTERM; the only way to end it
+        pass
+    finally:
+        for name, text in chain.outputs.items():
+            (out / f"{name}.log").write_text(text)
+    print(f"ended; what the nodes said: {out}")
+    return Outcome({"out": out})
