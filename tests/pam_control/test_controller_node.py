@@ -310,6 +310,29 @@ def test_after_a_vent_it_takes_over_where_the_joint_is(bench, controller):
 
 
 @pytest.mark.rerun_because(HOST_STALLS)
+def test_a_new_activation_takes_over_where_the_joint_is_although_no_vent_was_heard(
+    bench, controller
+):
+    """Someone else, such as a recording, may have said that the driver is active all the time."""
+    state = bench.node.create_publisher(DiagnosticStatus, "pam_driver/state", LATCHED)
+    state.publish(driver_state_message("pam_driver", "active", "", activation=1))
+    bench.measuring, bench.position_of_nan = True, False
+    bench.wait(bench.controls, "control")
+    bench.send([-0.5], 1.0)
+    bench.wait(lambda: abs(bench.references[-1].position[0] + 0.5) < 1e-3, "the start")
+    bench.send([0.5], 20.0)
+    bench.wait(lambda: bench.references[-1].velocity[0] > 0.02, "a motion")
+    bench.references.clear()
+    state.publish(driver_state_message("pam_driver", "active", "at reduced speed", activation=1))
+    bench.wait(lambda: len(bench.references) > 50, "the motion goes on")
+    assert bench.references[-1].velocity[0] > 0.02
+    state.publish(driver_state_message("pam_driver", "active", "", activation=2))
+    bench.wait(lambda: bench.references[-1].velocity[0] == 0.0, "the takeover")
+    assert bench.references[-1].position[0] < 0.4
+    assert abs(bench.references[-1].position[0] - bench.position) < 0.1
+
+
+@pytest.mark.rerun_because(HOST_STALLS)
 def test_stop_brakes_and_holds(bench, controller):
     bench.wait(bench.controls, "control")
     bench.send([-0.3], 1.0)

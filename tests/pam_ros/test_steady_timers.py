@@ -63,6 +63,46 @@ def test_a_cancelled_timer_waits_for_its_reset(clock: Clock) -> None:
     assert len(calls) == 1
 
 
+def test_a_timer_that_is_called_late_keeps_its_grid(clock: Clock) -> None:
+    timers = SteadyTimers()
+    timer = timers.add(0.5, lambda: None)
+    clock.now = 100.625
+    timers.call_due()
+    assert timer.due == 101.0
+    clock.now = 101.5  # exactly one period late
+    timers.call_due()
+    assert timer.due == 102.0
+
+
+def test_without_timers_the_next_turn_is_not_far(clock: Clock) -> None:
+    assert SteadyTimers().until_next() == TURN
+
+
+class ExecutorOfWaits:
+    """Notes how long it may wait."""
+
+    def __init__(self) -> None:
+        self.waits: list[float] = []
+
+    def wake(self) -> None:
+        """Nobody sleeps here."""
+
+    def spin_once(self, timeout_sec: float) -> None:
+        self.waits.append(timeout_sec)
+
+
+def test_the_executor_waits_until_the_next_timer_and_without_timers_for_a_turn() -> None:
+    executor, timers, left = ExecutorOfWaits(), SteadyTimers(), count()
+    timers.add(0.02, lambda: None)
+    for _ in turns(executor, timers, lambda: next(left) < 2):
+        pass
+    assert all(0.0 < wait <= 0.02 for wait in executor.waits)
+    executor.waits.clear()
+    for _ in turns(executor, None, lambda: next(left) < 5):
+        pass
+    assert set(executor.waits) == {TURN}
+
+
 class StuckExecutor:
     """Waits until it is woken, as rclpy's does after the wall clock was set back."""
 

@@ -53,7 +53,11 @@ from pam_control.trajectory_message import TrajectoryMessage
 from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros import diagnostics as health
-from pam_ros.driver_state import permits_full_speed, reason_against_commands
+from pam_ros.driver_state import (
+    activation_of,
+    permits_full_speed,
+    reason_against_commands,
+)
 from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
@@ -100,6 +104,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._origin = time.monotonic()
         self._lock = threading.Lock()
         self._reason = "no measurement yet"
+        self._activation = ""  # the last one of the driver that was heard
         self._driver_reason = ""  # why the driver takes no commands; empty without such a driver
         self.intake = CommandIntake(
             self._controller,
@@ -257,13 +262,15 @@ class ControllerNode(Node):  # type: ignore[misc]
     def _on_driver_state(self, data: bytes) -> None:
         """Follow the driver: while it takes no commands, references are dropped and refused.
 
-        When it takes commands again, the next cycle takes over the joints where they are.
+        When it takes commands again, or was activated anew, the next cycle takes over the joints
+        where they are.
         """
         with self._lock:
             if self.rig.people.full_speed_topic:
                 self._controller.reduce_speed(not permits_full_speed(data), self._now())
             self._driver_reason = reason_against_commands(data)
-            if self._driver_reason:
+            before, self._activation = self._activation, activation_of(data)
+            if self._driver_reason or self._activation != before:
                 self._controller.drop_commands()
                 self._reason = self._driver_reason
 

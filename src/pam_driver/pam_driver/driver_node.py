@@ -93,7 +93,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._starting = False
         self._start_up = StartUp()
         self._fault_reported = False
-        self._published_state = ""
+        self._activation = 0  # names the last one
+        self._published_state = ("", 0)
         self._vent_reason = ""
         refuse_impossible_transitions(self)
 
@@ -172,6 +173,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         except PamError as error:
             return self._fail(f"not activated: {error}")
         self._active = True
+        self._activation = time.monotonic_ns()
         self._vent_reason = ""
         self._publish_state()
         self.get_logger().info("active: valves follow valve_commands")
@@ -250,9 +252,12 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         reduced = self._rig.people.full_speed_topic and (
             driver is None or driver.people.reduced_speed(time.monotonic())
         )
-        message = driver_state_message(self.get_name(), state.value, reason, reduced=reduced)
-        if message.message != self._published_state:
-            self._published_state = message.message
+        message = driver_state_message(
+            self.get_name(), state.value, reason, reduced=reduced, activation=self._activation
+        )
+        told = message.message, self._activation
+        if told != self._published_state:
+            self._published_state = told
             self._state_topic.publish(message)
         if LAMPS[state] != self._lamp:
             self._lamp = LAMPS[state]

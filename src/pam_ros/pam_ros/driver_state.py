@@ -2,8 +2,11 @@
 
 The driver publishes a DiagnosticStatus on `~/state` whenever its state changes, and once when it
 starts. The topic is latched (transient local), so that a node that starts later hears the present
-state at once. `values` holds `state`, `reason` and `speed` (full or reduced) for programs,
-`message` all of them for people.
+state at once. `values` holds `state`, `reason`, `speed` (full or reduced) and `activation` for
+programs, `message` the first three for people.
+
+Every activation has another number, so that a controller begins anew with each, even if it missed
+the states before, or a recording that was played told it otherwise.
 """
 
 from __future__ import annotations
@@ -25,7 +28,9 @@ COMMANDABLE: Final = frozenset({"ready", "active"})
 """States in which the driver takes commands; the first command leads from ready to active."""
 
 
-def driver_state_message(name: str, state: str, reason: str, *, reduced: bool = False) -> Any:
+def driver_state_message(
+    name: str, state: str, reason: str, *, reduced: bool = False, activation: int = 0
+) -> Any:
     """A message for the topic.
 
     Parameters
@@ -38,6 +43,8 @@ def driver_state_message(name: str, state: str, reason: str, *, reduced: bool = 
         What brought it there; may be empty.
     reduced : bool, optional
         Whether full speed is not permitted.
+    activation : int, optional
+        Names the last activation; 0 if there was none.
     """
     told = f"{state} at reduced speed" if reduced else state
     level = DiagnosticStatus.ERROR if state.startswith("fault") else DiagnosticStatus.OK
@@ -49,6 +56,8 @@ def driver_state_message(name: str, state: str, reason: str, *, reduced: bool = 
             KeyValue(key="state", value=state),
             KeyValue(key="reason", value=reason),
             KeyValue(key="speed", value="reduced" if reduced else FULL),
+            KeyValue(key="activation", value=str(activation)),
+            KeyValue(key="activation", value=str(activation)),
         ],
     )
 
@@ -66,6 +75,17 @@ def reason_against_commands(data: bytes) -> str:
     if state in COMMANDABLE:
         return ""
     return f"the driver is {state or 'in an unknown state'}" + (f" ({reason})" if reason else "")
+
+
+def activation_of(data: bytes) -> str:
+    """Which activation the message tells of; empty if it does not say.
+
+    Parameters
+    ----------
+    data : bytes
+        The message as it was received.
+    """
+    return _values(data).get("activation", "")
 
 
 def permits_full_speed(data: bytes) -> bool:
