@@ -165,11 +165,11 @@ def valve_flow(
         [K].
     """
     if opening >= 0.0:
-        return float(
-            mass_flow(opening * conductance, critical_ratio, supply_pressure, pressure, temperature)
+        return _mass_flow(
+            opening * conductance, critical_ratio, supply_pressure, pressure, temperature
         )
-    return -float(
-        mass_flow(-opening * conductance, critical_ratio, pressure, ambient_pressure, temperature)
+    return -_mass_flow(
+        -opening * conductance, critical_ratio, pressure, ambient_pressure, temperature
     )
 
 

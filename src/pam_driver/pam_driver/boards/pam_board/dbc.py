@@ -112,7 +112,8 @@ class Field:
             low = self.low * self.factor + self.offset
             high = self.high * self.factor + self.offset
             raise EncodeError(f"{self.name} is {value:g}, expected {low:g} to {high:g}")
-        raw = min(max(round(scaled), self.low), self.high)
+        raw = round(scaled)
+        raw = self.low if raw < self.low else self.high if raw > self.high else raw
         return (raw & self.mask) << self.shift
 
 
