@@ -319,7 +319,7 @@ def test_a_new_activation_takes_over_where_the_joint_is_although_no_vent_was_hea
     bench.measuring, bench.position_of_nan = True, False
     bench.wait(bench.controls, "control")
     bench.send([-0.5], 1.0)
-    bench.wait(lambda: abs(bench.references[-1].position[0] + 0.5) < 1e-3, "the start")
+    bench.wait(lambda: bench.references[-1].position[0] == pytest.approx(-0.5, abs=1e-9), "start")
     bench.send([0.5], 20.0)
     bench.wait(lambda: bench.references[-1].velocity[0] > 0.02, "a motion")
     bench.references.clear()
