@@ -114,6 +114,7 @@ class PlayerNode(Node):  # type: ignore[misc]
             If `timeout` seconds pass.
         """
         deadline = time.monotonic() + timeout
+        self._state(check, timeout)  # its process may take long to start
         while True:
             try:
                 self._check_driver(check)
@@ -135,9 +136,9 @@ class PlayerNode(Node):  # type: ignore[misc]
         request.transition.id = transition
         return bool(self._call(ChangeState, "pam_driver/change_state", request, check).success)
 
-    def _state(self, check: Callable[[], None]) -> Any:
-        """The present state of the driver, with `id` and `label`."""
-        answer = self._call(GetState, "pam_driver/get_state", GetState.Request(), check)
+    def _state(self, check: Callable[[], None], timeout: float = ANSWER_TIMEOUT) -> Any:
+        """The present state of the driver, with `id` and `label`, within a time [s]."""
+        answer = self._call(GetState, "pam_driver/get_state", GetState.Request(), check, timeout)
         return answer.current_state
 
     def _check_driver(self, check: Callable[[], None]) -> None:
@@ -160,9 +161,16 @@ class PlayerNode(Node):  # type: ignore[misc]
             time.sleep(RETRY_AFTER)
             self.clear_faults(check)
 
-    def _call(self, kind: Any, name: str, request: Any, check: Callable[[], None]) -> Any:
+    def _call(
+        self,
+        kind: Any,
+        name: str,
+        request: Any,
+        check: Callable[[], None],
+        timeout: float = ANSWER_TIMEOUT,
+    ) -> Any:
         client = self.create_client(kind, name)
-        deadline = time.monotonic() + ANSWER_TIMEOUT
+        deadline = time.monotonic() + timeout
         while not client.service_is_ready() and time.monotonic() < deadline:
             check()
             rclpy.spin_once(self, timeout_sec=0.05)
@@ -171,7 +179,7 @@ class PlayerNode(Node):  # type: ignore[misc]
             rclpy.spin_once(self, timeout_sec=TURN)
         self.destroy_client(client)
         if not future.done():
-            raise PamError(f"{name}: no answer within {ANSWER_TIMEOUT:g} s")
+            raise PamError(f"{name}: no answer within {timeout:g} s")
         return future.result()
 
     def play(self, motion: Motion, check: Callable[[], None], progress: Progress) -> float:
