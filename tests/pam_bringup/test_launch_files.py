@@ -187,8 +187,10 @@ def test_model_and_controller_are_started_again_if_asked_and_the_driver_never_th
 def frames(monkeypatch: pytest.MonkeyPatch, *, installed: bool, urdf: str = "") -> Any:
     """What robot.launch.py starts for the frames, with and without robot_state_publisher."""
     made = run_launch_file(FOLDER / ROBOT)
-    (action,) = all_of("OpaqueFunction", made["generate_launch_description"]())
-    function = action["function"]
+    functions = [
+        one["function"] for one in all_of("OpaqueFunction", made["generate_launch_description"]())
+    ]
+    (function,) = (one for one in functions if one.__name__ == "publish_frames")
 
     def prefix(name: str) -> str:
         if not installed:
@@ -216,6 +218,20 @@ def test_without_robot_state_publisher_the_log_says_so(monkeypatch):
     assert not all_of("Node", made)
     (said,) = all_of("LogInfo", made)
     assert "robot_state_publisher is not installed" in said["msg"]
+
+
+def test_a_misspelt_argument_does_not_start_the_robot_with_the_default():
+    """Launch ignores it: `bus_chanel:=can1` would drive the robot on can0."""
+    made = run_launch_file(FOLDER / ROBOT)
+    check = made["check_words"]
+    described = all_of("OpaqueFunction", made["generate_launch_description"]())
+    assert described[0]["function"].__name__ == "check_words"
+    assert check(SimpleNamespace(argv=["rig_file:=a.yaml", "bus_channel:=can1"])) == []
+    for wrong, meant in (("bus_chanel", "bus_channel"), ("rigfile", "rig_file")):
+        with pytest.raises(ValueError, match=f"called {wrong}; did you mean {meant}"):
+            check(SimpleNamespace(argv=[f"{wrong}:=x"]))
+    (said,) = check(SimpleNamespace(argv=["of_another_file:=x"]))
+    assert "of_another_file" in said["msg"]
 
 
 @pytest.mark.parametrize("choice", ["shutdown", "restart"])

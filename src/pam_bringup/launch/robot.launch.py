@@ -15,6 +15,7 @@ driver is started again, but it does not configure or activate itself: only a pe
 move again (`ros2 lifecycle set /pam_driver configure`, then `activate`).
 """
 
+import difflib
 import sys
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -40,6 +41,29 @@ from launch import Action, LaunchContext, LaunchDescription
 
 USERS_MISTAKE = 2  # the driver's exit code for a user's mistake; a restart would fail again
 RESTART_DELAY = 2.0  # s, until the boards have vented and the bus is closed
+
+
+def check_words(context: LaunchContext) -> list[Action]:
+    """Refuse a misspelt argument: launch ignores it, and the default would drive the robot.
+
+    Others may be those of a launch file that includes this one; the log names them.
+
+    Raises
+    ------
+    ValueError
+        If a word of the command line resembles an argument of this file, and is none.
+    """
+    known = [one.name for one in generate_launch_description().get_launch_arguments()]
+    actions: list[Action] = []
+    for word in context.argv:
+        name, assigned, _ = word.partition(":=")
+        if not assigned or name in known:
+            continue
+        meant = difflib.get_close_matches(name, known, n=1, cutoff=0.7)
+        if meant:
+            raise ValueError(f"no launch argument is called {name}; did you mean {meant[0]}?")
+        actions.append(LogInfo(msg=f"{name} is no argument of robot.launch.py"))
+    return actions
 
 
 def start_driver(autostart: ParameterValue | bool, activate: ParameterValue | bool) -> list[Action]:
@@ -201,6 +225,7 @@ def generate_launch_description() -> LaunchDescription:
                 choices=["true", "false"],
                 description="show the robot in a browser (docs/watching.md; needs rerun-sdk)",
             ),
+            OpaqueFunction(function=check_words),
             *start_driver(
                 ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
                 ParameterValue(LaunchConfiguration("activate_on_start"), value_type=bool),

@@ -9,7 +9,7 @@ import runpy
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -54,6 +54,10 @@ class Recorded:
     def perform(self, context: Any) -> str:
         """The value of a LaunchConfiguration in a context that is a mapping."""
         return str(context.launch_configurations[self.given[0]])
+
+    def get_launch_arguments(self) -> list[Any]:
+        """The arguments that a LaunchDescription declares."""
+        return [SimpleNamespace(name=one.given[0]) for one in all_of("DeclareLaunchArgument", self)]
 
     def __getitem__(self, name: str) -> Any:
         return self.words[name]
