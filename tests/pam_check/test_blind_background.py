@@ -77,13 +77,13 @@ def test_the_supply_wanders_about_its_mean() -> None:
 def test_a_drawn_rig_has_the_strength_of_its_label_and_an_uneven_log() -> None:
     pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
     random = np.random.default_rng(8)
-    rig = draw_rough_rig((JOINT, MUSCLE), 0.03, ["viscous_friction"], random)
+    rig = draw_rough_rig((JOINT, (MUSCLE, MUSCLE)), 0.03, ["viscous_friction"], random)
     assert WEAKEST <= rig.strength < 45.0
     assert rig.joint.viscous_friction > JOINT.viscous_friction
     log = uneven(to_table(rig.recording, load_cells=False), random)
     assert len(log) <= rig.recording.time.size
     assert (np.diff(log["time"].to_numpy()) > 0.0).all()
-    clean = draw_rough_rig((JOINT, MUSCLE), 0.03, [], np.random.default_rng(8))
+    clean = draw_rough_rig((JOINT, (MUSCLE, MUSCLE)), 0.03, [], np.random.default_rng(8))
     assert clean.strength == 0.0
     assert clean.strengths == ()
     assert rig.strengths == (rig.strength,)

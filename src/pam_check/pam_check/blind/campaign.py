@@ -36,28 +36,6 @@ from pam_check.programs import DRAW_CASES
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.errors import PamError
 
-
-def draw_sealed(
-    cases: int, seed: int, out: Path, background: bool = False, plant: str = FIRST
-) -> str:
-    """Draw the cases in another process; return the digest of the sealed labels.
-
-    Raises
-    ------
-    PamError
-        When the generator fails.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", DRAW_CASES, "--cases", str(cases), "--seed", str(seed),
-         "--folder", str(out / "cases"), "--sealed", str(out / "sealed"),
-         "--plant", plant, *(["--background"] if background else [])],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if done.returncode != 0:
-        raise PamError(f"drawing the cases failed: {done.stderr.strip().splitlines()[-1]}")
-    return done.stdout.strip()
-
-
 SEAL = "seal.json"
 
 
@@ -69,6 +47,7 @@ class Drawn:
     seed: int
     background: bool
     plant: str = FIRST
+    varied: bool = False
 
     def seal(self, out: Path, digest: str) -> None:
         """Write down the digest of the labels before the first diagnosis."""
@@ -86,12 +65,32 @@ class Drawn:
         if not (out / SEAL).exists():
             raise PamError(f"{out}: no campaign to resume; expected {SEAL}, which --out writes")
         found = json.loads((out / SEAL).read_text())
-        if {"plant": FIRST} | found["drawn"] != asdict(self):
+        if {"plant": FIRST, "varied": False} | found["drawn"] != asdict(self):
             raise PamError(
                 f"{out}: holds a campaign of {found['drawn']}; give the same --cases, --seed, "
-                "--background and --plant to resume it"
+                "--background, --varied and --plant to resume it"
             )
         return str(found["labels_sha256"])
+
+
+def draw_sealed(drawn: Drawn, out: Path) -> str:
+    """Draw the cases in another process; return the digest of the sealed labels.
+
+    Raises
+    ------
+    PamError
+        When the generator fails.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", DRAW_CASES, "--cases", str(drawn.cases), "--seed", str(drawn.seed),
+         "--folder", str(out / "cases"), "--sealed", str(out / "sealed"),
+         "--plant", drawn.plant, *(["--background"] if drawn.background else []),
+         *(["--varied"] if drawn.varied else [])],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise PamError(f"drawing the cases failed: {done.stderr.strip().splitlines()[-1]}")
+    return done.stdout.strip()
 
 
 def finished_answers(out: Path) -> dict[str, dict[str, Any]]:
@@ -192,12 +191,14 @@ def run_campaign(
     background: bool = False,
     resume: bool = False,
     plant: str = FIRST,
+    varied: bool = False,
 ) -> dict[str, Any]:
     """Draw, diagnose and score `cases` cases; all files are written into `out`.
 
     With `experiments`, the experiment that each ambiguous diagnosis proposes is run and scored as
     well. With `keep_evidence`, every diagnosis keeps the evidence that `sensitivity` needs.
     With `background`, every rig has an ordinary background besides its hidden effects.
+    With `varied`, rigs with a background are of many sizes and kinds.
     With `plant`, another plant of `plants.PLANTS` makes the recordings.
     With `resume`, a campaign that was interrupted goes on: cases with an answer keep it.
 
@@ -207,14 +208,14 @@ def run_campaign(
         When `out` already contains a campaign (with `resume`: another or none), or the generator
         fails.
     """
-    drawn = Drawn(cases, seed, background, plant)
+    drawn = Drawn(cases, seed, background or varied, plant, varied)
     if resume:
         digest = drawn.sealed_in(out)
     elif (out / "cases").exists():
         raise PamError(f"{out}: holds a campaign already; give another --out, or --resume")
     else:
         out.mkdir(parents=True, exist_ok=True)
-        digest = draw_sealed(cases, seed, out, background, plant)
+        digest = draw_sealed(drawn, out)
         drawn.seal(out, digest)
     answers = finished_answers(out)
     names = sorted(p.name for p in (out / "cases").iterdir() if p.name not in answers)
@@ -257,7 +258,7 @@ def run(given: Arguments) -> Outcome:
     seed = given.seed if given.seed is not None else time.time_ns() % 2**32
     result = run_campaign(
         given.cases, seed, given.out, given.workers, given.experiments, given.keep_evidence,
-        given.background, given.resume, given.plant,
+        given.background, given.resume, given.plant, given.varied,
     )  # fmt: skip
     print(f"seed {seed}; labels sealed as {result['labels_sha256'][:16]}…")
     shares = dict(result["shares"])

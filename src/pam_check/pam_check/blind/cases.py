@@ -16,6 +16,7 @@ import hashlib
 import json
 import sys
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,7 @@ from pam_check.blind.truth_plant import (
     TruthMuscle,
     TruthRecording,
 )
+from pam_check.blind.variety import Variety, draw_variety
 from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.rig import rig_from_parameters, save_rig
@@ -67,13 +69,12 @@ class Label:
     strengths: list[float] = field(default_factory=list)
     """Strength of each effect alone."""
     supply: dict[str, float] = field(default_factory=dict)
+    variety: dict[str, float] = field(default_factory=dict)
+    """Kind of the rig; empty if all rigs are of one kind."""
 
 
-def rig_parameters(
-    joint: TruthJoint, muscle: TruthMuscle, tolerance: float, length_tolerance: float | None = None
-) -> dict[str, object]:
-    """The nominal rig as keys of a rig file."""
-    one = {
+def _muscle_parameters(muscle: TruthMuscle) -> dict[str, object]:
+    return {
         "model": "chou_hannaford",
         "thread_length": muscle.thread_length,
         "turns": muscle.turns,
@@ -88,6 +89,16 @@ def rig_parameters(
             "time_constant": muscle.time_constant,
         },
     }
+
+
+def rig_parameters(
+    joint: TruthJoint,
+    muscle: TruthMuscle,
+    tolerance: float,
+    length_tolerance: float | None = None,
+    other: TruthMuscle | None = None,
+) -> dict[str, object]:
+    """The nominal rig as keys of a rig file; `other` is the second muscle if it is another one."""
     return {
         "gas": {
             "temperature": joint.temperature,
@@ -107,8 +118,8 @@ def rig_parameters(
             "gravity_angle": joint.gravity_angle,
             "position_limits": [joint.lower_limit, joint.upper_limit],
         },
-        "elbow_flexor": one,
-        "elbow_extensor": one,
+        "elbow_flexor": _muscle_parameters(muscle),
+        "elbow_extensor": _muscle_parameters(other or muscle),
     }
 
 
@@ -232,8 +243,11 @@ def make_rough_case(
     sealed: Path,
     random: np.random.Generator,
     plant: str = FIRST,
+    varied: bool = False,
 ) -> Label:
     """Draw one case with an ordinary background, as `make_case` draws one without.
+
+    With `varied`, the rig is of a kind that is drawn, too (`variety.Variety`).
 
     Raises
     ------
@@ -242,22 +256,28 @@ def make_rough_case(
     """
     effects = _choose(random, kind)
     for _ in range(MAX_TRIES):
-        believed = believed_rig(random)
+        joint, muscle = believed_rig(random)
         tolerance = float(random.choice(TOLERANCES))
+        variety = draw_variety(random) if varied else None
+        rig = variety or Variety()
+        believed = rig.believed(joint, muscle)
         try:
-            drawn = draw_rough_rig(believed, tolerance, effects, random, plant)
+            drawn = draw_rough_rig(believed, tolerance, effects, random, plant, variety)
         except (FloatingPointError, BuriedError):
             continue
-        if not _moves_well(drawn.recording, believed[0]):
+        if not _moves_well(drawn.recording, joint):
             continue
         load_cells = bool(random.random() < 0.25)
         target = folder / name
         target.mkdir(parents=True)
-        stated = rig_parameters(*believed, tolerance, LENGTHS_BETTER * tolerance)
+        first, second = map(rig.muscle, believed[1])
+        stated = rig_parameters(
+            rig.joint(believed[0]), first, tolerance, LENGTHS_BETTER * tolerance, second
+        )
         save_rig(rig_from_parameters(stated), target / "rig.yaml")
         (sealed / name).mkdir(parents=True, exist_ok=True)
         for made, place in ((drawn.recording, target), (drawn.check, sealed / name)):
-            uneven(to_table(made, load_cells), random).to_csv(
+            uneven(rig.logged(to_table(made, load_cells)), random).to_csv(
                 place / "recording.csv.gz", index=False, float_format="%.7g"
             )
         return Label(
@@ -273,6 +293,7 @@ def make_rough_case(
             strength=drawn.strength,
             strengths=list(drawn.strengths),
             supply={k: float(v) for k, v in drawn.supply._asdict().items()},
+            variety={k: float(v) for k, v in asdict(variety).items()} if variety else {},
         )
     raise RuntimeError(f"no rig with {effects} that can run in {MAX_TRIES} draws")
 
@@ -284,18 +305,20 @@ def make_cases(
     sealed: Path,
     background: bool = False,
     plant: str = FIRST,
+    varied: bool = False,
 ) -> str:
     """Write `count` cases into `folder`, their labels into `sealed`; return the labels' SHA-256.
 
     Half of the cases hide one effect. The others hide none, two, or one outside the table, in equal
-    shares. With `background`, every rig has an ordinary background besides. Every plant gets the
-    same draws from the same seed, as long as the drawn rigs can run on it.
+    shares. With `background`, every rig has an ordinary background besides; with `varied`, rigs
+    with a background are of many sizes and kinds. Every plant gets the same draws from the same
+    seed, as long as the drawn rigs can run on it.
     """
     random = np.random.default_rng(seed)
     kinds = random.permutation(
         [("one", "none", "one", "two", "one", "outside")[k % 6] for k in range(count)]
     )
-    make = make_rough_case if background else make_case
+    make = partial(make_rough_case, varied=varied) if background or varied else make_case
     labels = [
         make(f"{k:03d}", str(kind), folder, sealed, random, plant) for k, kind in enumerate(kinds)
     ]
@@ -315,6 +338,7 @@ def _declare(parser: Parser) -> None:
         help="folder for labels and second recordings",
     )
     parser.add_argument("--background", action="store_true", help="rigs with a background")
+    parser.add_argument("--varied", action="store_true", help="rigs of many sizes and kinds")
     parser.add_argument(
         "--plant", choices=list(PLANTS), default=FIRST, help="plant that makes the recordings"
     )
@@ -322,8 +346,9 @@ def _declare(parser: Parser) -> None:
 
 def _run(given: Arguments) -> Outcome:
     digest = make_cases(
-        given.cases, given.seed, given.folder, given.sealed, given.background, given.plant
-    )
+        given.cases, given.seed, given.folder, given.sealed, given.background, given.plant,
+        given.varied,
+    )  # fmt: skip
     print(digest)
     return Outcome({"labels_sha256": digest})
 

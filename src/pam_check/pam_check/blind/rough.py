@@ -8,6 +8,7 @@ commands, in the channel where this ratio is largest.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -23,7 +24,7 @@ from pam_check.blind.background import (
     wrong_numbers,
 )
 from pam_check.blind.draw import KNOWN, OUTSIDE, Draw, draw_excitation, draw_sensors
-from pam_check.blind.plants import FIRST, PLANTS
+from pam_check.blind.plants import FIRST, PLANTS, RunPlant
 from pam_check.blind.truth_plant import (
     Array,
     Excitation,
@@ -33,6 +34,7 @@ from pam_check.blind.truth_plant import (
     TruthMuscle,
     TruthRecording,
 )
+from pam_check.blind.variety import Variety
 
 STRENGTHS = {"weak": (1.0, 3.0), "medium": (3.0, 10.0), "strong": (10.0, 30.0)}
 TOLERANCES = (0.02, 0.03, 0.05)
@@ -105,19 +107,58 @@ def _seen(one: TruthRecording, other: TruthRecording) -> Array:
     return np.array([*pressures, position])
 
 
+def layered(rigs: Sequence[Draw], plain: Draw) -> Draw:
+    """The plain rig with what differs from it in each of several rigs; later ones come first."""
+    total = plain
+    for rig in rigs:
+        total = alone(plain, rig, total)
+    return total
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Runs rigs of one kind through one motion, always with the same noise."""
+
+    variety: Variety
+    run_plant: RunPlant
+    sensors: Sensors
+    supply: SupplyWander
+    seed: int
+
+    def run(
+        self,
+        rig: Draw,
+        motion: Excitation,
+        commands: Array | None = None,
+        *,
+        steady: bool = False,
+    ) -> TruthRecording:
+        """Record a rig; `steady` leaves the wandering of the supply away."""
+        return self.run_plant(
+            self.variety.joint(rig.joint),
+            (self.variety.muscle(rig.muscles[0]), self.variety.muscle(rig.muscles[1])),
+            motion,
+            self.sensors,
+            np.random.default_rng(self.seed),
+            fixed_commands=commands,
+            supply=None if steady else self.supply,
+        )
+
+
 def draw_rough_rig(
-    believed: tuple[TruthJoint, TruthMuscle],
+    believed: tuple[TruthJoint, tuple[TruthMuscle, TruthMuscle]],
     tolerance: float,
     effects: list[str],
     random: np.random.Generator,
     plant: str = FIRST,
+    variety: Variety | None = None,
 ) -> DrawnRig:
     """Draw the true rig that belongs to a believed one.
 
     Parameters
     ----------
     believed : tuple
-        Joint and muscle as the rig file has them.
+        Joint and muscles as the rig file has them, at the size of an elbow.
     tolerance : float
         Largest relative error of the numbers in it.
     effects : list of str
@@ -126,6 +167,9 @@ def draw_rough_rig(
         Source of every draw.
     plant : str
         Plant of `plants.PLANTS` that makes the recordings.
+    variety : Variety, optional
+        Kind of the rig; by default an elbow, on which two effects are scaled together. With a
+        kind, each of two effects gets a strength of its own.
 
     Raises
     ------
@@ -134,8 +178,9 @@ def draw_rough_rig(
     BuriedError
         When the effects stay smaller than the background, however large they are made.
     """
-    joint, muscle = believed
-    plain = Draw(random, joint, [muscle, muscle])
+    joint, muscles = believed
+    kind = variety or Variety()
+    plain = Draw(random, joint, list(muscles))
     wrong_numbers(plain, tolerance)
     exact = Draw(random, plain.joint, list(plain.muscles))
     add_background(plain)
@@ -144,6 +189,8 @@ def draw_rough_rig(
     for effect in effects:
         before = Draw(random, full.joint, list(full.muscles))
         (KNOWN | OUTSIDE)[effect][1](full)
+        if kind.horizontal:
+            full.on_joint(gravity_torque=0.0)
         apart.append(alone(before, full, plain))
     sample_time = float(random.choice(SAMPLE_TIMES))
     duration = float(random.uniform(SHORTEST, LONGEST))
@@ -153,45 +200,52 @@ def draw_rough_rig(
     ]
     sensors = background_sensors(plain, draw_sensors(random))
     supply = background_supply(plain)
-    low, high = STRENGTHS[str(random.choice(list(STRENGTHS)))]
-    goal = plain.span(low, high)
+    goals = [_draw_strength(plain)]
     seed = int(random.integers(2**32))
-
-    def run(rig: Draw, motion: Excitation, commands: Array | None = None) -> TruthRecording:
-        muscles = (rig.muscles[0], rig.muscles[1])
-        return PLANTS[plant](
-            rig.joint, muscles, motion, sensors, np.random.default_rng(seed),
-            fixed_commands=commands, supply=supply,
-        )  # fmt: skip
-
-    rig, share, strength = full, 1.0, 0.0
+    if variety is not None:
+        motions = [variety.motion(motion, random) for motion in motions]
+        goals += [_draw_strength(plain) for _ in effects[1:]]
+    bench = Bench(kind, PLANTS[plant], kind.sensors(sensors), supply, seed)
+    parts = apart if len(goals) > 1 else [full]
+    shares, strengths, rig, strength = [1.0] * len(parts), [0.0] * len(effects), full, 0.0
     for _ in range(ROUNDS):
-        rig = weaker(full, plain, share)
-        recording = run(rig, motions[0])
-        without = run(plain, motions[0], recording.commands)
+        rig = layered([weaker(p, plain, s) for p, s in zip(parts, shares, strict=True)], plain)
+        recording = bench.run(rig, motions[0])
+        without = bench.run(plain, motions[0], recording.commands)
         if not effects:
             break
-        ideal = PLANTS[plant](
-            exact.joint, (exact.muscles[0], exact.muscles[1]), motions[0], sensors,
-            np.random.default_rng(seed), fixed_commands=recording.commands,
-        )  # fmt: skip
-        strength = float(np.max(_seen(recording, without) / _change(without, ideal)))
-        if abs(math.log(max(strength, 1e-3) / goal)) < CLOSE:
+        usual = _change(without, bench.run(exact, motions[0], recording.commands, steady=True))
+        strength = float(np.max(_seen(recording, without) / usual))
+        strengths = [strength] * len(effects)
+        if len(effects) > 1:
+            mixed = shares if len(shares) > 1 else shares * len(effects)
+            lone = [weaker(one, plain, share) for one, share in zip(apart, mixed, strict=True)]
+            for k, rig_of_one in enumerate(lone):
+                # a rig with one of the effects alone may diverge with commands of both
+                with suppress(FloatingPointError):
+                    recorded = bench.run(rig_of_one, motions[0], recording.commands)
+                    strengths[k] = float(np.max(_seen(recorded, without) / usual))
+        found = strengths if len(goals) == len(effects) else [strength]
+        off = [math.log(max(s, 1e-3) / goal) for s, goal in zip(found, goals, strict=True)]
+        if max(map(abs, off)) < CLOSE:
             break
-        share = min(share * goal / max(strength, 1e-3), LARGEST_SHARE)
-    strengths = [strength] * len(effects)
-    for k, one in enumerate(apart if len(effects) > 1 else []):
-        # a rig with one of the effects alone may diverge with commands that both have shaped
-        with suppress(FloatingPointError):
-            recorded = run(weaker(one, plain, share), motions[0], recording.commands)
-            strengths[k] = float(np.max(_seen(recorded, without) / _change(without, ideal)))
+        shares = [
+            min(share * math.exp(-o), LARGEST_SHARE) for share, o in zip(shares, off, strict=True)
+        ]
     if effects and strength < WEAKEST:
         raise BuriedError(f"{', '.join(effects)}: {strength:.2f} times the background")
-    check = run(rig, motions[1])
-    muscles = (rig.muscles[0], rig.muscles[1])
+    check = bench.run(rig, motions[1])
+    true = (kind.muscle(rig.muscles[0]), kind.muscle(rig.muscles[1]))
     return DrawnRig(
-        rig.joint, muscles, sensors, supply, recording, check, without, strength, tuple(strengths)
-    )
+        kind.joint(rig.joint), true, bench.sensors, supply, recording, check, without, strength,
+        tuple(strengths),
+    )  # fmt: skip
+
+
+def _draw_strength(plain: Draw) -> float:
+    """A strength above the background, of a class that is drawn."""
+    low, high = STRENGTHS[str(plain.random.choice(list(STRENGTHS)))]
+    return plain.span(low, high)
 
 
 def uneven(table: pd.DataFrame, random: np.random.Generator) -> pd.DataFrame:

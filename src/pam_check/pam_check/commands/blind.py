@@ -48,6 +48,12 @@ def _declare_blind(parser: Parser) -> None:
         help="draw rigs as they are: each with an ordinary background of small imperfections",
     )
     parser.add_argument(
+        "--varied",
+        action="store_true",
+        help="draw rigs with a background of many sizes (10 N to 5 kN) and kinds: unequal muscles, "
+        "horizontal joints, slow motions, sparse logs; each of two effects has its own strength",
+    )
+    parser.add_argument(
         "--plant",
         choices=["first", "second"],
         default="first",
@@ -58,7 +64,7 @@ def _declare_blind(parser: Parser) -> None:
         "--resume",
         action="store_true",
         help="go on with the interrupted campaign in --out "
-        "(same --cases, --seed, --background and --plant)",
+        "(same --cases, --seed, --background, --varied and --plant)",
     )
 
 
