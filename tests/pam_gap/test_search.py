@@ -53,7 +53,7 @@ def test_a_size_at_the_end_of_its_range_is_a_caution(rig: Rig) -> None:
     assert not with_values(payload, {"mass": 0.5 * largest}).at_the_end
     (caution,) = sizes_at_the_end([(effect, name, value, unit)])
     assert "payload" in caution
-    assert f"mass {largest:g} kg" in caution
+    assert f"mass {largest:.2g} kg" in caution
 
 
 def test_a_size_that_stands_for_no_effect_is_no_caution(rig: Rig) -> None:

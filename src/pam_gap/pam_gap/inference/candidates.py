@@ -92,6 +92,7 @@ def rig_scales(rig: Rig, joint: Joint) -> RigScales:
         pressure=pressure,
         reach=pressure * muscle.neutral_length,
         viscous_friction=joint.viscous_friction,
+        gravity_torque=joint.gravity_torque,
         contraction_factor=max(form[1] if form is not None else 1.0 for form in forms),
     )
 
@@ -108,6 +109,8 @@ def _candidate(effect: Effect, sizes: Mapping[str, Range], side: str) -> Candida
     for key, parameter in effect.parameters.items():
         size = sizes[key]
         low, high = max(size.low, parameter.low), min(size.high, parameter.high)
+        if low == high:  # known on this rig
+            continue
         plain = FreeParameter(key, low, high, size.size, is_logarithmic=size.logarithmic)
         paths = [f"{owner}.{effect.name}.{key}".lstrip(".") for owner in owners]
         if parameter.is_shape or size.logarithmic or len(paths) == 1:

@@ -146,6 +146,8 @@ class RigScales:
         This pressure times the neutral length [Pa m].
     viscous_friction : float
         Of the joint, as stated in the rig file [N m s/rad].
+    gravity_torque : float
+        Of the joint, as stated in the rig file [N m].
     contraction_factor : float
         The larger contraction factor of the two muscles' force models [-].
     """
@@ -158,6 +160,7 @@ class RigScales:
     pressure: float
     reach: float
     viscous_friction: float
+    gravity_torque: float
     contraction_factor: float
 
 
@@ -170,6 +173,7 @@ SAMPLE_SCALES = RigScales(
     pressure=2.4e5,
     reach=5e4,
     viscous_friction=0.05,
+    gravity_torque=1.0,
     contraction_factor=1.0,
 )
 """A typical rig, for which the ranges of an effect are checked when the effect is created."""

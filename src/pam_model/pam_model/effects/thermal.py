@@ -10,13 +10,15 @@ import math
 from typing import Final
 
 from pam_model.effects.declaration import Effect
-from pam_model.effects.parts import EffectParameter, Nothing, Portrait, Range, Search
+from pam_model.effects.parts import EffectParameter, Nothing, Portrait, Range, RigScales, Search
 from pam_model.effects.slots import Chamber
 from pam_model.gas.chamber import first_law_pressure_rate, temperature_rate
-from pam_model.gas.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO
+from pam_model.gas.constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_TEMPERATURE
 
 HEAT_CAPACITY: Final = GAS_CONSTANT / (HEAT_CAPACITY_RATIO - 1.0)
 """Specific heat capacity at constant volume [J/(kg K)]."""
+ATMOSPHERE: Final = 101325.0
+"""Standard atmosphere [Pa]."""
 
 
 def first_law_rates(
@@ -46,9 +48,24 @@ def first_law_rates(
     return rate, temperature_rate(pressure, temperature, volume, rate, growth, flow_in - leaving)
 
 
+def heat_capacity(pressure: float, volume: float) -> float:
+    """Heat capacity [J/K] of the gas in a volume at an absolute pressure and room temperature."""
+    return pressure * volume / (GAS_CONSTANT * REFERENCE_TEMPERATURE) * HEAT_CAPACITY
+
+
 def heat_rate(mass: float, conductance: float) -> float:
     """Rate [1/s] at which `mass` [kg] of gas approaches the wall's temperature."""
     return conductance / (mass * HEAT_CAPACITY)
+
+
+def search_ranges(rig: RigScales) -> dict[str, Range]:
+    """Ranges of the search: the gas takes the wall's temperature within 4 ms to an hour."""
+    capacity = heat_capacity(rig.pressure + ATMOSPHERE, rig.volume)
+    return {
+        "conductance": Range(
+            capacity / 4000.0, capacity / 0.004, 1.0, (capacity / 4.0, capacity / 0.4), True
+        )
+    }
 
 
 EFFECT = Effect(
@@ -81,7 +98,7 @@ EFFECT = Effect(
         "observer corrects itself with the measurement faster than the difference grows"
     ),
     search=Search(
-        ranges=lambda rig: {"conductance": Range(1e-4, 100.0, 1.0, (0.1, 1.0), True)},
+        ranges=search_ranges,
         shown_by=("commands",),
         shows_when_shut=True,
     ),
