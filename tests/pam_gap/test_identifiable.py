@@ -190,3 +190,22 @@ def test_without_anything_to_compare_the_missing_channels_are_named(
     answers: list[Diagnosis] = pam_gap.diagnose(replace(rubbing, values=keep), rig)
     assert answers[0].verdict == "not_identifiable"
     assert "valve commands" in answers[0].sentence
+
+
+def test_a_log_that_skips_commands_is_told(rig: Rig, rubbing: Recording) -> None:
+    """Every tenth row of a log with a quick loop: what was commanded between them is lost."""
+    waving = 0.1 * np.sin(2.0 * np.pi * 2.0 * rubbing.time)
+    commands = {name: waving for name in rubbing.values if name.startswith("valve_commands.")}
+    quick = replace(rubbing, values=rubbing.values | commands)
+    full = PredictionProblem(rig, 0, [quick])
+    assert not any("row to row" in text for text in cautions(full))
+    rows = slice(None, None, 10)
+    sparse = replace(
+        quick,
+        time=quick.time[rows],
+        sample_time=10.0 * quick.sample_time,
+        values={name: values[rows] for name, values in quick.values.items()},
+        valid={name: valid[rows] for name, valid in quick.valid.items()},
+    )
+    (told,) = [text for text in cautions(PredictionProblem(rig, 0, [sparse])) if "row to" in text]
+    assert "Log every command" in told

@@ -8,11 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from pam_gap.prediction.channel_order import POSITION, UNITS
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION, UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.dead_sensors import dead_encoder, dead_pressure_sensors
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
+from pam_model.gas.constants import (
+    GAS_CONSTANT,
+    REFERENCE_DENSITY,
+    REFERENCE_TEMPERATURE,
+)
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
 
 USUAL = "Record 40 s at 200 Hz or more, at rest for the first two seconds."
 
@@ -93,13 +99,42 @@ def cautions(problem: PredictionProblem) -> tuple[str, ...]:
         if data.recording.is_found_still
     )
     seconds = float(counted_seconds(problem).max())
+    found = (*still, *sparse_commands(problem))
     if seconds >= problem.rules.recording.short_seconds:
-        return still
+        return found
     return (
-        *still,
+        *found,
         f"Only {seconds:.3g} s of data count, so that little is left to check a cause on data that "
         f"took no part in its fit. {USUAL}",
     )
+
+
+def sparse_commands(problem: PredictionProblem) -> tuple[str, ...]:
+    """Whether a log may have lost commands between its rows, in full sentences.
+
+    The median deviation of a command from the mean of its neighbours shows how much commands change
+    within a row, apart from steps. What a filling muscle gains from it within a row is compared
+    with the noise of its pressure.
+    """
+    rig, rules = problem.rig, problem.rules.recording
+    muscles = [rig.muscle(name) for name in rig.joints[problem.joint].muscles]
+    if not problem.has_commands or any(m.valve.kind == "pressure_regulator" for m in muscles):
+        return ()
+    volumes = AntagonisticJoint.from_rig(rig, rig.joints[problem.joint].name).volumes(0.0)
+    nominal = REFERENCE_DENSITY * GAS_CONSTANT * REFERENCE_TEMPERATURE
+    flow = np.array([m.valve.sonic_conductance for m in muscles])
+    rate = flow * rig.supply_pressure * nominal / np.array(volumes)
+    for data in problem.data:
+        u, step = data.commands, data.recording.sample_time
+        jagged = np.median(np.abs(u[1:-1] - 0.5 * (u[:-2] + u[2:])), axis=0)
+        gained = rate * jagged * step / data.deviation[BOTH_PRESSURES]
+        if (gained > rules.jagged_commands).any():
+            return (
+                f"The valve commands change a lot from row to row at {1.0 / step:.3g} Hz. If the "
+                "control loop is faster than this log, the commands between the rows are lost and "
+                "the errors that they leave can be taken for a cause. Log every command.",
+            )
+    return ()
 
 
 def small_motion(problem: PredictionProblem) -> tuple[str, ...]:

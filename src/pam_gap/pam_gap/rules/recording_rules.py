@@ -109,6 +109,16 @@ class RecordingRules:
         origin="Chosen by hand.",
         acts=PROPOSAL,
     )
+    jagged_commands: float = rule(
+        0.15,
+        unit="of the pressure's noise",
+        decides="Change of a pressure within a row by what a valve command deviates from the mean "
+        "of its neighbours. Above it, an answer warns of a log that is slower than the loop.",
+        trades="Larger: fewer slow logs are warned of. Smaller: more full logs carry the warning.",
+        origin="Logs of every command gave 0.1 or less, of every tenth one up to 0.5 (24 drawn "
+        "rigs, `blind --varied --seed 501`).",
+        acts=PROPOSAL,
+    )
     longest_step: float = rule(
         0.04,
         unit="s",
