@@ -9,6 +9,8 @@ Sizes are those of data sheets and of measurements in the literature, not of any
   bore (SKF, Rolling Bearings, 2018), seals and the cable on its pulley have as much again.
 - Spool hysteresis of 0.5 to 1 % peak to peak, and spool leakage of 0.05 to 0.3 % of the open
   conductance: data sheets of proportional directional valves (Festo MPYE: 0.4 % hysteresis).
+- Pressure regulators: zero and gain off by 0.1 to 0.5 %, hysteresis as that of the spools (data
+  sheets state +-1 % linearity and 0.5 to 1 % hysteresis).
 - Pressure sensor: nonlinearity 0.1 to 0.3 % of full scale, zero drift 0.02 to 0.1 % in a minute
   (data sheets of silicon sensors: +-0.25 % of span), coloured noise of 0.5 to 2 times the white
   noise with a corner at 2 to 20 Hz (turbulence at the tap and ground loops).
@@ -94,6 +96,10 @@ def add_background(draw: Draw) -> None:
             "leak": min(off(leak, 0.5), LARGEST_LEAK) * muscle.sonic_conductance,
             "pressure_curvature": draw.sign() * draw.span(0.001, 0.003),
         }
+        if muscle.regulator > 0.0:
+            gauge = joint.supply_pressure - joint.ambient_pressure
+            changed["regulator_zero"] = draw.sign() * draw.span(0.001, 0.005) * gauge
+            changed["regulator_gain"] = 1.0 + draw.sign() * draw.span(0.001, 0.005)
         muscles.append(muscle._replace(**changed))
     draw.muscles = muscles
     friction = draw.span(0.001, 0.004) * holding

@@ -15,6 +15,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 import hashlib
 import json
 import sys
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -83,7 +84,7 @@ def _muscle_parameters(muscle: TruthMuscle) -> dict[str, object]:
         "neutral_length": muscle.neutral_length,
         "dead_volume": muscle.dead_volume,
         "valve": {
-            "kind": "flow",
+            "kind": "pressure_regulator" if muscle.regulator > 0.0 else "flow",
             "sonic_conductance": muscle.sonic_conductance,
             "critical_ratio": muscle.critical_ratio,
             "time_constant": muscle.time_constant,
@@ -139,12 +140,13 @@ def to_table(recording: TruthRecording, load_cells: bool) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _choose(random: np.random.Generator, kind: str) -> list[str]:
-    known = list(KNOWN)
+def _choose(random: np.random.Generator, kind: str, hidden: Collection[str] = ()) -> list[str]:
+    """Effects of a case, of those that are not hidden on its kind of rig."""
+    known = [name for name in KNOWN if name not in hidden]
     if kind == "none":
         return []
     if kind == "outside":
-        return [str(random.choice(list(OUTSIDE)))]
+        return [str(random.choice([name for name in OUTSIDE if name not in hidden]))]
     if kind == "one":
         return [str(random.choice(known))]
     first = str(random.choice(known))
@@ -254,12 +256,12 @@ def make_rough_case(
     RuntimeError
         When MAX_TRIES draws give no rig that can run.
     """
-    effects = _choose(random, kind)
+    variety = draw_variety(random, regulators=plant == FIRST) if varied else None
+    rig = variety or Variety()
+    effects = _choose(random, kind, rig.hidden)
     for _ in range(MAX_TRIES):
         joint, muscle = believed_rig(random)
         tolerance = float(random.choice(TOLERANCES))
-        variety = draw_variety(random) if varied else None
-        rig = variety or Variety()
         believed = rig.believed(joint, muscle)
         try:
             drawn = draw_rough_rig(believed, tolerance, effects, random, plant, variety)

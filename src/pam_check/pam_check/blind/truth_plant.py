@@ -44,6 +44,7 @@ GAS_CONSTANT = 287.05  # J/(kg K)
 HEAT_CAPACITY = 717.6  # J/(kg K), constant volume
 N_PLAY = 8
 N_CREEP = 7
+COMMANDED = 100.0  # Pa, resolution of a regulator's command
 
 
 class TruthJoint(NamedTuple):
@@ -109,6 +110,10 @@ class TruthMuscle(NamedTuple):
     pressure_lag: float = 0.0
     spool_hysteresis: float = 0.0  # not in the table of effects
     pressure_curvature: float = 0.0  # of the reading, at full scale; not in the table of effects
+    # A pressure regulator, whose commands are pressures: opening per error of its outlet [1/Pa].
+    regulator: float = 0.0
+    regulator_zero: float = 0.0  # Pa
+    regulator_gain: float = 1.0
 
 
 @dataclass
@@ -223,7 +228,7 @@ def start_state(
     m_res = joint.supply_pressure * joint.reservoir_volume / rt
     state = TruthState(
         scalars=np.array([q, 0.0, 0.0, 0.0, m_res, 0.0]),
-        spool=np.zeros((2, 2)),
+        spool=np.zeros((2, 3)),
         mass=np.zeros(2),
         energy=np.zeros(2),
         tube_mass=np.zeros(2),
@@ -255,6 +260,8 @@ def start_state(
         state.gauge[i] = p
         state.line[i] = p
         state.filtered[i] = p
+        if muscles[i].regulator > 0.0:
+            state.spool[i] = state.spool_play[i] = state.delay_buffer[i] = p
         state.tube_mass[i] = (p + p_amb) * muscles[i].tube_volume / rt
         for j in range(N_PLAY):
             state.play[i, j] = state.length[i]
@@ -333,6 +340,8 @@ def run_samples(  # noqa: PLR0912, PLR0915
                 integral[i] += k_i * error * sample_time
             u = min(max(u, -1.0), 1.0)
             command[i] = round(u / u_step) * u_step
+            if muscles[i].regulator > 0.0:
+                command[i] = round(wanted / COMMANDED) * COMMANDED
             if use_fixed:
                 command[i] = fixed_commands[k, i]
             commands[k, i] = command[i]
@@ -352,6 +361,10 @@ def run_samples(  # noqa: PLR0912, PLR0915
                 # Spool: the nominal pole, then a second one.
                 delay_buffer[i, head] = command[i]
                 u = delay_buffer[i, (head - round(m.command_delay / h)) % 4096]
+                if m.regulator > 0.0:
+                    half = m.spool_hysteresis * (joint.supply_pressure - p_amb)
+                    spool_play[i] = max(u - half, min(u + half, spool_play[i]))
+                    u = spool_play[i] * m.regulator_gain + m.regulator_zero
                 spool[i, 0] += (1.0 - math.exp(-h / m.time_constant)) * (u - spool[i, 0])
                 if m.second_pole > 0.0:
                     spool[i, 1] += (1.0 - math.exp(-h / m.second_pole)) * (
@@ -360,7 +373,11 @@ def run_samples(  # noqa: PLR0912, PLR0915
                 else:
                     spool[i, 1] = spool[i, 0]
                 x = spool[i, 1]
-                if m.spool_hysteresis > 0.0:
+                if m.regulator > 0.0:
+                    # The set point is smoothed twice; the error of the outlet opens the valve.
+                    spool[i, 2] += (1.0 - math.exp(-h / m.time_constant)) * (x - spool[i, 2])
+                    x = min(max(m.regulator * (spool[i, 2] - line[i]), -1.0), 1.0)
+                elif m.spool_hysteresis > 0.0:
                     spool_play[i] = max(
                         x - m.spool_hysteresis, min(x + m.spool_hysteresis, spool_play[i])
                     )

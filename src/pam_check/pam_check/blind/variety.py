@@ -25,6 +25,17 @@ UNEQUAL = 0.4
 """Share of rigs whose muscles differ from each other."""
 SLOW = 0.15
 """Share of motions without anything quick."""
+REGULATED = 0.25
+"""Share of rigs whose valves are pressure regulators."""
+BEHIND_A_REGULATOR = frozenset(
+    {
+        "valve_dead_zone", "valve_null_offset", "exhaust_restriction", "supply_droop", "leakage",
+        "dead_volume", "thermal", "cross_leak", "spool_hysteresis",
+    }
+)  # fmt: skip
+"""Effects that the inner loop of a regulator takes away."""
+INNER_GAIN = 2.5e-4
+"""Opening of a regulator's valve per error of its outlet [1/Pa]."""
 SPARSE = {1: 0.7, 5: 0.15, 10: 0.15}
 """Of how many rows a log keeps one: the loop runs on at its own rate."""
 JOINT_POWERS = {
@@ -60,6 +71,8 @@ class Variety:
         Whether the motions have slow parts only.
     rows : int
         One row in so many is logged.
+    regulator_time : float
+        Time constant of pressure regulators in place of flow valves [s]; 0 without.
     """
 
     scale: float = 1.0
@@ -69,6 +82,12 @@ class Variety:
     second: float = 1.0
     slow: bool = False
     rows: int = 1
+    regulator_time: float = 0.0
+
+    @property
+    def hidden(self) -> frozenset[str]:
+        """Effects that cannot be seen on a rig of this kind."""
+        return BEHIND_A_REGULATOR if self.regulator_time > 0.0 else frozenset()
 
     def believed(
         self, joint: TruthJoint, muscle: TruthMuscle
@@ -77,6 +96,8 @@ class Variety:
         gravity = 0.0 if self.horizontal else joint.gravity_torque
         joint = joint._replace(inertia=self.mass * joint.inertia, gravity_torque=gravity)
         one = muscle._replace(sonic_conductance=self.flow * muscle.sonic_conductance)
+        if self.regulator_time > 0.0:
+            one = one._replace(regulator=INNER_GAIN, time_constant=self.regulator_time)
         lengths = ("thread_length", "rest_length", "neutral_length")
         return joint, (one, one._replace(**{n: self.second * getattr(one, n) for n in lengths}))
 
@@ -122,8 +143,9 @@ class Variety:
         return table.iloc[:: self.rows]
 
 
-def draw_variety(random: np.random.Generator) -> Variety:
-    """Draw a kind of rig."""
+def draw_variety(random: np.random.Generator, regulators: bool) -> Variety:
+    """Draw a kind of rig; some have pressure regulators if the plant knows them."""
+    is_regulated = bool(random.random() < REGULATED) and regulators
     return Variety(
         scale=math.exp(random.uniform(math.log(SMALLEST), math.log(LARGEST))),
         flow=math.exp(random.uniform(math.log(0.4), math.log(2.5))),
@@ -132,4 +154,5 @@ def draw_variety(random: np.random.Generator) -> Variety:
         second=float(random.uniform(0.9, 1.1)) if random.random() < UNEQUAL else 1.0,
         slow=bool(random.random() < SLOW),
         rows=int(random.choice(list(SPARSE), p=list(SPARSE.values()))),
+        regulator_time=float(random.uniform(0.01, 0.03)) if is_regulated else 0.0,
     )
