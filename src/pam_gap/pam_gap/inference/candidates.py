@@ -94,6 +94,9 @@ def rig_scales(rig: Rig, joint: Joint) -> RigScales:
         viscous_friction=joint.viscous_friction,
         gravity_torque=joint.gravity_torque,
         contraction_factor=max(form[1] if form is not None else 1.0 for form in forms),
+        is_regulated=all(
+            rig.muscle(name).valve.kind == "pressure_regulator" for name in joint.muscles
+        ),
     )
 
 
@@ -263,7 +266,7 @@ def nuisances_for(
 
 
 def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, tuple[str, ...], float], ...]:
-    """What an ordinary good rig has of the effects: name, plant parameters and largest size.
+    """What an ordinary good rig has of the effects: name, plant parameters and largest change.
 
     Both muscles of a joint are of one kind and have a part of it together. An effect that the rig
     file states is known, and is no background. Zeros and gains of sensors are left out: they are
@@ -278,7 +281,8 @@ def ordinary_sizes(rig: Rig, joint: Joint) -> tuple[tuple[str, tuple[str, ...], 
         for key, size in effect.search.ranges(scales).items():
             if size.ordinary > 0.0 and owners:
                 paths = tuple(f"{owner}.{effect.name}.{key}".lstrip(".") for owner in owners)
-                found.append((effect.name, paths, size.ordinary))
+                grows = size.high > effect.parameters[key].neutral
+                found.append((effect.name, paths, size.ordinary if grows else -size.ordinary))
     return tuple(found)
 
 

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from pam_model.effects.declaration import Effect
-from pam_model.effects.parts import EffectParameter, Included, Inverse, Portrait, Range, Search
+from pam_model.effects.parts import (
+    EffectParameter,
+    Included,
+    Inverse,
+    Portrait,
+    Range,
+    RigScales,
+    Search,
+)
 from pam_model.effects.slots import Adjusts
 
 
@@ -15,6 +23,15 @@ def exhaust_ratio(ratio_before: float, ratio: float) -> float:
 def wider_exhaust(opening: float, ratio: float) -> float:
     """Opening [-] that gives the flow of `opening` on a valve with two equal paths."""
     return opening / ratio if opening < 0.0 else opening
+
+
+def search_ranges(rig: RigScales) -> dict[str, Range]:
+    """Range of the search. A good pressure regulator vents more slowly than it fills.
+
+    The flow through an opening is proportional to the absolute pressure before it (ISO 6358), so
+    that an inner loop with one gain is about half as fast in venting as in filling.
+    """
+    return {"ratio": Range(0.1, 1.0, 0.2, (0.75,), ordinary=0.5 if rig.is_regulated else 0.0)}
 
 
 EFFECT = Effect(
@@ -36,7 +53,7 @@ EFFECT = Effect(
     ),
     plausibility=Included("the pressure observer uses the true conductance of the exhaust path"),
     search=Search(
-        ranges=lambda rig: {"ratio": Range(0.1, 1.0, 0.2, (0.75,))},
+        ranges=search_ranges,
         shown_by=("commands",),
         is_sharp=True,
     ),

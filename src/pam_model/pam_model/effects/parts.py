@@ -150,6 +150,8 @@ class RigScales:
         Of the joint, as stated in the rig file [N m].
     contraction_factor : float
         The larger contraction factor of the two muscles' force models [-].
+    is_regulated : bool
+        Whether pressure regulators drive the muscles.
     """
 
     flow: float
@@ -162,6 +164,7 @@ class RigScales:
     viscous_friction: float
     gravity_torque: float
     contraction_factor: float
+    is_regulated: bool
 
 
 SAMPLE_SCALES = RigScales(
@@ -175,6 +178,7 @@ SAMPLE_SCALES = RigScales(
     viscous_friction=0.05,
     gravity_torque=1.0,
     contraction_factor=1.0,
+    is_regulated=False,
 )
 """A typical rig, for which the ranges of an effect are checked when the effect is created."""
 
