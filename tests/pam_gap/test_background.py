@@ -21,6 +21,7 @@ from pam_gap.rules import DEFAULT
 from pam_model.effects import EFFECTS
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.rig import Rig, load_rig
+from pam_model.rig.types import ValveKind
 
 from .conftest import Maker
 
@@ -221,11 +222,18 @@ def test_an_eccentric_encoder_is_no_offset_of_it(rig: Rig, record: Maker) -> Non
     assert answer.effects == ()
 
 
-def test_the_background_is_what_the_effects_call_ordinary() -> None:
-    joint = ELBOW.joints[0]
-    found = {name for name, _, _ in ordinary_sizes(ELBOW, joint)}
-    assert found == {"hysteresis", "creep", "coulomb_friction", "leakage"}
-    for candidate in candidates_for(ELBOW, joint):
+@pytest.mark.parametrize("valve", ["flow", "pressure_regulator"])
+def test_the_background_is_what_the_effects_call_ordinary(valve: ValveKind) -> None:
+    """A good regulator vents more slowly than it fills; its exhaust is not restricted."""
+    rig = ELBOW
+    for muscle in rig.muscles:
+        rig = rig.with_muscle(replace(muscle, valve=replace(muscle.valve, kind=valve)))
+    joint = rig.joints[0]
+    found = {name: size for name, _, size in ordinary_sizes(rig, joint)}
+    slow = {"exhaust_restriction"} if valve == "pressure_regulator" else set()
+    assert set(found) == {"hysteresis", "creep", "coulomb_friction", "leakage"} | slow
+    assert {name for name, size in found.items() if size < 0.0} == slow
+    for candidate in candidates_for(rig, joint):
         # A cause starts its search above the largest size that is ordinary.
         assert not any(candidate.is_ordinary(start) for start in candidate.starts)
 

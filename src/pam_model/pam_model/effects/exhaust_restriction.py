@@ -31,7 +31,8 @@ def search_ranges(rig: RigScales) -> dict[str, Range]:
     The flow through an opening is proportional to the absolute pressure before it (ISO 6358), so
     that an inner loop with one gain is about half as fast in venting as in filling.
     """
-    return {"ratio": Range(0.1, 1.0, 0.2, (0.75,), ordinary=0.5 if rig.is_regulated else 0.0)}
+    start, ordinary = (0.4, 0.5) if rig.is_regulated else (0.75, 0.0)
+    return {"ratio": Range(0.1, 1.0, 0.2, (start,), ordinary=ordinary)}
 
 
 EFFECT = Effect(
