@@ -15,7 +15,6 @@ if __name__ == "__main__":  # before the imports below, which take time
 import hashlib
 import json
 import sys
-from collections.abc import Collection
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -140,13 +139,12 @@ def to_table(recording: TruthRecording, load_cells: bool) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _choose(random: np.random.Generator, kind: str, hidden: Collection[str] = ()) -> list[str]:
-    """Effects of a case, of those that are not hidden on its kind of rig."""
-    known = [name for name in KNOWN if name not in hidden]
+def _choose(random: np.random.Generator, kind: str) -> list[str]:
+    known = list(KNOWN)
     if kind == "none":
         return []
     if kind == "outside":
-        return [str(random.choice([name for name in OUTSIDE if name not in hidden]))]
+        return [str(random.choice(list(OUTSIDE)))]
     if kind == "one":
         return [str(random.choice(known))]
     first = str(random.choice(known))
@@ -256,10 +254,12 @@ def make_rough_case(
     RuntimeError
         When MAX_TRIES draws give no rig that can run.
     """
-    variety = draw_variety(random, regulators=plant == FIRST) if varied else None
-    rig = variety or Variety()
-    effects = _choose(random, kind, rig.hidden)
+    effects = _choose(random, kind)
     for _ in range(MAX_TRIES):
+        variety = draw_variety(random, regulators=plant == FIRST) if varied else None
+        rig = variety or Variety()
+        if rig.hidden.intersection(effects):
+            continue
         joint, muscle = believed_rig(random)
         tolerance = float(random.choice(TOLERANCES))
         believed = rig.believed(joint, muscle)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pam_control.references.braking_start import way_from
 from pam_control.references.drivable_pace import (
     STEP_SHARE,
     VALVE_SHARE,
@@ -243,10 +244,10 @@ def joined(
         for name, waypoints in planned.waypoints.items()
     }
     if any(_is_sudden(moved[name], at, begins[name], limits.get(name)) for name in moved):
-        splines = _evened(moved, at, begins)
+        splines = _evened(moved, at, begins, limits)
     else:
         splines = {
-            name: JointSpline(_from(waypoints, at, begins[name]))
+            name: JointSpline(_from(waypoints, at, begins[name], limits.get(name)))
             for name, waypoints in moved.items()
         }
     for name, offset in beside.items():
@@ -292,20 +293,24 @@ def _is_sudden(
     """Whether the acceleration of a joint changes faster than its valves can drive."""
     if limits is None:
         return False
-    points = _from(waypoints, at, reference)
+    points = _from(waypoints, at, reference, limits)
     jump = largest_jump(points, spline_coefficients(points), reference.acceleration)
     return jump > limits.jerk * AT_ONCE
 
 
-def _from(waypoints: Waypoints, at: float, reference: JointReference) -> Waypoints:
+def _from(
+    waypoints: Waypoints, at: float, reference: JointReference, limits: MotionLimits | None
+) -> Waypoints:
     if not waypoints.times[0] > at:
         return waypoints
-    start = Waypoint(at, reference.position, reference.velocity, reference.acceleration)
-    return waypoints.joined_to(start)
+    return way_from(waypoints, at, reference, limits)
 
 
 def _evened(
-    moved: Mapping[str, Waypoints], at: float, references: Mapping[str, JointReference]
+    moved: Mapping[str, Waypoints],
+    at: float,
+    references: Mapping[str, JointReference],
+    limits: Mapping[str, MotionLimits],
 ) -> dict[str, JointSpline]:
     """The same splines with gradual changes of the acceleration, half of `SUDDEN` later."""
     late = 0.5 * SUDDEN
@@ -319,7 +324,8 @@ def _evened(
                 now.acceleration,
             )
         shifted = dataclasses.replace(waypoints, times=waypoints.times + late)
-        found[name] = EvenedSpline(_from(shifted, at + late, now), SUDDEN, now)
+        way = _from(shifted, at + late, now, limits.get(name))
+        found[name] = EvenedSpline(way, SUDDEN, now)
     return found
 
 

@@ -81,14 +81,18 @@ class Waypoints:
             self.accelerations / factor**2,
         )
 
+    def part(self, which: slice) -> Waypoints:
+        """Some of the waypoints."""
+        return Waypoints(
+            self.times[which],
+            self.positions[which],
+            self.velocities[which],
+            self.accelerations[which],
+        )
+
     def after(self, count: int) -> Waypoints:
         """Without the first `count` waypoints."""
-        return Waypoints(
-            self.times[count:],
-            self.positions[count:],
-            self.velocities[count:],
-            self.accelerations[count:],
-        )
+        return self.part(slice(count, None))
 
     def joined_to(self, first: Waypoint) -> Waypoints:
         """With one more waypoint in front."""
@@ -156,7 +160,8 @@ def peaks(coefficients: Array, durations: Array) -> tuple[float, float]:
     return float(np.abs(speed).max()), float(np.abs(acceleration).max())
 
 
-def _extremes(points: Waypoints, coefficients: Array) -> tuple[float, float]:
+def position_range(points: Waypoints, coefficients: Array) -> tuple[float, float]:
+    """Lowest and highest position [rad] of segments, at 25 places of each."""
     t = np.diff(points.times)[:, None] * PEAK_SHARES
     c0, c1, c2, c3, c4, c5 = (column[:, None] for column in coefficients.T)
     found = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
@@ -185,7 +190,7 @@ class JointSpline:
         self._last = float(points.positions[-1])
         coefficients = spline_coefficients(points)
         self._segments: list[list[float]] = coefficients.tolist()
-        self.lowest, self.highest = _extremes(points, coefficients)
+        self.lowest, self.highest = position_range(points, coefficients)
 
     @property
     def start_time(self) -> float:
