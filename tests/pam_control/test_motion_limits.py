@@ -58,6 +58,26 @@ class Played:
 
 
 @pytest.mark.parametrize("fields", [(), ([0.0],), ([0.0], [0.0])])
+@pytest.mark.parametrize("moving_for", [0.5, 0.9, 0.97, 0.999])
+def test_a_slow_trajectory_sent_in_motion_goes_to_its_goal_and_not_beyond(
+    fields, moving_for
+) -> None:
+    """The spline carried the motion on for a share of the 20 s, up to the end of the range."""
+    played = Played()
+    first = TrajectoryPoint(1.0, [-0.5], [0.0], [0.0])
+    played.generator.follow(["elbow"], [first], start=None, now=0.0)
+    played.run(moving_for)
+    slow = TrajectoryPoint(20.0, [0.5], *fields)
+    played.generator.follow(["elbow"], [slow], start=None, now=played.now)
+    played.positions["elbow"].clear()
+    played.run(20.5)
+    assert max(played.positions["elbow"]) < 0.515
+    assert min(played.positions["elbow"]) > -0.6
+    assert played.positions["elbow"][-1] == pytest.approx(0.5, abs=1e-3)
+    assert played.peaks()[0] < 1.5
+
+
+@pytest.mark.parametrize("fields", [(), ([0.0],), ([0.0], [0.0])])
 def test_a_trajectory_of_a_millisecond_takes_as_long_as_the_limits_need(fields):
     played = Played(-0.95).run(0.1)
     note = played.generator.follow(
