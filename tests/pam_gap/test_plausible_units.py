@@ -122,3 +122,10 @@ def test_unusual_sizes_that_a_rig_can_have_are_let_in(
 def test_shut_muscles_may_exceed_the_supply_a_little(rig: Rig) -> None:
     pushed = made(scaled("pressure_states", 2.0, 1.5e5))
     assert joints_to_diagnose(rig, [replace(pushed, mounting=SHUT)]) == [0]
+
+
+def test_a_vented_robot_is_not_one_that_measures_in_kilopascals(rig: Rig) -> None:
+    noise = 150.0 * np.random.default_rng(1).standard_normal(TIME.size)
+    empty = {name: noise for name in RIGHT if name.startswith("pressure_states")}
+    with pytest.raises(RecordingError, match="noise about zero: record while the muscles hold"):
+        joints_to_diagnose(rig, [made(empty)])

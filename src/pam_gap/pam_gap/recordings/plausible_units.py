@@ -122,6 +122,8 @@ def _check_pressures(rig: Rig, joint: int, recording: Recording) -> None:
     if LEAST_SHARE * supply <= largest <= LARGEST_SHARE * supply:
         return
     hint = conversion_hint(largest, "Pa gauge", USUAL_SHARE * supply, 1.1 * supply)
+    if largest < supply and lowest < -0.5 * largest:
+        hint = "; this is noise about zero: record while the muscles hold pressure"
     expected = f"Pa gauge, up to {supply:.3g} by supply_pressure in the rig file"
     seen = f"never exceeds {largest:.4g}" if largest < supply else f"reaches {largest:.4g}"
     _refuse(recording, channels[sizes.index(largest)], seen, expected, hint)
