@@ -130,6 +130,8 @@ def _module(name: str, words: list[str]) -> None:
         found = None
     if found is None:
         raise _WrongError(f"there is no module {name}")
+    if words == ["--version"]:  # of every program
+        return
     if found.submodule_search_locations is None:
         _node(name, words)
     else:
