@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pam_check.blind import diagnosing_process
-from pam_check.blind.campaign import run_campaign
+from pam_check.blind.campaign import Drawn, run_campaign
 from pam_check.blind.diagnosing_process import DiagnosingProcess
 from pam_check.blind.score import reliability, reliability_of_causes
 from pam_model.errors import PamError
@@ -69,8 +69,8 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
 ) -> None:
     begun: list[str] = []
 
-    def draw(cases: int, seed: int, out: Path, background: bool, plant: str) -> str:
-        names = [f"{k:03d}" for k in range(cases)]
+    def draw(drawn: Drawn, out: Path) -> str:
+        names = [f"{k:03d}" for k in range(drawn.cases)]
         for name in names:
             (out / "cases" / name).mkdir(parents=True)
         text = json.dumps([label("none", [], name) for name in names])
@@ -99,7 +99,7 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
         run_campaign(2, 5, tmp_path, 1)
     with pytest.raises(PamError, match="give another --out, or --resume"):
         run_campaign(2, 5, tmp_path, 1)
-    with pytest.raises(PamError, match="give the same --cases, --seed, --background and --plant"):
+    with pytest.raises(PamError, match="the same --cases, --seed, --background, --varied and"):
         run_campaign(2, 6, tmp_path, 1, resume=True)
     result = run_campaign(2, 5, tmp_path, 1, resume=True)
     assert begun == ["000", "001", "001"]

@@ -207,6 +207,8 @@ def test_a_fault_that_hides_the_angle_may_move_the_joint_within_its_limits_and_n
     assert bound == pytest.approx(max(limits) + stop + 0.35 + 0.1)
     assert {each.name for each in ALL_KINDS if each.stays is Stays.IN_LIMITS} == {
         kind.name, "encoder_stuck", "acts_at_random", "acts_and_faults_at_random",
+        "measurements_of_a_second_node_in_degrees", "measurements_of_a_second_node_in_kpa",
+        "recording_played_into_the_rig",
     }  # fmt: skip
 
 

@@ -132,6 +132,9 @@ def test_a_hidden_lag_of_the_pressure_sensors_is_no_limit_cycle(controller, reac
     assert outcome.stopped or outcome.error < 0.25
 
 
+ENCODER_NOISE = 1.5e-4  # rad; differences of errors below it do not count
+
+
 @pytest.mark.parametrize("fixture", ["reaching", "chirp"])
 def test_the_reserve_for_an_unknown_delay_costs_little_on_a_rig_without_one(
     request, rig, closed_loop, fixture
@@ -143,7 +146,7 @@ def test_the_reserve_for_an_unknown_delay_costs_little_on_a_rig_without_one(
         loop.run(START)
         loop.controller.references.follow(["elbow"], points, start=None, now=loop.time)
         found.append(loop.run(duration + 0.2).rms(START))
-    assert found[1] < 1.3 * found[0]
+    assert found[1] < max(1.3 * found[0], ENCODER_NOISE)
 
 
 def test_soft_gains_stay_until_the_next_vent_and_not_longer(controller, reaching):

@@ -68,7 +68,10 @@ class Inside:
         rclpy.init(args=arguments, domain_id=int(private_domain()["ROS_DOMAIN_ID"]))
         self.ahead = 0.0
         clock = SimpleNamespace(
-            monotonic=lambda: time.monotonic() + self.ahead, time=time.time, sleep=time.sleep
+            monotonic=lambda: time.monotonic() + self.ahead,
+            monotonic_ns=time.monotonic_ns,
+            time=time.time,
+            sleep=time.sleep,
         )
         monkeypatch.setattr(driver_node, "time", clock)
         self.codec = codec
@@ -442,7 +445,7 @@ def test_clear_faults_says_of_an_active_driver_that_it_is_active(inside: Inside)
     answer = node._on_clear_faults(Trigger.Request(), Trigger.Response())
     assert (answer.success, answer.message) == (True, "ready")
     node._watch()
-    assert node._published_state == "ready", "not: faults cleared, not activated yet"
+    assert node._published_state[0] == "ready", "not: faults cleared, not activated yet"
     node._on_vent(Trigger.Request(), Trigger.Response())
     inside.answer(inside.healthy)
     answer = node._on_clear_faults(Trigger.Request(), Trigger.Response())
@@ -458,13 +461,13 @@ def test_the_state_tells_the_controller_whether_full_speed_is_permitted(
         node = inside.node
         assert node.count_subscribers("/pam_driver/full_speed_permitted") == 1
         assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        assert "at reduced speed" in node._published_state
+        assert "at reduced speed" in node._published_state[0]
         node._on_people(FULL_SPEED, serialize_message(Bool(data=True)))
         node._publish_state()
-        assert "at reduced speed" not in node._published_state
+        assert "at reduced speed" not in node._published_state[0]
         node._on_people(FULL_SPEED, serialize_message(Bool(data=False)))
         node._publish_state()
-        assert "at reduced speed" in node._published_state
+        assert "at reduced speed" in node._published_state[0]
     finally:
         inside.close()
 
