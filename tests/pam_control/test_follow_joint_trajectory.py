@@ -73,6 +73,11 @@ class Client:
         return future.result()
 
 
+def said(bench: Bench) -> str:
+    """What the controller last said about its loop in /diagnostics."""
+    return str(bench.health["pam_controller: loop"].message)
+
+
 def seconds(duration: float) -> Duration:
     return Duration(sec=int(duration), nanosec=int((duration % 1.0) * 1e9))
 
@@ -192,7 +197,11 @@ def test_tolerances_on_the_way_and_at_the_end_abort_with_their_code(client):
 def test_a_vent_of_the_driver_aborts_with_its_reason(client):
     bench = client.bench
     driver = bench.node.create_publisher(DiagnosticStatus, "pam_driver/state", LATCHED)
+    # The first state that the controller hears is a new start for it. The goal waits for that.
+    driver.publish(driver_state_message("pam_driver", "vented", "before the goal"))
+    bench.wait(lambda: "before the goal" in said(bench), "the first state of the driver")
     driver.publish(driver_state_message("pam_driver", "active", ""))
+    bench.wait(lambda: said(bench) == "controlling", "control")
     handle = client.send(client.goal(0.3, 5.0))
     bench.wait(lambda: client.feedback, "feedback")
     driver.publish(driver_state_message("pam_driver", "vented", "a call of ~/vent"))

@@ -57,7 +57,6 @@ def driver_state_message(
             KeyValue(key="reason", value=reason),
             KeyValue(key="speed", value="reduced" if reduced else FULL),
             KeyValue(key="activation", value=str(activation)),
-            KeyValue(key="activation", value=str(activation)),
         ],
     )
 
