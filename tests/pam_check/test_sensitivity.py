@@ -95,6 +95,24 @@ def test_a_verdict_that_the_evidence_does_not_give_is_refused(campaign: Path) ->
         sensitivity(Campaign.read(campaign))
 
 
+def test_rules_of_another_version_are_compared_with_the_stored_verdicts(
+    campaign: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A campaign of older rules is decided again, and every answer that changes is told."""
+    assert main(["decide-again", str(campaign)]) == 0
+    assert "0 answers change" in capsys.readouterr().out
+    stored = campaign / "answers" / "001" / "diagnosis.json"
+    answer = json.loads(stored.read_text())
+    stored.write_text(json.dumps(answer | {"verdict": "unknown", "effects": [], "stage": None}))
+    assert main(["decide-again", str(campaign)]) == 0
+    told = capsys.readouterr().out
+    assert "001: creep hidden; unknown -> named creep" in told
+    assert "1 answers change" in told
+    assert [line.split() for line in told.splitlines() if line.startswith("truth_in_set ")] == [
+        ["truth_in_set", "1", "->", "2", "of", "2"]
+    ]
+
+
 def test_a_change_is_counted_as_the_blind_check_counts(campaign: Path) -> None:
     rows = sensitivity(
         Campaign.read(campaign), only=["decision.no_gap", "decision.closed_at_least"]

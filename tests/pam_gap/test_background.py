@@ -10,11 +10,7 @@ from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import candidates_for, nuisances_for, ordinary_sizes
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
-from pam_gap.inference.probabilities import (
-    cause_probabilities,
-    probabilities,
-    without_doubtful_causes,
-)
+from pam_gap.inference.probabilities import agreed, cause_probabilities, probabilities
 from pam_gap.inference.score import Score
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.rules import DEFAULT
@@ -84,6 +80,24 @@ def test_a_cause_outside_the_table_must_remove_most_of_the_gap() -> None:
     assert (decision.verdict, decision.better) == ("unknown", encoder)
 
 
+def test_a_cause_outside_the_table_must_be_told_from_an_effect_that_is_as_simple() -> None:
+    """Over a part of the range, an eccentric encoder of the right phase is an offset."""
+    nominal = score((), (20.0, 20.0, 400.0))
+    offset = score(("position_offset",), (9.0, 9.0, 120.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+
+    def verdict(offset: Score, share: np.ndarray) -> str:
+        sums = np.where(np.arange(CHANNELS) == 2, share[:, None], 1.0) * offset.sums
+        encoder = Score((), "", 2, sums, offset.counts, unlisted="an eccentricity of the encoder")
+        return judge.decide(nominal, [offset], lambda one: one, [encoder]).verdict
+
+    by_turns = np.repeat([0.3, 1.4], BLOCKS // 2)
+    assert verdict(offset, by_turns) == "named"
+    assert verdict(offset, np.full(BLOCKS, 0.85)) == "unknown"
+    several_numbers = replace(offset, free_numbers=4)
+    assert verdict(several_numbers, by_turns) == "unknown"
+
+
 def test_a_delay_may_leave_a_background_larger_than_usual() -> None:
     """That the law of a delay has only one form says nothing about what else the rig has."""
     nominal, delay = score((), (33.0, 74.0, 90.0)), score(("command_delay",), (15.0, 18.0, 75.0))
@@ -137,6 +151,35 @@ def test_a_cause_can_hide_in_a_background_but_not_in_noise() -> None:
     assert 0.5 < stated[True] < 0.8 * stated[False]
 
 
+def test_the_verdict_agrees_with_the_most_probable_explanation() -> None:
+    """A cause that leads all others by far is told, although it removes a little less than half."""
+    nominal = score((), (15.0, 15.0, 22.0))
+    droop = score(("supply_droop",), (8.1, 8.1, 22.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+    lag = score(("valve_lag",), (14.5, 14.5, 22.0))
+    decision = judge.decide(nominal, [droop, lag], lambda one: one)
+    assert judge.share_removed(nominal, droop) < DEFAULT.decision.most_of_the_gap
+    assert decision.verdict == "none"
+    again = agreed(judge, nominal, decision)
+    assert (again.verdict, again.chosen) == ("named", droop)
+    assert next(iter(probabilities(judge, nominal, again))) == "supply_droop"
+    weak = judge.decide(nominal, [lag], lambda one: one)
+    assert agreed(judge, nominal, weak) is weak
+
+
+def test_a_second_cause_is_weighed_against_other_causes_only() -> None:
+    """Whether the table explains the gap is another question than whether the second cause does."""
+    nominal = score((), (33.0, 33.0, 330.0))
+    compliance = score(("cable_compliance",), (18.0, 18.0, 260.0))
+    both = score(("cable_compliance", "position_delay"), (16.0, 16.0, 120.0))
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+    decision = judge.decide(nominal, [compliance, both], lambda one: one)
+    stated = probabilities(judge, nominal, decision)
+    assert cause_probabilities(stated, {"position_delay"})["position_delay"] < 0.5
+    assert stated["unknown"] > 0.2
+    assert agreed(judge, nominal, decision).chosen is both
+
+
 def test_a_second_cause_that_is_rather_absent_is_not_named() -> None:
     nominal = score((), (33.0, 74.0, 90.0))
     delay = score(("command_delay",), (12.0, 12.0, 50.0))
@@ -144,12 +187,12 @@ def test_a_second_cause_that_is_rather_absent_is_not_named() -> None:
     judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
     decision = judge.decide(nominal, [delay, pair], lambda one: one)
     assert decision.chosen is pair
-    kept = without_doubtful_causes(judge, nominal, decision)
+    kept = agreed(judge, nominal, decision)
     assert kept.verdict == "named"
     assert kept.chosen is delay
     clear = replace(pair, sums=0.5 * pair.sums)
     decision = judge.decide(nominal, [delay, clear], lambda one: one)
-    assert without_doubtful_causes(judge, nominal, decision).chosen is clear
+    assert agreed(judge, nominal, decision).chosen is clear
 
 
 def test_a_cause_counts_as_present_in_its_richer_law() -> None:
@@ -167,7 +210,7 @@ def test_a_cause_counts_as_present_in_its_richer_law() -> None:
         ]
         < DEFAULT.decision.likely
     )
-    assert without_doubtful_causes(judge, nominal, decision).chosen is dry
+    assert agreed(judge, nominal, decision).chosen is dry
 
 
 def test_a_gap_that_does_not_matter_is_most_probably_none() -> None:

@@ -26,7 +26,7 @@ from pam_gap.inference.held_out import (
 )
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
-from pam_gap.inference.probabilities import without_doubtful_causes
+from pam_gap.inference.probabilities import agreed
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.inference.unknown_test import explain_leftover
@@ -312,7 +312,7 @@ class JointDiagnosis:
             return settled[place]
 
         decision = self.judge.decide(nominal, tried, settle, unlisted)
-        decision = without_doubtful_causes(self.judge, nominal, decision)
+        decision = agreed(self.judge, nominal, decision)
         retuned = nominal.hypothesis
         nominal_vector = self.fitter.vector((), retuned.result.values)
         errors = self.fitter.simulated_errors(retuned)

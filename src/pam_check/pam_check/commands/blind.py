@@ -115,6 +115,18 @@ def _sensitivity(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_decide_again(parser: Parser) -> None:
+    parser.add_argument(
+        "folder", type=input_path, help="the --out folder of `blind --keep-evidence`"
+    )
+
+
+def _decide_again(given: Arguments) -> Outcome:
+    from pam_check.blind.decided_again import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "blind",
@@ -133,5 +145,12 @@ COMMANDS = (
             "python -m pam_check blind --cases 24 --keep-evidence --out out/blind",
             "python -m pam_check sensitivity out/blind --rediagnose 2",
         ),
+    ),
+    Command(
+        "decide-again",
+        "decide a finished campaign again with the rules of this version, and tell what changes",
+        _declare_decide_again,
+        _decide_again,
+        examples=("python -m pam_check decide-again out/blind",),
     ),
 )

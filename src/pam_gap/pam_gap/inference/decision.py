@@ -170,11 +170,18 @@ class Judge:
     ) -> S | None:
         """The cause outside the table that explains more than a hypothesis; None without any.
 
-        As a cause of the table must, it removes most of the error of the rig without causes.
+        As a cause of the table must, it removes most of the error of the rig without causes. It has
+        to be distinguishable from an effect of the table that needs no more free numbers: over a
+        part of the range, for example, an eccentric encoder of the right phase is an offset.
         """
         best = min(unlisted, key=self.energy, default=None)
         if best is None or self.energy(best) >= self.energy(chosen):
             return None
+        if chosen.size == 1 and chosen.free_numbers <= best.free_numbers:
+            tied = all(confidence_set([chosen, best], self.floor, self.present, self.rules))
+            level = self.level(best)
+            if tied and is_rival(level, self.level(chosen), self.level(usual), tied, self.rules):
+                return None
         return best if self.share_removed(usual, best) >= self.rules.most_of_the_gap else None
 
     def usual[S: Score](self, nominal: Score, tried: Sequence[S]) -> Score:

@@ -19,7 +19,7 @@ import numpy as np
 from pam_gap.inference.confidence import Interval, for_another_motion, gap_closed
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
-from pam_gap.inference.probabilities import without_doubtful_causes
+from pam_gap.inference.probabilities import agreed
 from pam_gap.inference.score import Score
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.prediction.fit import Array
@@ -241,7 +241,7 @@ def decide_again(evidence: KeptEvidence, rules: Rules) -> DecidedAgain:
         evidence.floor, evidence.present, rules.decision, evidence.motion, evidence.background
     )
     decision = judge.decide(evidence.nominal, evidence.tried, settle, evidence.unlisted)
-    decision = without_doubtful_causes(judge, evidence.nominal, decision)
+    decision = agreed(judge, evidence.nominal, decision)
     answer = contract_answer(evidence, decision, judge, rules)
     return DecidedAgain(answer, is_exact and not missing)
 

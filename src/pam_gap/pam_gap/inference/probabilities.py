@@ -14,6 +14,7 @@ posteriors: Holmes and Walker, Biometrika 104, 2017; Miller and Dunson, J. Am. S
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import expit
@@ -51,7 +52,7 @@ def probabilities[S: Score](
     explained *= float(expit(removed / rules.share_temperature))
     energies: dict[str, float] = {}
     for score in (*decision.tried, *decision.unlisted):
-        name = UNKNOWN if score.unlisted else " + ".join(sorted(score.causes)) or NONE
+        name = _explanation(score)
         energies[name] = min(judge.energy(score), energies.get(name, np.inf))
     values = np.array(list(energies.values()))
     shares = np.exp(-(values - values.min()) / rules.temperature)
@@ -70,6 +71,11 @@ def probabilities[S: Score](
     if judge.has_background:
         found = _with_hidden(found, rules.hidden_share)
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def _explanation(score: Score) -> str:
+    """The explanation to which a hypothesis belongs, as it is named among the probabilities."""
+    return UNKNOWN if score.unlisted else " + ".join(sorted(score.causes)) or NONE
 
 
 def _with_hidden(found: Mapping[str, float], share: float) -> dict[str, float]:
@@ -110,10 +116,58 @@ def cause_probabilities(probabilities: Mapping[str, float], named: Set[str]) -> 
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def without_doubtful_causes[S: Score](
+def among_causes(probabilities: Mapping[str, float]) -> dict[str, float]:
+    """Probabilities of the explanations by effects of the table, given that one of them is right.
+
+    Parameters
+    ----------
+    probabilities : mapping
+        Explanation -> probability.
+    """
+    found = {name: p for name, p in probabilities.items() if name not in (NONE, UNKNOWN)}
+    total = sum(found.values())
+    return {name: p / total for name, p in found.items()} if total > 0.0 else {}
+
+
+def agreed[S: Score](judge: Judge, nominal: Score, decision: Decision[S]) -> Decision[S]:
+    """The decision in agreement with the probabilities of the explanations.
+
+    A verdict without a cause is replaced by the most probable explanation if this has causes, and
+    doubtful causes are left out.
+
+    Parameters
+    ----------
+    judge : Judge
+        The judge that took the decision.
+    nominal : Score
+        Score of the re-tuned plant without effects.
+    decision : Decision
+        The decision, with all scores.
+    """
+    if decision.is_named or decision.chosen is None:
+        return _without_doubtful_causes(judge, nominal, decision)
+    first = next(iter(probabilities(judge, nominal, decision)))
+    same = [s for s in decision.tried if s.size and _explanation(s) == first]
+    if not same:
+        return decision
+    chosen = min(same, key=judge.energy)
+    rivals = tuple(judge.rivals(chosen, decision.tried, nominal))
+    named = replace(
+        decision,
+        verdict="ambiguous" if rivals else "named",
+        chosen=chosen,
+        rivals=rivals,
+        better=None,
+    )
+    return _without_doubtful_causes(judge, nominal, named)
+
+
+def _without_doubtful_causes[S: Score](
     judge: Judge, nominal: Score, decision: Decision[S]
 ) -> Decision[S]:
     """The decision without those of several named causes that are more likely absent than present.
+
+    A cause of the table has been found; the question here is which of the found ones are real.
 
     A richer law of a cause, or a simpler one, counts as this cause. The rest must be a hypothesis
     that was scored, and be named by itself.
@@ -122,7 +176,7 @@ def without_doubtful_causes[S: Score](
     if decision.verdict != "named" or chosen is None or chosen.size < 2:
         return decision
     stated: dict[str, float] = dict.fromkeys(chosen.causes, 0.0)
-    for explanation, p in probabilities(judge, nominal, decision).items():
+    for explanation, p in among_causes(probabilities(judge, nominal, decision)).items():
         inside = explanation.split(" + ")
         for effect in stated:
             kin = {effect, *(b for a, b in NESTED if a == effect)}
