@@ -182,8 +182,8 @@ def test_stiffness_is_refused_while_the_driver_is_vented_and_forgotten_by_a_vent
     intake.stiffness([19.0])
     assert controller.stiffness_commands == [19.0]
     controller.drop_commands()
-    assert controller.stiffness_commands == [controller.settings.default_stiffness]
+    assert controller.stiffness_commands == [pytest.approx(14.0, rel=0.02)]
     monkeypatch.setattr(intake, "_reason_against", lambda: "the driver is vented")
     intake.stiffness([19.0])
     assert "stiffness command rejected: the driver is vented" in intake.said[-1]
-    assert controller.stiffness_commands == [controller.settings.default_stiffness]
+    assert controller.stiffness_commands == [pytest.approx(14.0, rel=0.02)]

@@ -71,14 +71,14 @@ class Controller(LoopDesign):
             {joint.name: joint.position_limits for joint in rig.joints},
             {
                 channel.joint.name: self._limits.at(
-                    channel, settings.default_stiffness, reduced=self._slow
+                    channel, channel.scale.complete(settings).default_stiffness, reduced=self._slow
                 )
                 for channel in self.channels
             },
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
         )
         self.correction = SensorCorrection(rig)
-        self.stiffness_commands: list[float] = [settings.default_stiffness for _ in rig.joints]
+        self.stiffness_commands = self._default_stiffness(settings)
         self.active = False
         self._time = math.nan
         self._late: list[Pair] = []
@@ -212,8 +212,15 @@ class Controller(LoopDesign):
         if self.guard.softened:
             self._apply(self.prepared.normal)
         self.guard.clear()
-        self.stiffness_commands = [self.settings.default_stiffness for _ in self.channels]
+        self.stiffness_commands = self._default_stiffness(self.settings)
         self._drive()
+
+    def _default_stiffness(self, settings: ControlSettings) -> list[float]:
+        return [each.scale.complete(settings).default_stiffness for each in self.channels]
+
+    def _integral_limit(self, channel: JointChannel) -> float:
+        """Limit of the PID's integral, in the unit of its output."""
+        return channel.scale.complete(self.settings).integral_limit
 
     def forget_adaptation(self) -> None:
         """Forget what was learnt of the joints and the valves."""
@@ -487,7 +494,7 @@ class Controller(LoopDesign):
             step,
             gains,
             missed=plan.missed,
-            limit=settings.integral_limit,
+            limit=self._integral_limit(channel),
             # a stiffness out of reach costs no torque, so that the integrator may go on
             frozen=channel.sinking_from is not None
             or (plan.missed == 0.0 and bool(clipped) and not SATURATED.isdisjoint(clipped)),

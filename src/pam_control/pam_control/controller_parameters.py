@@ -15,13 +15,26 @@ from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.laws.torque import TorqueController
-from pam_control.settings import ControlSettings
+from pam_control.settings import BY_SIZE, ControlSettings
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import Parameter, Value
 
 DESIGNED = -1.0
+_SIZE = "-1: by the size of each joint"
+LEAST_BESIDE_SIZE: Mapping[str, float] = {
+    "design.least_stiffness": 0.01,
+    "design.greatest_stiffness": 0.01,
+    "stiffness.default": 0.01,
+    "stiffness.rate_limit": 0.01,
+    "pid.integral_limit": 0.0,
+    "disturbance_observer.limit": 0.0,
+    "adaptation.limit": 0.0,
+    "impedance.damping": 0.0,
+    "float.hold_torque": 0.001,
+}
+"""Least value of each parameter that may also be -1."""
 LAWS: Mapping[str, type[Controller]] = {
     "model_based": PositionStiffnessController,
     "pressure_ratio_pid": PressureRatioPid,
@@ -106,12 +119,12 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "maximum sensitivity |S| of designed gains",
         ),
         _number(
-            "design.least_stiffness", min(d.stiffness_grid), "N m/rad", 0.01, 1e5,
-            "lowest stiffness for which gains are designed and checked",
+            "design.least_stiffness", BY_SIZE, "N m/rad", BY_SIZE, 1e5,
+            f"lowest stiffness for which gains are designed and checked; {_SIZE}",
         ),
         _number(
-            "design.greatest_stiffness", max(d.stiffness_grid), "N m/rad", 0.01, 1e5,
-            "highest stiffness for which gains are designed and checked",
+            "design.greatest_stiffness", BY_SIZE, "N m/rad", BY_SIZE, 1e5,
+            f"highest stiffness for which gains are designed and checked; {_SIZE}",
         ),
         _number(
             "pressure_loop.gain", DESIGNED, "1/s", -1.0, 1000.0,
@@ -138,16 +151,16 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "filter time constant of measured velocities",
         ),
         _number(
-            "pid.integral_limit", d.integral_limit, "N m", 0.0, 1e4,
-            "maximum integral part (pressure_ratio_pid: of the ratio, no unit)",
+            "pid.integral_limit", d.integral_limit, "N m", BY_SIZE, 1e4,
+            f"maximum integral part (pressure_ratio_pid: of the ratio, no unit); {_SIZE}",
         ),
         _number(
-            "stiffness.default", d.default_stiffness, "N m/rad", 0.01, 1e5,
-            "stiffness until one is commanded", fixed=True,
+            "stiffness.default", d.default_stiffness, "N m/rad", BY_SIZE, 1e5,
+            f"stiffness until one is commanded; {_SIZE}", fixed=True,
         ),
         _number(
-            "stiffness.rate_limit", d.stiffness_rate, "N m/(rad s)", 0.01, 1e5,
-            "maximum rate of the stiffness reference",
+            "stiffness.rate_limit", d.stiffness_rate, "N m/(rad s)", BY_SIZE, 1e5,
+            f"maximum rate of the stiffness reference; {_SIZE}",
         ),
         Parameter(
             "stiffness.corrected", d.stiffness_corrected, "-", 0, 0,
@@ -172,8 +185,8 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "bandwidth of the disturbance observer; 0: designed",
         ),
         _number(
-            "disturbance_observer.limit", d.observer_limit, "N m", 0.0, 1e4,
-            "largest torque that the disturbance observer compensates",
+            "disturbance_observer.limit", d.observer_limit, "N m", BY_SIZE, 1e4,
+            f"largest torque that the disturbance observer compensates; {_SIZE}",
         ),
         Parameter(
             "adaptation.enabled", d.adaptation, "-", 0, 0,
@@ -182,8 +195,8 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             changeable=True,
         ),
         _number(
-            "adaptation.limit", d.adaptation_limit, "N m", 0.0, 1e4,
-            "largest torque that is learnt",
+            "adaptation.limit", d.adaptation_limit, "N m", BY_SIZE, 1e4,
+            f"largest torque that is learnt; {_SIZE}",
         ),
         Parameter(
             "adaptation.rig_file", "", "-", 0, 0,
@@ -205,12 +218,13 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "mean of the two pressures for the laws pressure_ratio_pid and pressure_difference_pid",
         ),
         _number(
-            "impedance.damping", d.impedance_damping, "N m s/rad", 0.0, 1e4,
-            "damping of the laws impedance and gravity_compensation; at most the designed one",
+            "impedance.damping", d.impedance_damping, "N m s/rad", BY_SIZE, 1e4,
+            "damping of the laws impedance and gravity_compensation, at most the designed one; "
+            f"{_SIZE}",
         ),
         _number(
-            "float.hold_torque", d.float_hold_torque, "N m", 0.01, 1e4,
-            "torque below which a joint stays where it is put (law gravity_compensation)",
+            "float.hold_torque", d.float_hold_torque, "N m", BY_SIZE, 1e4,
+            f"torque below which a joint stays where it is put (law gravity_compensation); {_SIZE}",
         ),
         _number(
             "float.speed_limit", d.float_speed_limit, "rad/s", 0.01, 10.0,
@@ -269,7 +283,18 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
     def number(name: str) -> float:
         return float(values[name])
 
+    for name, least in LEAST_BESIDE_SIZE.items():
+        if number(name) != BY_SIZE and number(name) < least:
+            raise PamError(
+                f"{name} = {number(name):g}: must be at least {least:g}, or -1 for the value that "
+                "follows from the size of each joint"
+            )
     low, high = number("design.least_stiffness"), number("design.greatest_stiffness")
+    if (low == BY_SIZE) != (high == BY_SIZE):
+        raise PamError(
+            f"design.least_stiffness = {low:g} and design.greatest_stiffness = {high:g}: both must "
+            "be given in N m/rad, or both be -1 for values that follow from the size of each joint"
+        )
     if low > high:
         raise PamError(
             f"design.least_stiffness = {low:g} N m/rad must not be above "
@@ -317,7 +342,7 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         default_stiffness=number("stiffness.default"),
         stiffness_rate=number("stiffness.rate_limit"),
         stiffness_corrected=bool(values["stiffness.corrected"]),
-        stiffness_grid=tuple(sorted({low, 0.5 * (low + high), high})),
+        stiffness_grid=() if low == BY_SIZE else tuple(sorted({low, 0.5 * (low + high), high})),
         min_pressure=number("pressure_loop.min_pressure"),
         pressure_rate=number("pressure_loop.rate_limit"),
         spool_limit=number("pressure_loop.spool_limit"),

@@ -15,6 +15,7 @@ from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
 from pam_control.feedback.stuck_integral import StuckIntegral
+from pam_control.joint_scale import JointScale
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.limited import limited
 from pam_control.references.spline import JointReference
@@ -27,6 +28,9 @@ Pair = tuple[float, float]
 
 # Plans are kept until they are this much older than the last measurement [s]: a rate is computed
 # over one control cycle (20 ms at the slowest rate), and measurements may arrive out of order.
+PRESSURE_SHARE = (
+    0.97  # of max_pressure, above which the driver vents; overshoot and noise need the rest
+)
 KEPT_BEFORE_MEASUREMENT = 0.1
 
 
@@ -91,7 +95,9 @@ class JointChannel:
 
     def __init__(self, rig: Rig, joint: Joint, min_pressure: float) -> None:
         self.joint = joint
-        self.model = AntagonisticJoint.from_rig(rig, joint.name, min_pressure=min_pressure)
+        self.model = AntagonisticJoint.from_rig(
+            rig, joint.name, min_pressure=min_pressure, pressure_share=PRESSURE_SHARE
+        )
         self.dynamics = InverseDynamics.from_joint(joint)
         self.muscles = tuple(rig.muscle(name) for name in joint.muscles)
         self.indices = tuple(rig.muscle_names.index(name) for name in joint.muscles)
@@ -110,17 +116,13 @@ class JointChannel:
             self.dynamics.inertia, self.dynamics.viscous_friction, max(self.pressure_lags)
         )
         self.aligned = AlignedPressures(self.position_delay + KEPT_BEFORE_MEASUREMENT)
-        highest = [muscle.max_pressure for muscle in self.muscles]
-        middle = 0.5 * sum(joint.position_limits)
-        largest = 0.5 * (
-            self.model.torque(highest[0], 0.0, middle) - self.model.torque(0.0, highest[1], middle)
-        )
+        self.scale = JointScale.of(joint, self.model)
         turn = rig.joint_names.index(joint.name) / len(rig.joints)
         self.adaptation = TorqueAdaptation(
-            self.dynamics.inertia, self.dynamics.viscous_friction, largest, turn
+            self.dynamics.inertia, self.dynamics.viscous_friction, self.scale.torque, turn
         )
         self.stiffness = StiffnessEstimate(
-            rig, joint, self.model, self.dynamics, largest, turn + 0.5 / len(rig.joints)
+            rig, joint, self.model, self.dynamics, self.scale.torque, turn + 0.5 / len(rig.joints)
         )
         self.stiffness_goal = self.stiffness_factor = 1.0
         self.corrected_at = -math.inf

@@ -238,7 +238,9 @@ class LoopDesign(ABC):
         filters = {
             channel.joint.name: LearningFilter(
                 channel.joint.name,
-                self.cases(channel, told.replace(stiffness_grid=self._near_stiffness(settings))),
+                self.cases(
+                    channel, told.replace(stiffness_grid=_near_stiffness(channel, settings))
+                ),
                 self.timing(channel, told),
                 settings.gains[channel.joint.name],
             )
@@ -250,11 +252,6 @@ class LoopDesign(ABC):
             self.rig, settings.learning_motion, path, filters, settings.period, warm_up
         )
         return dataclasses.replace(prepared, learning=session)
-
-    @staticmethod
-    def _near_stiffness(settings: ControlSettings) -> tuple[float, float, float]:
-        stiffness = settings.default_stiffness
-        return (1.0 - STIFFNESS_RANGE) * stiffness, stiffness, (1.0 + STIFFNESS_RANGE) * stiffness
 
     def _designed_and_checked(self, settings: ControlSettings) -> PreparedSettings:
         designed = self.designed(settings)
@@ -274,3 +271,8 @@ class LoopDesign(ABC):
             designed = self.designed(asked)
             soft = Loops(designed, self.check(designed), soft=True)
         return PreparedSettings(settings, normal, soft)
+
+
+def _near_stiffness(channel: JointChannel, settings: ControlSettings) -> tuple[float, ...]:
+    stiffness = channel.scale.complete(settings).default_stiffness
+    return tuple(share * stiffness for share in (1.0 - STIFFNESS_RANGE, 1.0, 1.0 + STIFFNESS_RANGE))

@@ -10,6 +10,9 @@ from typing import Any
 
 from pam_control.feedback.pid import PidGains
 
+BY_SIZE = -1.0
+"""A value that follows from the size of each joint; see `pam_control.joint_scale`."""
+
 LOOP_FIELDS = (
     "period",
     "measurement_delay",
@@ -34,6 +37,8 @@ LOOP_FIELDS = (
 @dataclass(frozen=True, slots=True)
 class ControlSettings:
     """Gains, limits and delays; a missing gain is designed from the rig.
+
+    Values that are `BY_SIZE` follow from the size of each joint.
 
     Attributes
     ----------
@@ -68,7 +73,7 @@ class ControlSettings:
     stiffness_corrected : bool
         Whether commands of the stiffness are corrected by the stiffness that was estimated.
     stiffness_grid : tuple of float
-        Stiffnesses at which gains are designed and checked [N m/rad].
+        Stiffnesses at which gains are designed and checked [N m/rad]; empty: by size.
     min_pressure : float
         Lowest desired pressure, so that no muscle becomes slack; fixed at the start [Pa].
     pressure_rate : float
@@ -127,11 +132,11 @@ class ControlSettings:
     gains: Mapping[str, PidGains] = field(default_factory=dict)
     partial_gains: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     feedforward: bool = True
-    integral_limit: float = 10.0
-    default_stiffness: float = 14.0
-    stiffness_rate: float = 20.0
+    integral_limit: float = BY_SIZE
+    default_stiffness: float = BY_SIZE
+    stiffness_rate: float = BY_SIZE
     stiffness_corrected: bool = False
-    stiffness_grid: tuple[float, ...] = (6.0, 12.0, 20.0)
+    stiffness_grid: tuple[float, ...] = ()
     min_pressure: float = 5e3
     pressure_rate: float = 4e6
     spool_limit: float = 1.0
@@ -144,13 +149,13 @@ class ControlSettings:
     lowering_time: float = 3.0
     observer: bool = False
     observer_bandwidth: float = 0.0
-    observer_limit: float = 5.0
+    observer_limit: float = BY_SIZE
     adaptation: bool = True
-    adaptation_limit: float = 5.0
+    adaptation_limit: float = BY_SIZE
     learning_motion: str = ""
     learning_file: str = ""
-    impedance_damping: float = 0.5
-    float_hold_torque: float = 0.3
+    impedance_damping: float = BY_SIZE
+    float_hold_torque: float = BY_SIZE
     float_speed_limit: float = 0.5
     stale_after: float = 0.05
     stream_timeout: float = 0.2

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.interpolate import BPoly
 
+from pam_control.joint_scale import JointScale
 from pam_control.settings import ControlSettings
 from pam_demo.motions import Motion, Window
 from pam_demo.recording import Array, Series, read_loop_counts, read_recording
@@ -183,7 +184,7 @@ def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], 
     spec = rig.joint(moved)
     torque = spec.gravity_torque * float(np.sin(position - spec.gravity_angle))
     worst, notes = 0.0, []
-    rate = ControlSettings().stiffness_rate
+    rate = JointScale.of(spec, joint).complete(ControlSettings()).stiffness_rate
     ends = [entry[0] for entry in play.motion.stiffness[1:]] + [play.motion.duration]
     before = play.motion.stiffness[0][1]
     for (start, level), end in zip(play.motion.stiffness, ends, strict=True):

@@ -28,6 +28,7 @@ TOPICS = {
 }
 """Topics that are shown, with their types; names without `/` are in the robot's namespace."""
 
+FOR_PROGRAMS = ("activation",)  # of the driver's state
 SHOW_EVERY = 0.02  # s, between two shown values of a topic
 DRAW_EVERY = 0.05  # s, between two drawings of the arm
 GAP_EVERY = 2.0  # s
@@ -165,7 +166,8 @@ class RobotView:
             self._number(f"stiffness/{name}/{kind}", time, value)
 
     def _show_state(self, time: float, message: Any) -> None:
-        rows = [f"- {entry.key}: {entry.value}" for entry in message.values if entry.value]
+        told = [entry for entry in message.values if entry.value and entry.key not in FOR_PROGRAMS]
+        rows = [f"- {entry.key}: {entry.value}" for entry in told]
         self._state = "\n".join([f"**{message.message}**", "", *rows])
         self._tell(time)
 

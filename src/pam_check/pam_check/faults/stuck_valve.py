@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from pam_control.joint_channel import JointChannel
 from pam_control.settings import ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import PlantParameters
@@ -34,12 +35,17 @@ def stuck_valve_speed(rig: Rig) -> float:
         The joint is held with the default stiffness of the controller.
     """
     joint = rig.joints[0]
+    stiffness = (
+        JointChannel(rig, joint, ControlSettings().min_pressure)
+        .scale.complete(ControlSettings())
+        .default_stiffness
+    )
     pair = AntagonisticJoint.from_rig(rig, joint.name, with_effects=False)
     parameters = PlantParameters.from_rig(rig, with_effects=False)
     fastest = 0.0
     for angle in (-HELD_ANGLE, HELD_ANGLE):
         load = joint.gravity_torque * math.sin(angle - joint.gravity_angle)
-        held = pair.pressures_for(load, ControlSettings().default_stiffness, angle)
+        held = pair.pressures_for(load, stiffness, angle)
         pressures = (held.agonist, held.antagonist)
         for commands in ((1.0, 0.0), (0.0, 1.0)):
             plant = Plant(

@@ -74,7 +74,7 @@ class GravityCompensation(ImpedanceController):
             if math.isnan(channel.position) or not stiffness > 0.0:
                 continue
             gap = channel.position - self._rest[index]
-            held = self.settings.float_hold_torque / stiffness
+            held = channel.scale.complete(self.settings).float_hold_torque / stiffness
             beyond = math.copysign(max(abs(gap) - held, 0.0), gap)
             speed = max(-fastest, min(fastest, beyond / FOLLOWING_TIME))
             lower, upper = channel.joint.position_limits

@@ -62,7 +62,7 @@ class ImpedanceController(PositionStiffnessController):
         if not math.isnan(channel.telemetry.stiffness_reached):
             lacking = channel.telemetry.stiffness - channel.telemetry.stiffness_reached
         lacking = max(-gains.proportional, min(gains.proportional, lacking))
-        damping = min(self.settings.impedance_damping, gains.derivative)
+        damping = min(channel.scale.complete(self.settings).impedance_damping, gains.derivative)
         gravity = channel.dynamics.gravity
         return (
             lacking * (seen.position - position)

@@ -107,5 +107,5 @@ class MeanPressureLaw(Controller):
 
 def widest_difference(channel: JointChannel, mean: float) -> float:
     """Largest half difference of the pressures at this mean [Pa]."""
-    highest = min(muscle.max_pressure for muscle in channel.muscles)
+    highest = min(channel.model.agonist.high_pressure, channel.model.antagonist.high_pressure)
     return min(mean, max(highest - mean, 0.0))

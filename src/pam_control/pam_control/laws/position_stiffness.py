@@ -41,7 +41,8 @@ class PositionStiffnessController(Controller):
     def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
         """The loops over the joint's range and the stiffness grid."""
         gain = settings.pressure_gain or 0.0
-        points = operating_grid(channel.joint, channel.model, settings.stiffness_grid)
+        grid = channel.scale.complete(settings).stiffness_grid
+        points = operating_grid(channel.joint, channel.model, grid)
         return [
             LoopCase(
                 point,
@@ -54,15 +55,16 @@ class PositionStiffnessController(Controller):
 
     def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
         position = channel.inside(position)
+        settings = channel.scale.complete(self.settings)
         stiffness = channel.model.stiffness(*pressures, position)
         torque = channel.model.torque(*pressures, position)
-        if self.settings.feedforward:
+        if settings.feedforward:
             torque -= channel.dynamics.gravity(position)
             if self.adapts:
-                torque -= channel.adaptation.at_rest(position, self.settings.adaptation_limit)
-            if self.settings.gains[channel.joint.name].observer > 0.0:
-                torque -= channel.observer.start(torque, self.settings.observer_limit)
-        limit = self.settings.integral_limit
+                torque -= channel.adaptation.at_rest(position, settings.adaptation_limit)
+            if settings.gains[channel.joint.name].observer > 0.0:
+                torque -= channel.observer.start(torque, settings.observer_limit)
+        limit = settings.integral_limit
         channel.pid.reset(max(-limit, min(limit, torque)))
         channel.telemetry.stiffness = stiffness
 
@@ -96,7 +98,8 @@ class PositionStiffnessController(Controller):
             *channel.aligned.at(request.seen_at), channel.inside(position)
         )
         motion = dynamics.static_torque(position, speed, request.seen.velocity)
-        how = ObserverSettings(bandwidth, settings.derivative_filter, settings.observer_limit)
+        limit = channel.scale.complete(settings).observer_limit
+        how = ObserverSettings(bandwidth, settings.derivative_filter, limit)
         lost = channel.observer.update(request.fresh, muscles + added, motion, speed, how)
         channel.telemetry.disturbance = -lost
         return lost
@@ -150,7 +153,7 @@ class PositionStiffnessController(Controller):
         if channel.learner is None:
             return usual, 0.0
         base, correction = channel.learner.torque(at, usual)
-        limit = self.settings.adaptation_limit
+        limit = channel.scale.complete(self.settings).adaptation_limit
         error = request.seen.position - channel.position
         channel.learner.record(at, error, base, request.seen.position)
         return base, limited(correction, -limit, limit)
@@ -183,7 +186,7 @@ class PositionStiffnessController(Controller):
 
     def _plan(self, request: PlanRequest) -> PressurePlan:
         channel = request.channel
-        settings, telemetry = self.settings, channel.telemetry
+        settings, telemetry = channel.scale.complete(self.settings), channel.telemetry
         rate_limit = min(settings.stiffness_rate, channel.joint.max_stiffness_rate)
         reach = rate_limit * request.step
         change = self._wanted_stiffness(request) - telemetry.stiffness

@@ -11,7 +11,9 @@ from pam_control.control_step import PlanRequest, PressurePlan
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.joint_channel import JointChannel, Pair
 from pam_control.laws.mean_pressure import MeanPressureLaw, widest_difference
-from pam_control.settings import ControlSettings
+from pam_control.settings import BY_SIZE, ControlSettings
+
+WHOLE_RATIO = 10.0  # beyond any ratio, which is at most 1
 
 
 class PressureRatioPid(MeanPressureLaw):
@@ -26,6 +28,10 @@ class PressureRatioPid(MeanPressureLaw):
         mean = self.begin_mean(index, pressures)
         ratio = 0.5 * (pressures[0] - pressures[1]) / mean
         channel.pid.reset(max(-1.0, min(1.0, ratio)))
+
+    def _integral_limit(self, channel: JointChannel) -> float:
+        given = self.settings.integral_limit
+        return WHOLE_RATIO if given == BY_SIZE else given
 
     def _plan(self, request: PlanRequest) -> PressurePlan:
         channel = request.channel

@@ -63,9 +63,10 @@ class TorqueController(PositionStiffnessController):
         for channel in self.channels:
             none = PidGains(0.0, 0.0, 0.0, settings.derivative_filter)
             gain = settings.pressure_gain or 0.0
+            grid = channel.scale.complete(settings).stiffness_grid
             cases = [
                 LoopCase(point, LoopStructure(gain, point.per_torque, point.per_position, True))
-                for point in operating_grid(channel.joint, channel.model, settings.stiffness_grid)
+                for point in operating_grid(channel.joint, channel.model, grid)
             ]
             if not all(self.designs.stable(cases, self.timing(channel, settings), none)):
                 raise ControlDesignError(
@@ -124,7 +125,7 @@ class TorqueController(PositionStiffnessController):
         channel = request.channel
         if not channel.yields:
             return super()._plan(request)
-        settings, telemetry = self.settings, channel.telemetry
+        settings, telemetry = channel.scale.complete(self.settings), channel.telemetry
         reach = min(settings.stiffness_rate, channel.joint.max_stiffness_rate) * request.step
         change = self.stiffness_commands[request.index] - telemetry.stiffness
         stiffness = telemetry.stiffness + max(-reach, min(reach, change))

@@ -11,6 +11,8 @@ from pam_model.command_line import Arguments, Command, Outcome, Parser
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+INERTIA_PER_TORQUE = 0.004  # kg m^2 for each N m, as of an elbow
+
 
 def _declare(parser: Parser) -> None:
     for option, unit, above, most, text in (
@@ -28,8 +30,8 @@ def _declare(parser: Parser) -> None:
         help="room for a muscle at rest [m] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
-        "--inertia", type=number("kg m^2", above=0.0), default=0.02, metavar="X",
-        help="for the rig file [kg m^2] (default: %(default)g)",
+        "--inertia", type=number("kg m^2", above=0.0), metavar="X",
+        help=f"for the rig file [kg m^2] (default: {INERTIA_PER_TORQUE:g} for each N m of torque)",
     )  # fmt: skip
     parser.add_argument("--plot", type=output_file, metavar="FILE", help="torque and stiffness")
     parser.add_argument("--write-rig", type=new_file, metavar="FILE", help="write a rig file")
@@ -49,7 +51,8 @@ def _run(chosen: Arguments) -> Outcome:
         chosen.torque, chosen.range, chosen.speed, chosen.pressure, chosen.muscle_length
     )
     print(found.table())
-    text = sized_rig(found, chosen.range, chosen.pressure, chosen.inertia).text()
+    inertia = chosen.inertia or INERTIA_PER_TORQUE * chosen.torque
+    text = sized_rig(found, chosen.range, chosen.pressure, inertia).text()
     rig = rig_from_parameters(yaml.safe_load(text)["/**"]["ros__parameters"])
     curves = torque_and_stiffness(rig, chosen.pressure)
     torques = min(curves["highest_torque"]), max(curves["lowest_torque"])

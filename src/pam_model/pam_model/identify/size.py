@@ -23,6 +23,7 @@ from pam_model.rig.types import Rig
 
 CONTRACTION = 0.2  # of the rest length over the whole range
 MARGIN = 1.3  # on the torque: thread friction and the wall cost 10 to 30 % of an ideal braid's pull
+FRICTION_TIME = 0.02  # s/rad, viscous friction for each N m of torque
 AMBIENT = 101_325.0  # Pa
 CRITICAL_RATIO = 0.3  # ISO 6358 b of a usual valve
 CATALOGUE = (7e5, 6e5)
@@ -36,6 +37,8 @@ class JointSize:
 
     Attributes
     ----------
+    torque : float
+        Wanted at every angle [N m].
     pulley_radius : float
         [m].
     muscle : MuscleDesign
@@ -48,6 +51,7 @@ class JointSize:
         The same as catalogues state it, from 6 to 5 bar gauge [l/min ANR].
     """
 
+    torque: float
     pulley_radius: float
     muscle: MuscleDesign
     peak_flow: float
@@ -120,7 +124,7 @@ def size_joint(
     )
     conductance = peak / float(per_conductance)
     nominal = 60e3 * reference_flow(conductance, CRITICAL_RATIO, *CATALOGUE)
-    return JointSize(radius, muscle, peak, conductance, nominal)
+    return JointSize(torque, radius, muscle, peak, conductance, nominal)
 
 
 def sized_rig(size: JointSize, largest_angle: float, pressure: float, inertia: float) -> NewRig:
@@ -143,7 +147,7 @@ def sized_rig(size: JointSize, largest_angle: float, pressure: float, inertia: f
         largest_angle=largest_angle,
         inertia=inertia,
         gravity_torque=0.0,
-        viscous_friction=0.1,
+        viscous_friction=FRICTION_TIME * size.torque,
         max_pressure=pressure,
         supply_pressure=pressure + 1e5,
         valve="flow",

@@ -79,7 +79,13 @@ class AntagonisticJoint:
 
     @classmethod
     def from_rig(
-        cls, rig: Rig, joint_name: str, *, min_pressure: float = 0.0, with_effects: bool = True
+        cls,
+        rig: Rig,
+        joint_name: str,
+        *,
+        min_pressure: float = 0.0,
+        pressure_share: float = 1.0,
+        with_effects: bool = True,
     ) -> AntagonisticJoint:
         """The joint of a rig, with the static effects that the rig file names.
 
@@ -91,6 +97,8 @@ class AntagonisticJoint:
             Name of the joint.
         min_pressure : float, optional
             Lower limit of the commands [Pa gauge].
+        pressure_share : float, optional
+            Share of a muscle's `max_pressure` up to which it is commanded [-].
         with_effects : bool, optional
             False for the nominal rig.
 
@@ -105,7 +113,7 @@ class AntagonisticJoint:
         muscles = []
         for name in joint.muscles:
             muscle = rig.muscle(name)
-            high = min(muscle.max_pressure, rig.supply_gauge_pressure)
+            high = min(pressure_share * muscle.max_pressure, rig.supply_gauge_pressure)
             if not 0.0 <= min_pressure < high:
                 raise DomainError(
                     f"min_pressure = {min_pressure:g} Pa must be from 0 to below {high:g} Pa, "
