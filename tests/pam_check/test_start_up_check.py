@@ -16,6 +16,7 @@ from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.start_up_check import ABORT_ANGLE, StartUpCheck
 from pam_driver.safety.states import SafetyState
+from pam_model.identify.size import size_joint, sized_rig
 from pam_model.rig import PressureSensor, Rig, load_rig
 from pam_sim.faults.rig_faults import constant, stuck
 from pam_sim.simulated_rig import SimulatedRig
@@ -250,3 +251,46 @@ def test_a_command_from_before_the_end_of_the_check_is_refused(elbow: Rig) -> No
         bench.driver.set_commands(command, bench.now)
     bench.driver.set_commands(command._replace(age=0.0), bench.now)
     assert bench.driver.state is SafetyState.ACTIVE
+
+
+# torque [N m], length of the muscles [m], inertia [kg m^2]
+FREE = [(0.1, 0.08, 2e-5), (1.0, 0.12, 4e-3), (30.0, 0.3, 0.12), (300.0, 0.6, 1.2)]
+
+
+def free_rig(folder: Path, torque: float, length: float, inertia: float) -> Rig:
+    """A horizontal joint: no weight holds it back."""
+    path = folder / "rig.yaml"
+    size = size_joint(torque, 1.0, 3.0, 5e5, length)
+    path.write_text(sized_rig(size, 1.0, 5e5, inertia).text(), encoding="utf-8")
+    return load_rig(path)
+
+
+@pytest.mark.parametrize("size", FREE, ids=lambda size: f"{size[0]:g} N m")
+@pytest.mark.parametrize("weight", [0.0, 0.02, 0.1, 0.5])
+def test_joints_of_all_sizes_pass_whether_or_not_gravity_holds_them(
+    tmp_path: Path, size: tuple[float, float, float], weight: float
+) -> None:
+    """A horizontal joint turned by 0.15 rad at 8 kPa, and could not be started."""
+    rig = free_rig(tmp_path, *size)
+    joint = replace(rig.joints[0], gravity_torque=weight * size[0])
+    bench = Bench(rig.with_joint(joint))
+    assert bench.check() == []
+    assert bench.moved < 0.25
+
+
+@pytest.mark.parametrize("size", FREE, ids=lambda size: f"{size[0]:g} N m")
+def test_defects_of_a_free_joint_are_named(
+    tmp_path: Path, size: tuple[float, float, float]
+) -> None:
+    rig = free_rig(tmp_path, *size)
+    crossed = Bench(rig, exchanged(rig))
+    assert "the wrong way: hoses are crossed behind" in crossed.check()[0]
+    sensors = Bench(rig)
+    sensors.sim.faults.swapped.add(0)
+    assert sensors.check()[0].endswith("are exchanged")
+    dead = Bench(rig)
+    dead.sim.faults.sensors[0, 0] = stuck()
+    assert dead.check()[0].endswith("the sensor is dead")
+    shut = Bench(rig)
+    shut.sim.faults.valves[0, 0] = 0.0
+    assert "is stuck shut" in shut.check()[0]

@@ -165,7 +165,7 @@ def test_a_gain_that_breaks_the_margins_is_refused_while_running(bench, controll
     assert "not safe" in result.reason
     assert "phase margin" in result.reason
     assert bench.set_parameter("gains.elbow.proportional", 5.0).successful
-    assert not bench.set_parameter("stiffness.rate_limit", -1.0).successful
+    assert not bench.set_parameter("stiffness.rate_limit", -0.5).successful
     assert not bench.set_parameter("elbow.inertia", 0.1).successful
 
 
@@ -225,7 +225,8 @@ BAD_STARTS = [
     ({"gains.elbow.derivative": 8.0}, "not safe"),
     ({"gains.wrist.derivative": 1.0}, "gains"),
     ({"loop.command_delay": 0.1, "gains.elbow.proportional": 20.0}, "elbow"),
-    ({"design.least_stiffness": 30.0}, "must not be above"),
+    ({"design.least_stiffness": 30.0, "design.greatest_stiffness": 20.0}, "must not be above"),
+    ({"design.least_stiffness": 30.0}, "both must be given"),
 ]
 
 

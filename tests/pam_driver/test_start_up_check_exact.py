@@ -12,6 +12,7 @@ from pam_driver.safety.start_up_check import (
     ABORT_ANGLE,
     ALLOWED_ANGLE,
     LARGEST,
+    LEAST_SEEN,
     OVERLAP,
     RISE,
     SEEN_TURN,
@@ -344,6 +345,43 @@ def test_a_joint_that_turns_too_far_ends_the_check(elbow: Rig) -> None:
         "differ from the rig file"
     )
     assert not any(fractions[1] > 0.0 for fractions in told), "the other muscle gets no air"
+
+
+def test_only_a_joint_that_nothing_holds_back_is_free(elbow: Rig) -> None:
+    one = elbow.muscles[0]
+    assert not pulse_of(elbow, one).free
+    assert not pulse_of(with_joint(elbow, gravity_torque=0.0, inertia=0.5), one).free
+    assert pulse_of(with_joint(elbow, gravity_torque=0.0, inertia=1e-4), one).free
+    assert not pulse_of(replace(elbow, joints=()), one).free
+
+
+def test_a_free_joint_cuts_its_pulse_short_and_may_coast_on(elbow: Rig) -> None:
+    """Half of the pressure that was reached tells the muscles apart."""
+    free = with_joint(elbow, gravity_torque=0.0, inertia=1e-4)
+    desk = desk_of(free, turns=lambda air: 0.2 * (air[0] >= LEAST_SEEN) - 0.2 * (air[1] >= 3e3))
+    told = desk.run()
+    assert desk.findings == []
+    highest = [max(fills(fractions[place]) for fractions in told) for place in (0, 1)]
+    assert LEAST_SEEN <= highest[0] < 1.2 * LEAST_SEEN
+    assert 3e3 <= highest[1] < 3.6e3
+    joined = desk_of(
+        free,
+        turns=lambda air: 0.2 * (air[0] >= LEAST_SEEN),
+        shows=lambda air: [air[0], max(air[1], air[0])],
+    )
+    joined.run()
+    assert joined.findings[0][1].endswith("hoses are joined")
+
+
+def test_a_free_joint_that_turns_without_pressure_ends_the_check(elbow: Rig) -> None:
+    free = with_joint(elbow, gravity_torque=0.0, inertia=1e-4)
+    desk = desk_of(
+        free,
+        turns=lambda air: 0.2 * (air[0] > 1e3),
+        shows=lambda air: [0.9 * LEAST_SEEN * (a > 0) for a in air],
+    )
+    desk.run()
+    assert desk.findings[0][1].endswith("the sensor is dead")
 
 
 def test_the_largest_turn_counts_though_the_joint_swings_back(elbow: Rig) -> None:

@@ -18,8 +18,12 @@ pressure whose torque gravity balances at `ALLOWED_ANGLE` from rest is
 
 by the rig's force model. A joint without gravity is only held back by its inertia J: a torque that
 grows with t^2 for the time T of a pulse and falls as fast turns it by about g p T^2 / (4 J). The
-larger of both pressures is used, within `SMALLEST` and `LARGEST`: a smaller one could not be told
-from noise. A joint that turns by more than `ABORT_ANGLE` ends the check.
+larger of both pressures is used, within `SMALLEST` and `LARGEST`. A joint that turns by more than
+`ABORT_ANGLE` ends the check.
+
+A joint that turns further than that at `SMALLEST` is free, as a horizontal one is. Its pulse ends
+as soon as it has turned by `ALLOWED_ANGLE` and a sensor shows `LEAST_SEEN`; coasting on is no
+finding.
 
 A flow valve is opened by a ramp, so slow that a muscle of the rig file's volume reaches the
 pressure in `RISE`; a valve with an overlap of `OVERLAP` starts later and is found healthy. A
@@ -47,6 +51,8 @@ ABORT_ANGLE: Final = 0.15
 """A joint that turns by more ends the check [rad]."""
 SMALLEST, LARGEST = 8e3, 5e4
 """Bounds of a pulse's pressure [Pa]; the smaller is some thirty steps of a 12 bit sensor."""
+LEAST_SEEN: Final = 2e3
+"""A pulse that a free joint cuts short must have reached this pressure [Pa]."""
 RISE: Final = 0.25
 """Time in which a healthy flow valve without overlap reaches the pressure of its pulse [s]."""
 OVERLAP: Final = 0.15
@@ -80,12 +86,15 @@ class Pulse:
         How fast a flow valve is opened [1/s]; 0 for a pressure regulator.
     rise, fall : float
         Time limits for filling and emptying [s].
+    free : bool
+        Whether neither gravity nor inertia holds the joint back.
     """
 
     pressure: float
     ramp: float
     rise: float
     fall: float
+    free: bool
 
 
 class _Phase(Enum):
@@ -202,11 +211,13 @@ class StartUpCheck:
         if joint is not None and abs(moves[joint]) > abs(self._turn):
             self._turn = moves[joint]
         risen = [high - rest for high, rest in zip(self._highest, self._rest, strict=True)]
-        if any(abs(move) > ABORT_ANGLE for move in moves):
+        turned = max((abs(move) for move in moves), default=0.0)
+        cut_short = pulse.free and turned > ALLOWED_ANGLE and max(risen) >= LEAST_SEEN
+        if turned > ABORT_ANGLE and not cut_short:
             self._conclude(risen, sign, aborted=True)
             self._phase = _Phase.DONE
         elif self._phase is _Phase.FILL:
-            if max(risen) >= pulse.pressure or now - self._since > pulse.rise:
+            if max(risen) >= pulse.pressure or now - self._since > pulse.rise or cut_short:
                 self._phase, self._since = _Phase.EMPTY, now
         elif (
             now - self._since >= _SETTLE
@@ -238,6 +249,8 @@ class StartUpCheck:
         muscle, pulse = self._muscle, self.pulses[self._muscle]
         names, turn = self._rig.muscle_names, self._turn
         enough = _SHARE * pulse.pressure
+        if pulse.free:  # the joint may have cut the pulse short
+            enough = min(enough, max(_SHARE * max(risen), LEAST_SEEN))
         others = [place for place, rise in enumerate(risen) if place != muscle and rise >= enough]
         right = sign * turn > SEEN_TURN
         wrong = sign * turn < -SEEN_TURN
@@ -296,15 +309,16 @@ def pulse_of(rig: Rig, muscle: Muscle) -> Pulse:
         One muscle of the rig.
     """
     joint = rig.joint_of(muscle.name)
-    pressure = SMALLEST if joint is None else _pressure(rig, muscle, joint)
-    pressure = min(pressure, 0.5 * muscle.max_pressure)
+    harmless = SMALLEST if joint is None else _pressure(rig, muscle, joint)
+    free = harmless * ABORT_ANGLE < SMALLEST * ALLOWED_ANGLE
+    pressure = min(max(harmless, SMALLEST), LARGEST, 0.5 * muscle.max_pressure)
     if muscle.valve.kind != "flow":
         wait = _REGULATION * muscle.valve.time_constant * SLOWER + _SETTLE
-        return Pulse(pressure, 0.0, wait, wait + _fall(rig, muscle, pressure))
+        return Pulse(pressure, 0.0, wait, wait + _fall(rig, muscle, pressure), free)
     rate = _rate(rig, muscle, 1.0, 0.0)
     ramp = 2.0 * pressure / (rate * RISE * RISE)
     rise = OVERLAP / ramp + SLOWER * RISE + _SETTLE
-    return Pulse(pressure, ramp, rise, _fall(rig, muscle, pressure))
+    return Pulse(pressure, ramp, rise, _fall(rig, muscle, pressure), free)
 
 
 def _pressure(rig: Rig, muscle: Muscle, joint: Joint) -> float:
@@ -317,7 +331,7 @@ def _pressure(rig: Rig, muscle: Muscle, joint: Joint) -> float:
     gain = joint.pulley_radius * max(pull, 1e-3) / LARGEST
     held_by_gravity = abs(joint.gravity_torque) * math.sin(ALLOWED_ANGLE) / gain
     held_by_inertia = ALLOWED_ANGLE * 4.0 * joint.inertia / (gain * RISE * RISE)
-    return min(max(held_by_gravity, held_by_inertia, SMALLEST), LARGEST)
+    return max(held_by_gravity, held_by_inertia)
 
 
 def _rate(rig: Rig, muscle: Muscle, spool: float, pressure: float) -> float:
