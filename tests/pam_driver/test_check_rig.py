@@ -107,3 +107,27 @@ def test_a_rig_that_the_driver_would_refuse_is_a_mistake_that_names_the_file(
         f"error: {path}: boards.manifold.setpoints.port_a.unit = psi: the DBC file says bar for "
         "PVM_Demand.P_Dem_A\n"
     )
+
+
+def test_a_supply_above_the_largest_pressure_is_a_caution(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A valve that sticks open fills its muscle up to the supply, whatever the driver does."""
+    rig = load_rig(ELBOW)
+    assert check_rig(rig, Bus(), 500.0).cautions == []
+    path = tmp_path / "rig.yaml"
+    save_rig(rig.with_muscle(replace(rig.muscles[1], max_pressure=4e5)), path)
+    assert main(["check-rig", str(path), "--check"]) == 0
+    shown = capsys.readouterr().out
+    assert "CAUTION: the supply of 600000 Pa gauge is above the max_pressure of elbow_ext" in shown
+    assert "(from 400000 Pa)" in shown
+
+
+def test_a_weight_that_the_muscles_cannot_hold_is_a_caution() -> None:
+    rig = load_rig(ELBOW)
+    heavy = rig.with_joint(replace(rig.joints[0], gravity_torque=60.0))
+    (caution,) = check_rig(heavy, Bus(), 500.0).cautions
+    assert caution.startswith("elbow: at -")
+    assert "the joint cannot stay at this angle" in caution
+    upside_down = rig.with_joint(replace(rig.joints[0], gravity_torque=-60.0))
+    assert len(check_rig(upside_down, Bus(), 500.0).cautions) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -13,6 +14,7 @@ from pam_driver.bus_load import HIGHEST_LOAD, bus_load
 from pam_driver.driver_settings import DriverSettings
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import RigError
+from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Bus, Rig, load_rig
 
 
@@ -42,12 +44,15 @@ class RigCheck:
         By board, what it does not do for safety.
     problems : list of str
         Why the robot would not work although the file can be used.
+    cautions : list of str
+        What a person should know before air is turned on.
     """
 
     wires: list[Wire] = field(default_factory=list)
     loads: dict[str, float | None] = field(default_factory=dict)
     missing_promises: dict[str, list[str]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    cautions: list[str] = field(default_factory=list)
 
 
 def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
@@ -87,7 +92,42 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
     for address, board in boards.items():
         found.problems += _too_slow(address, board, rate, found.wires)
         found.missing_promises[board.name] = weaker_promises(board)
+    found.cautions = [*_overfilled(rig), *_too_heavy(rig)]
     return found
+
+
+def _overfilled(rig: Rig) -> Iterator[str]:
+    supply = rig.supply_gauge_pressure
+    weaker = [muscle for muscle in rig.muscles if muscle.max_pressure < supply]
+    if weaker:
+        least = min(muscle.max_pressure for muscle in weaker)
+        yield (
+            f"the supply of {supply:.0f} Pa gauge is above the max_pressure of "
+            f"{', '.join(muscle.name for muscle in weaker)} (from {least:.0f} Pa): a valve that "
+            "sticks open fills its muscle up to the supply, and no software can prevent it; lower "
+            "the supply, or fit a relief valve"
+        )
+
+
+def _too_heavy(rig: Rig) -> Iterator[str]:
+    for joint in rig.joints:
+        model = AntagonisticJoint.from_rig(rig, joint.name)
+        first, second = model.agonist.high_pressure, model.antagonist.high_pressure
+        lower, upper = joint.position_limits
+        for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+            position = lower + share * (upper - lower)
+            weight = joint.gravity_torque * math.sin(position - joint.gravity_angle)
+            full = (first, 0.0) if weight > 0.0 else (0.0, second)
+            most = model.torque(
+                *full, min(max(position, model.position_range[0]), model.position_range[1])
+            )
+            if abs(weight) > abs(most):
+                yield (
+                    f"{joint.name}: at {position:.2f} rad gravity pulls with {abs(weight):.3g} "
+                    f"N m, and its muscle holds at most {abs(most):.3g} N m: the joint cannot "
+                    "stay at this angle"
+                )
+                break
 
 
 def _wires(rig: Rig, wiring: RigWiring, boards: dict[Address, Board]) -> Iterator[Wire]:
@@ -160,6 +200,7 @@ def run(given: Arguments) -> Outcome:
         "bus_load": found.loads,
         "missing_promises": found.missing_promises,
         "problems": found.problems,
+        "cautions": found.cautions,
     }
     return Outcome(document, found.problems)
 
@@ -178,6 +219,8 @@ def _show(found: RigCheck, rig: Rig, only: Bus) -> None:
     for board, lines in found.missing_promises.items():
         for line in lines:
             print(f"{board}: {line}")
+    for caution in found.cautions:
+        print(f"CAUTION: {caution}")
     for problem in found.problems:
         print(f"PROBLEM: {problem}")
     if not found.problems:
