@@ -40,6 +40,7 @@ COMPENSATED = {
     "position_delay": {"delay": 0.02},
     "pressure_gain": {"gain": 0.7},
     "pressure_bias": {"bias": 6e4},
+    "pressure_lag": {"time_constant": 0.03},
 }
 
 
@@ -91,6 +92,7 @@ REMAINS = {
     "cable_compliance": (4e-4, "the flow is computed for the path's length, not the muscle's"),
     "coulomb_friction": (1.1e-3, "the friction's jump is a slope within SMOOTHING_SPEED"),
     "stribeck_friction": (2.6e-3, "the friction's jump is a slope within SMOOTHING_SPEED"),
+    "pressure_lag": (3.5e-3, "the longer lag asks for lower gains of the pressure loops"),
 }
 """What compensation leaves of an effect: RMS error [rad] above that of a rig without any effect,
 and why. The limits are about twice what was measured, and at least 0.1 mrad."""

@@ -137,6 +137,7 @@ class Controller(LoopDesign):
             + settings.measurement_delay
             + 2.0 * LONGEST_DELAY  # of the sensors, and of the commands in the horizon
             + max((channel.position_delay for channel in self.channels), default=0.0)
+            + max((channel.pressure_lag for channel in self.channels), default=0.0)
         )
         if self.active:
             for index, channel in enumerate(self.channels):
@@ -423,7 +424,7 @@ class Controller(LoopDesign):
         ]
         gains = settings.gains[name]
         measured_at = measurement.pressure_time - settings.measurement_delay
-        now_at = measured_at - channel.late_pressures
+        now_at = measured_at - channel.pressure_lag - channel.late_pressures
         seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay
         seen_at -= channel.late_position
         told, late, sample = channel.acting_delays, self._late[index], self.references.sample
@@ -471,7 +472,7 @@ class Controller(LoopDesign):
             settings.lead_ratio,
             settings.spool_limit,
             self.adapts,
-            time + max(told) - measured_at,
+            time + max(told) - measured_at + channel.pressure_lag,
         )
         channel.valve_clipped = False
         for side in (0, 1):

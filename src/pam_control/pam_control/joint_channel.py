@@ -107,13 +107,13 @@ class JointChannel:
             adjusted("valve.command_delay", None, muscle.effects) for muscle in self.muscles
         )
         # a lag well above the pressure loop's crossover acts as a delay
-        self.pressure_lags = tuple(
+        self.pressure_lag = max(
             adjusted("pressure_sensor.lag", None, muscle.effects) for muscle in self.muscles
         )
         self.position_delay = adjusted("position_sensor.delay", None, joint.effects)
         self.pid = Pid()
         self.observer = DisturbanceObserver(
-            self.dynamics.inertia, self.dynamics.viscous_friction, max(self.pressure_lags)
+            self.dynamics.inertia, self.dynamics.viscous_friction, self.pressure_lag
         )
         self.aligned = AlignedPressures(self.position_delay + KEPT_BEFORE_MEASUREMENT)
         self.scale = JointScale.of(joint, self.model)
@@ -143,6 +143,7 @@ class JointChannel:
         self.position = math.nan
         self.velocity = 0.0
         self.position_time = math.nan
+        self._lagging: Pair = (math.nan, math.nan)
         self.valve_clipped = False
         self.yields = False  # its law lets others move the joint: an error is no fault
         self.driven = False  # by torques, so that there is no reference
@@ -165,6 +166,7 @@ class JointChannel:
         self.history.reset()
         self.position = self.position_time = math.nan
         self.velocity = 0.0
+        self._lagging = (math.nan, math.nan)
         self.valve_clipped = False
         for loop in self.loops:
             loop.reset()
@@ -215,6 +217,25 @@ class JointChannel:
         self.velocity += weight * ((position - self.position) / step - self.velocity)
         self.position, self.position_time = position, time
         return step
+
+    def lagging(self, step: float) -> Pair:
+        """Position [rad] and speed [rad/s] with the lag of the pressure sensors, so that both fit.
+
+        Parameters
+        ----------
+        step : float
+            Time since the last new position [s]; 0 if there is none.
+        """
+        position, speed = self._lagging
+        if self.pressure_lag == 0.0 or math.isnan(position):
+            self._lagging = self.position, self.velocity
+        else:
+            weight = step / (self.pressure_lag + step)
+            self._lagging = (
+                position + weight * (self.position - position),
+                speed + weight * (self.velocity - speed),
+            )
+        return self._lagging
 
     def remember(self, plan: Plan, measured_at: float) -> None:
         """Add a plan and delete plans that are too much older than the last measurement [s].

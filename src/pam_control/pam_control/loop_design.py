@@ -122,7 +122,7 @@ class LoopDesign(ABC):
             + settings.command_delay
             + settings.extra_delay
             + max(channel.command_delays)
-            + max(channel.pressure_lags),
+            + channel.pressure_lag,
             valve_time_constant=max(channel.valve_time_constants),
             lead_ratio=settings.lead_ratio,
             velocity_filter=settings.derivative_filter,

@@ -116,7 +116,7 @@ class PositionStiffnessController(Controller):
         """
         channel = request.channel
         channel.aligned.add(request.measured_at, request.pressures)
-        position, speed = channel.position, channel.velocity
+        position, speed = channel.lagging(request.fresh)
         inside = channel.inside(position)
         # as the rig file tells, without the delay that was learnt
         seen_at = request.seen_at + channel.late_position
@@ -204,7 +204,7 @@ class PositionStiffnessController(Controller):
                 channel.dynamics.torque(then) - added, stiffness, then.position
             )
             goal = (planned.agonist, planned.antagonist)
-            channel.remember(Plan(request.acts_at, goal, stiffness, added), request.measured_at)
+            channel.remember(Plan(request.acts_at, goal, stiffness, added), request.now_at)
             rate = channel.planned_rates(request.side_acts_at)
             past = channel.plan_at(request.now_at)
             coming = channel.pressures_at(request.side_acts_at)

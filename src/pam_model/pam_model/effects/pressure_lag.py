@@ -24,7 +24,10 @@ EFFECT = Effect(
         "time_constant": EffectParameter("tau_p", "s", 0.0, 0.0, 0.5, "of the first-order lag")
     },
     slots=(Adjusts("pressure_sensor.lag", longer_lag),),
-    control=Included("included in the gain design as a delay"),
+    control=Included(
+        "compares the pressures with the plan of that earlier time, and includes the lag in the "
+        "gain design as a delay"
+    ),
     plausibility=Nothing(
         "nothing, because the observer corrects itself with the measurement; "
         "`plausibility.pressure_residual` must be larger than the lag error in fast changes"
