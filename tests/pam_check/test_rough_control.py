@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
 from pam_check.control.tuned_pid import Bench
 from pam_control.control_step import Measurement
+from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.rig import load_rig
 
@@ -139,6 +141,45 @@ def test_the_pressure_behind_a_hidden_tube_is_found_and_controlled(rough):
         assert played.activity < 12.0
         assert not played.cycles
     assert adapting["arm"].clipped < 0.01
+
+
+HELD = [TrajectoryPoint(0.5, [0.05], [0.0], [0.0])]
+
+
+def test_what_a_tube_causes_until_it_is_found_is_not_taken_for_a_loop_that_oscillates(rough):
+    """With soft gains, which learn nothing, the tube would never be found. It depends on noise."""
+    joint, muscles = rough.hidden("tube_restriction")
+    for noise in (1, 2, 3, 4):
+        rough.controller.forget_adaptation()
+        played, _ = play(rough.controller, joint, muscles, HELD, noise)
+        assert (played.softened, played.stopped) == ("", "")
+        assert all(loop.behind_tube for loop in rough.controller.channels[0].loops)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("tube_restriction", {"conductance": 3e-9, "volume": 6e-6}),
+        ("pressure_lag", {"time_constant": 0.026}),
+    ],
+)
+def test_a_named_tube_or_lag_serves_a_controller_that_learns_nothing(rough, effect, values):
+    told = rough.rig
+    for muscle in told.muscles:
+        told = told.with_muscle(replace(muscle, effects={effect: values}))
+    settings = TOLD.replace(adaptation=False)
+    joint, muscles = rough.hidden(effect)
+    before, after = (
+        play(
+            PositionStiffnessController(rig, settings, rough.designs),
+            joint,
+            muscles,
+            rough.motions["arm"],
+            1,
+        )[0].rms
+        for rig in (rough.rig, told)
+    )
+    assert after < 0.4 * before
 
 
 @pytest.mark.parametrize("effect", ["command_delay", "pressure_lag", "position_delay"])

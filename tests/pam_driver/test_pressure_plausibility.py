@@ -97,6 +97,7 @@ NAMED = {
     "valve_lag": {"extra_time_constant": 0.1},
     "exhaust_restriction": {"ratio": 0.3},
     "command_delay": {"delay": 0.08},
+    "tube_restriction": {"conductance": 1e-9, "volume": 6e-6},
     "leakage": {"conductance": 2e-9},
     "dead_volume": {"extra_volume": 1e-3},
     "pressure_gain": {"gain": 1.4},

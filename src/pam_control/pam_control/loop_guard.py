@@ -3,6 +3,8 @@
 First the gains are replaced by a safe set, which is designed for a much larger delay. The safe set
 stays until the driver has been vented, since the delay is still there. If the joint still
 oscillates after a pause, or follows its reference with too large an error, the controller stops.
+What a tube before a muscle causes until it is found gets a pause to fade as well, because the
+pressure loops are others from then on.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from enum import Enum
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
 from pam_control.joint_channel import JointChannel
 
-PAUSE = 0.6  # s after softening; what is under way with the old gains fades in this time
+PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
 # A loop that stands still for a larger share of so long oscillates; a smaller one is borne, because
 # what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
@@ -50,6 +52,8 @@ class LoopGuard:
         self._channels = channels
         self._pause_until = -math.inf
         self._gaps: deque[tuple[float, float]] = deque()
+        self._tubes = [0 for _ in channels]  # muscles that were found to be behind one, by joint
+        self._fading_until = [-math.inf for _ in channels]
         self.softened = self.stopped = ""
 
     def clear(self) -> None:
@@ -57,6 +61,8 @@ class LoopGuard:
         self.softened = self.stopped = ""
         self._pause_until = -math.inf
         self._gaps.clear()
+        self._tubes = [0 for _ in self._channels]
+        self._fading_until = [-math.inf for _ in self._channels]
         self.restart()
 
     def restart(self) -> None:
@@ -90,6 +96,14 @@ class LoopGuard:
             )
         return self.stopped
 
+    def _fades(self, index: int, time: float) -> bool:
+        """Whether what a tube caused until it was found still fades; once for each muscle."""
+        found = sum(loop.behind_tube for loop in self._channels[index].loops)
+        if found > self._tubes[index]:
+            self._tubes[index], self._fading_until[index] = found, time + PAUSE
+            self._oscillation[index].reset()
+        return time < self._fading_until[index]
+
     def judge(self, time: float, tracking_time: float, can_soften: bool) -> Verdict:
         """Judge the telemetry of a control cycle.
 
@@ -102,8 +116,8 @@ class LoopGuard:
         can_soften : bool
             Whether there are safe gains.
         """
-        for channel, oscillation, tracking in zip(
-            self._channels, self._oscillation, self._tracking, strict=True
+        for index, (channel, oscillation, tracking) in enumerate(
+            zip(self._channels, self._oscillation, self._tracking, strict=True)
         ):
             telemetry, name = channel.telemetry, channel.joint.name
             error = 0.0 if channel.yields else telemetry.error
@@ -115,6 +129,8 @@ class LoopGuard:
                 wild = oscillation.too_fast(channel.velocity)
             else:
                 wild = oscillation.update(time, telemetry.reference.velocity, channel.velocity)
+            if self._fades(index, time):
+                wild = oscillation.too_fast(channel.velocity)
             if not wild or time < self._pause_until:
                 continue
             if self.softened or not can_soften:

@@ -103,6 +103,8 @@ class FlowAdaptation:
     turn : float, optional
         Part of the time between two updates after which the first one is due, so that several
         valves do not compute theirs in one control cycle [-].
+    tube : float, optional
+        Squared conductance of the valve over that of the tube that the rig file names [-].
 
     Attributes
     ----------
@@ -112,10 +114,12 @@ class FlowAdaptation:
         Whether the sensor is before a tube.
     """
 
-    def __init__(self, full_flow: float, supply: float, turn: float = 0.0) -> None:
+    def __init__(
+        self, full_flow: float, supply: float, turn: float = 0.0, tube: float = 0.0
+    ) -> None:
         self._full, self._per_pressure, self._turn = full_flow, full_flow / supply, turn
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, LATE, LEAK)
-        self.tube = TubeSearch(full_flow, supply)
+        self.tube = TubeSearch(full_flow, supply, tube)
         self.forget()
         self.restart()
 

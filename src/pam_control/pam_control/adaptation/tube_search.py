@@ -42,6 +42,8 @@ class TubeSearch:
         Of the open valve from the supply [kg/s].
     supply : float
         Its pressure [Pa absolute].
+    told : float, optional
+        q by the rig file, used until the fit has found a tube [-].
 
     Attributes
     ----------
@@ -49,16 +51,17 @@ class TubeSearch:
         q; 0 if there is no tube that matters [-].
     """
 
-    def __init__(self, full_flow: float, supply: float) -> None:
+    def __init__(self, full_flow: float, supply: float, told: float = 0.0) -> None:
+        self._told = min(told, MOST)
         self._per_square = supply**2 / (2.0 * full_flow**2)
         self._fit = RecursiveFit(DEVIATIONS, NOISE, TRIFLE, Suspect(LEAST, BETTER))
-        self.share = 0.0
+        self.share = self._told
         self.restart()
 
     def forget(self) -> None:
         """Nothing is known."""
         self._fit.forget()
-        self.share = 0.0
+        self.share = self._told
 
     def restart(self) -> None:
         """Begin anew with the filters; what was learnt is kept."""
@@ -110,5 +113,6 @@ class TubeSearch:
         functions = np.array((self._filled, self._emptied, lost - self._lost))
         unexplained = shown - self._shown - self._filled - self._emptied + self._moved
         self._fit.update(functions, unexplained, self._since)
-        self.share = max(0.0, min(self._fit.weights[-1], MOST))
+        found = min(self._fit.weights[-1], MOST)
+        self.share = found if found > 0.0 else self._told
         self._since = 0.0

@@ -104,6 +104,11 @@ class PressureLoop(Protocol):
         """By how much more than told the commands are late, as was learnt [s]."""
         ...
 
+    @property
+    def behind_tube(self) -> bool:
+        """Whether the muscle was found to be behind a tube."""
+        ...
+
     def reset(self) -> None:
         """Reset the state."""
         ...
@@ -175,7 +180,9 @@ class FlowValveLoop:
         self._exponent = rig.gas.polytropic_exponent
         self._full = self._full_flow(True, self._ambient)
         turn = (rig.muscle_names.index(muscle.name) + 0.5) / len(rig.muscles)
-        self.adaptation = FlowAdaptation(self._full, self._supply, turn)
+        conductance = adjusted("tube.conductance", None, muscle.effects)
+        tube = (muscle.valve.sonic_conductance / conductance) ** 2 if conductance > 0.0 else 0.0
+        self.adaptation = FlowAdaptation(self._full, self._supply, turn, tube)
         self._tube = TubePressure()
         self._flow = self._rate = self._shown = self._loss = 0.0
 
@@ -211,6 +218,11 @@ class FlowValveLoop:
     def late(self) -> float:
         """By how much more than told the commands are late, as was learnt [s]."""
         return self.adaptation.delay
+
+    @property
+    def behind_tube(self) -> bool:
+        """Whether the muscle was found to be behind a tube."""
+        return self.adaptation.tube.share > 0.0
 
     def inside(self, shown: float, step: float) -> float:
         """Pressure in the muscle [Pa gauge]; that of the sensor, unless a tube was found."""
@@ -276,14 +288,14 @@ class FlowValveLoop:
                 full = self._full_flow(not fills, line)
         opening = opening_for_flow(flow, full)
         limit = settings.spool_limit
+        given = flow if abs(opening) < limit else limited(opening, -limit, limit) * abs(full)
+        if self.behind_tube:
+            late = step / (max(settings.acting_delay, 0.0) + step)
+            self._flow += late * (into + given - flow - self._flow)
+            moved = (pressure + self._ambient) * volume_rate
+            self._rate = (self._flow / per_pressure - moved) * self._exponent / volume
         if settings.adaptation:
-            given = flow if abs(opening) < limit else limited(opening, -limit, limit) * abs(full)
             shown = max(self._shown + self._ambient, self._ambient)
-            if self.adaptation.tube.share > 0.0:
-                late = step / (max(settings.acting_delay, 0.0) + step)
-                self._flow += late * (into + given - flow - self._flow)
-                moved = (pressure + self._ambient) * volume_rate
-                self._rate = (self._flow / per_pressure - moved) * self._exponent / volume
             sample = FlowSample(
                 given - leaving,
                 capacity,
@@ -324,6 +336,11 @@ class RegulatorLoop:
     def late(self) -> float:
         """A regulator closes its own loop; nothing is learnt of it."""
         return 0.0
+
+    @property
+    def behind_tube(self) -> bool:
+        """A regulator closes its own loop; nothing is learnt of it."""
+        return False
 
     def inside(self, shown: float, step: float) -> float:
         """A regulator closes its own loop; what its sensor shows is taken as it is."""

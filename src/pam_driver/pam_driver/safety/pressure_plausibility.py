@@ -35,6 +35,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from pam_driver.safety.tube_gas import LOWEST, TubeGas
 from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import DryFriction, JointTorque, Leak, Opening
 from pam_model.errors import PamError
@@ -115,6 +116,9 @@ class _MuscleObserver:
         delay = round(adjusted("valve.command_delay", None, effects) / period)
         # the oldest entry is the command that acts now
         self._commands = deque([self._command], maxlen=delay + 1)
+        conductance = adjusted("tube.conductance", None, effects)
+        tube = (conductance, adjusted("tube.volume", None, effects), valve, rig.gas, period)
+        self._tube = TubeGas(*tube) if conductance > 0.0 else None
         self._pressure = math.nan
         self._gap = 0.0
         self.restarts = 0
@@ -138,6 +142,8 @@ class _MuscleObserver:
             if not known:
                 return
             self._pressure = max(measured, 1.0)
+            if self._tube is not None:
+                self._tube.inside = self._pressure
             self._gap = 0.0
         low, high = self._limits
         length_rate = self._lever * velocity if low < position < high else 0.0
@@ -146,7 +152,45 @@ class _MuscleObserver:
         volume = ((a * stroke + b) * stroke + c) * stroke + d + self._dead_volume
         volume_rate = ((3.0 * a * stroke + 2.0 * b) * stroke + c) * length_rate
         self._command = command + self._keep * (self._command - command)
-        valve, inside = self.muscle.valve, self._pressure
+        supply = self._supply if math.isnan(supply) else supply
+        inside = self._pressure
+        if self._tube is None:
+            rate = pressure_rate(
+                self._entering(inside, supply) - self._leaving(inside),
+                inside,
+                volume,
+                volume_rate,
+                temperature=self._temperature,
+                exponent=self._exponent,
+            )
+            inside_next = inside + self._period * float(rate)
+        else:
+            inside_next = self._tube.advance(
+                inside, lambda at: self._entering(at, supply), self._leaving, volume, volume_rate
+            )
+        self._gap += self._period
+        if known:
+            self.residual = measured - inside
+            correction = self._gap * OBSERVER_GAIN * self.residual
+            inside_next += correction
+            if self._tube is not None:
+                self._tube.inside = max(self._tube.inside + correction, LOWEST)
+            self._gap = 0.0
+        self._pressure = max(inside_next, LOWEST)
+
+    @property
+    def behind_tube(self) -> bool:
+        """Whether the rig file names a tube."""
+        return self._tube is not None
+
+    @property
+    def inside(self) -> float:
+        """Pressure in the muscle behind its tube [Pa gauge]; NaN before the first measurement."""
+        return math.nan if self._tube is None else self._tube.inside - self._ambient
+
+    def _entering(self, pressure: float, supply: float) -> float:
+        """Flow of the valve [kg/s] at a pressure behind it [Pa absolute]."""
+        valve = self.muscle.valve
         if self._is_flow:
             opening = min(max(self._command, -1.0), 1.0)
             for law, values in self._openings:
@@ -154,39 +198,27 @@ class _MuscleObserver:
         else:
             target = self._command * (valve.full_scale or 0.0) + self._ambient
             # a regulator opens fully until the pressure is close to its set point
-            opening = min(max((target - inside) / 2e4, -1.0), 1.0)
+            opening = min(max((target - pressure) / 2e4, -1.0), 1.0)
         if opening < 0.0:
             opening *= self._exhaust_ratio
-        flow = valve_flow(
-            opening,
-            inside,
-            supply_pressure=self._supply if math.isnan(supply) else supply,
-            ambient_pressure=self._ambient,
-            conductance=valve.sonic_conductance,
-            critical_ratio=valve.critical_ratio,
-            temperature=self._temperature,
-        )
-        for law, values in self._leaks:
-            leaving = law(inside, self._ambient, valve.critical_ratio, *values)
-            flow -= leaving * self._density
-        rate = float(
-            pressure_rate(
-                flow,
-                inside,
-                volume,
-                volume_rate,
+        return float(
+            valve_flow(
+                opening,
+                pressure,
+                supply_pressure=supply,
+                ambient_pressure=self._ambient,
+                conductance=valve.sonic_conductance,
+                critical_ratio=valve.critical_ratio,
                 temperature=self._temperature,
-                exponent=self._exponent,
             )
         )
-        self._gap += self._period
-        inside_next = inside + self._period * rate
-        if known:
-            self.residual = measured - inside
-            inside_next += self._gap * OBSERVER_GAIN * self.residual
-            self._gap = 0.0
-        inside = inside_next
-        self._pressure = max(inside, 1e3)
+
+    def _leaving(self, pressure: float) -> float:
+        """Flow of the leaks [kg/s] at a pressure [Pa absolute]."""
+        critical = self.muscle.valve.critical_ratio
+        return self._density * sum(
+            law(pressure, self._ambient, critical, *values) for law, values in self._leaks
+        )
 
 
 class _JointBalance:
@@ -329,6 +361,8 @@ class PressurePlausibility:
             muscle.update(
                 commands[index], pressures[index], position, velocity, supply_pressures[index]
             )
+            if muscle.behind_tube:  # the sensor does not show what pulls
+                self._pressures[index] = muscle.inside
         for place, joint in enumerate(self._joints):
             self._counts[place] += 1
             age = max(self._ages[index] for index in joint.muscles)

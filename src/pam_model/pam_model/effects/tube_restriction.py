@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pam_model.effects.declaration import Effect
-from pam_model.effects.parts import EffectParameter, Nothing, Portrait, Range, Search
+from pam_model.effects.parts import EffectParameter, Included, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -33,13 +33,13 @@ EFFECT = Effect(
         Adjusts("tube.conductance", tube_conductance),
         Adjusts("tube.volume", tube_volume),
     ),
-    control=Nothing(
-        "nothing with the numbers of the file; the adaptation finds the tube by itself, and the "
-        "pressure behind it is controlled"
+    control=Included(
+        "controls the pressure in the muscle, which it computes from the flow and the loss in the "
+        "tube; the adaptation finds a tube that is not named, and corrects the loss of one that is"
     ),
-    plausibility=Nothing(
-        "nothing, because the pressure in the muscle is not measured; "
-        "`plausibility.pressure_residual` must be larger than the pressure jump at the valve"
+    plausibility=Included(
+        "the pressure observer has a chamber for the tube, where the sensor is, and one for the "
+        "muscle"
     ),
     search=Search(
         ranges=lambda rig: {
