@@ -2,7 +2,7 @@
 
 `python -m pam_check improved-rig` hides an effect as `rough-control` does. The controller, which
 has the nominal rig file, plays both motions. What its sensors and its log show of them is
-diagnosed, and the controller plays the motions again, with other noise, with the improved rig file.
+diagnosed. The controller then plays the motions with other noise, with either rig file.
 Both are shown without adaptation, where the rig file alone counts, and with it, for motions that
 are played for the first time.
 """
@@ -25,7 +25,7 @@ from pam_gap import Recording, diagnose, import_recording
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
 
-OTHER_NOISE: Final = 100  # added to the seed of the runs with the improved file
+OTHER_NOISE: Final = 100  # added to the seed of the runs that are compared
 WORTH: Final = 1e-3  # rad; a smaller error need not become smaller
 ENOUGH: Final = 0.5  # of the error before, where that is worth it
 NOT_WORSE: Final = 1.05  # times the error before; the noise of the sensors makes this difference
@@ -95,12 +95,12 @@ def run_effect(rough: RoughControl, effect: str, seed: int, folder: Path) -> Imp
             traces.append(trace)
         return found
 
-    before = {way: errors(rough.rig, way, seed) for way in ways}
-    adapting = traces[-len(rough.motions) :]
+    errors(rough.rig, "adapting", seed)
     logs = [
         recorded(trace, rough.rig, folder / f"{effect}_{number}.csv")
-        for number, trace in enumerate(adapting)
+        for number, trace in enumerate(traces)
     ]
+    before = {way: errors(rough.rig, way, seed + OTHER_NOISE) for way in ways}
     (answer,) = diagnose(logs, rough.rig)
     named = "+".join(answer.effects) or answer.verdict
     if answer.improved is None:
