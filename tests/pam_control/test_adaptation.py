@@ -19,6 +19,7 @@ from pam_control.feedback.pressure_loop import (
     create_pressure_loop,
 )
 from pam_control.feedback.stuck_integral import StuckIntegral
+from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
@@ -372,7 +373,7 @@ def test_a_muscle_that_is_empty_or_at_the_supply_does_not_end_the_control_loop(r
     """The open valve has no flow there, of which a share could be learnt."""
     muscle = rig.muscles[0]
     joint = AntagonisticJoint.from_rig(rig, "elbow")
-    loop = create_pressure_loop(rig, muscle, joint.agonist)
+    loop = create_pressure_loop(rig, muscle, joint.agonist, SupplyReservoir(rig, muscle))
     settings = PressureLoopSettings(15.0, 0.4, adaptation=True, acting_delay=0.005)
     rate = 1e5 if pressure else -1e5
     for cycle in range(50):

@@ -41,6 +41,7 @@ COMPENSATED = {
     "pressure_gain": {"gain": 0.7},
     "pressure_bias": {"bias": 6e4},
     "pressure_lag": {"time_constant": 0.03},
+    "supply_droop": {"conductance": 2.7e-10, "volume": 6e-4},
 }
 
 
@@ -53,8 +54,10 @@ ONE_SIDED = ("valve_null_offset", "pressure_gain", "pressure_bias")
 
 
 def told(rig, effect, values):
-    """The rig with the effect on its joint, or on its muscles, or on its agonist alone."""
+    """The rig with the effect, on its joint, or on its muscles, or on its agonist alone."""
     given = {effect: values}
+    if EFFECTS[effect].scope == "rig":
+        return dataclasses.replace(rig, effects=given)
     if EFFECTS[effect].scope == "joint":
         return rig.with_joint(dataclasses.replace(rig.joints[0], effects=given))
     muscles = rig.joints[0].muscles
@@ -81,7 +84,6 @@ NOTHING = (1e-4, "nothing: the compensation inverts the effect exactly")
 REMAINS = {
     "valve_dead_zone": (1e-4, "the jump across the overlap is a straight line within ROUNDED"),
     "valve_lag": (6e-4, "what the lead leaves of the longer lag is taken for a delay"),
-    "exhaust_restriction": (1e-2, "the valve is at its limit: the muscle empties no faster"),
     "dead_volume": (2.5e-4, "the valve is at its limit: the muscle fills and empties no faster"),
     "command_delay": (1.5e-4, "the longer delay asks for lower gains"),
     "hysteresis": (1.5e-4, "the friction along the reference is not quite that along the motion"),
@@ -127,23 +129,19 @@ def test_of_an_effect_in_the_rig_file_remains_what_has_a_named_cause(
 
 
 @pytest.mark.parametrize("effect", ["exhaust_restriction", "dead_volume"])
-def test_where_the_valve_is_not_at_its_limit_nothing_of_a_flow_effect_remains(
-    rig, closed_loop, reaching, floor, effect
+def test_a_motion_is_played_so_slowly_that_valves_with_a_named_effect_can_drive_it(
+    rig, nominal, closed_loop, reaching, effect
 ):
-    """The named cause of what remains: errors from the valve's limit on and 0.3 s after it.
-
-    With the dead volume in the rig file, the motion is played so slowly that no valve is there.
-    """
     values = COMPENSATED[effect]
-    knowing = PositionStiffnessController(told(rig, effect, values), TIGHT)
     hidden = {f"{effect}.{key}": value for key, value in values.items()}
-    record = run(closed_loop, knowing, reaching, hidden)
-    spools = np.abs([record.column(5, SETTLE), record.column(6, SETTLE)]).max(axis=0)
-    at_limit = np.convolve(spools >= 0.999, np.ones(150), "full")[: len(spools)] > 0.0
-    away = record.error(SETTLE)[~at_limit]
-    assert at_limit.any() == (effect == "exhaust_restriction")
-    assert len(away) > 0.7 * len(spools)
-    assert np.sqrt(np.mean(away**2)) < floor + 3e-4
+    nominal.deactivate()
+    laws = nominal, PositionStiffnessController(told(rig, effect, values), TIGHT)
+    fullest = []
+    for law in laws:
+        record = run(closed_loop, law, reaching, hidden)
+        fullest.append(np.abs([record.column(5, SETTLE), record.column(6, SETTLE)]).max())
+    assert fullest[0] >= 0.999
+    assert fullest[1] < 0.999
 
 
 def test_leaks_are_filled_up(rig, nominal, closed_loop):

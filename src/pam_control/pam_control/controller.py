@@ -475,6 +475,7 @@ class Controller(LoopDesign):
             time + max(told) - measured_at + channel.pressure_lag,
         )
         channel.valve_clipped = False
+        channel.reservoir.advance(step)
         for side in (0, 1):
             radius = (-1.0 if side == 0 else 1.0) * channel.model.pulley_radius
             ahead = thens[side].position - seen.position

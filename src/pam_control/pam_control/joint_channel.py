@@ -15,6 +15,7 @@ from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
 from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
 from pam_control.feedback.stuck_integral import StuckIntegral
+from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_scale import JointScale
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.limited import limited
@@ -127,8 +128,9 @@ class JointChannel:
         self.stiffness_goal = self.stiffness_factor = 1.0
         self.corrected_at = -math.inf
         self.stuck = StuckIntegral()
+        self.reservoir = SupplyReservoir(rig, self.muscles[0])
         self.loops = tuple(
-            create_pressure_loop(rig, muscle, gas_space)
+            create_pressure_loop(rig, muscle, gas_space, self.reservoir)
             for muscle, gas_space in zip(
                 self.muscles, (self.model.agonist, self.model.antagonist), strict=True
             )
@@ -168,6 +170,7 @@ class JointChannel:
         self.velocity = 0.0
         self._lagging = (math.nan, math.nan)
         self.valve_clipped = False
+        self.reservoir.reset()
         for loop in self.loops:
             loop.reset()
 

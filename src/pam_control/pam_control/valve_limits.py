@@ -25,6 +25,7 @@ import numpy as np
 from pam_control.feedback.operating_points import operating_point
 from pam_control.joint_channel import JointChannel
 from pam_control.references.spline import Array
+from pam_model.effects import adjusted
 from pam_model.errors import PamError
 from pam_model.gas import mass_flow, pressure_rate
 from pam_model.rig import Muscle, Rig
@@ -133,7 +134,7 @@ class ValveDemand:
             )
             for above, below in flows
         )
-        return filling, emptying
+        return filling, emptying * adjusted("valve.exhaust_ratio", None, muscle.effects)
 
     def everywhere(self) -> tuple[float, float, float]:
         """Speed, acceleration and jerk of a motion that the valves can drive anywhere.

@@ -18,6 +18,7 @@ from pam_control.adaptation.flow_adaptation import FlowAdaptation, FlowSample
 from pam_control.adaptation.tube_pressure import TubePressure
 from pam_control.compensation.valve_inverse import ValveInverse
 from pam_control.feedback.pressure_watch import PressureWatch
+from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.feedback.valve_lead import ValveLead
 from pam_control.limited import limited
 from pam_model.effects import adjusted, switched_on
@@ -159,9 +160,14 @@ class FlowValveLoop:
         Gives the valve.
     gas_space : JointMuscle
         Gives the gas volume.
+    reservoir : SupplyReservoir
+        From which the valves of the joint draw.
     """
 
-    def __init__(self, rig: Rig, muscle: Muscle, gas_space: JointMuscle) -> None:
+    def __init__(
+        self, rig: Rig, muscle: Muscle, gas_space: JointMuscle, reservoir: SupplyReservoir
+    ) -> None:
+        self._reservoir = reservoir
         self._model = gas_space.model
         low, high = self._model.length_bounds
         self._lengths = (low + LENGTH_EDGE, high - LENGTH_EDGE)
@@ -174,7 +180,6 @@ class FlowValveLoop:
         self._lead = ValveLead(valve_time_constant(muscle))
         self._dead_volume = gas_space.dead_volume
         self._ambient = rig.gas.ambient_pressure
-        self._supply = rig.supply_pressure
         self._temperature = rig.gas.temperature
         self._density = reference_density(rig.gas.temperature)
         self._exponent = rig.gas.polytropic_exponent
@@ -182,7 +187,7 @@ class FlowValveLoop:
         turn = (rig.muscle_names.index(muscle.name) + 0.5) / len(rig.muscles)
         conductance = adjusted("tube.conductance", None, muscle.effects)
         tube = (muscle.valve.sonic_conductance / conductance) ** 2 if conductance > 0.0 else 0.0
-        self.adaptation = FlowAdaptation(self._full, self._supply, turn, tube)
+        self.adaptation = FlowAdaptation(self._full, rig.supply_pressure, turn, tube)
         self._tube = TubePressure()
         self._flow = self._rate = self._shown = self._loss = 0.0
 
@@ -203,7 +208,8 @@ class FlowValveLoop:
     def _full_flow(self, filling: bool, absolute: float) -> float:
         """Flow of the open valve into the muscle by its data [kg/s]."""
         valve = self._valve
-        first, second = (self._supply, absolute) if filling else (absolute, self._ambient)
+        supply = self._reservoir.pressure
+        first, second = (supply, absolute) if filling else (absolute, self._ambient)
         flow = self._density * reference_flow(
             valve.sonic_conductance, valve.critical_ratio, first, second
         )
@@ -289,6 +295,7 @@ class FlowValveLoop:
         opening = opening_for_flow(flow, full)
         limit = settings.spool_limit
         given = flow if abs(opening) < limit else limited(opening, -limit, limit) * abs(full)
+        self._reservoir.draw(given)
         if self.behind_tube:
             late = step / (max(settings.acting_delay, 0.0) + step)
             self._flow += late * (into + given - flow - self._flow)
@@ -361,8 +368,10 @@ class RegulatorLoop:
         return given, given != wanted
 
 
-def create_pressure_loop(rig: Rig, muscle: Muscle, gas_space: JointMuscle) -> PressureLoop:
+def create_pressure_loop(
+    rig: Rig, muscle: Muscle, gas_space: JointMuscle, reservoir: SupplyReservoir
+) -> PressureLoop:
     """The loop for the muscle's kind of valve."""
     if muscle.valve.kind == "pressure_regulator":
         return RegulatorLoop(rig, muscle)
-    return FlowValveLoop(rig, muscle, gas_space)
+    return FlowValveLoop(rig, muscle, gas_space, reservoir)

@@ -48,8 +48,8 @@ EFFECT = Effect(
     },
     slots=(Adjusts("valve.exhaust_ratio", exhaust_ratio),),
     control=Inverse(
-        "divides the exhaust opening by the ratio, up to full opening; larger flows are not "
-        "possible",
+        "divides the exhaust opening by the ratio, up to full opening, and plays trajectories that "
+        "need larger flows more slowly",
         wider_exhaust,
     ),
     plausibility=Included("the pressure observer uses the true conductance of the exhaust path"),

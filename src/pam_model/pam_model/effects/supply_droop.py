@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pam_model.effects.declaration import Effect
-from pam_model.effects.parts import EffectParameter, Nothing, Portrait, Range, Search
+from pam_model.effects.parts import EffectParameter, Included, Nothing, Portrait, Range, Search
 from pam_model.effects.slots import Adjusts
 
 
@@ -36,9 +36,9 @@ EFFECT = Effect(
         Adjusts("reservoir.conductance", refill_conductance),
         Adjusts("reservoir.volume", reservoir_volume),
     ),
-    control=Nothing(
-        "nothing, because the pressure of the reservoir is not measured; the pressure loop "
-        "corrects the error"
+    control=Included(
+        "computes the pressure of the reservoir from the flows that it commands itself, one "
+        "reservoir for each joint, and opens the valves accordingly"
     ),
     plausibility=Nothing(
         "if the supply pressure is measured, it replaces the stated one; otherwise the observer "
