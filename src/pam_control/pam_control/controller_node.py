@@ -180,6 +180,12 @@ class ControllerNode(Node):  # type: ignore[misc]
                 f"{gains.integral:.4g}, derivative {gains.derivative:.4g}; "
                 f"worst {channel.margins[0]}"
             )
+            own = channel.scale.complete(settings)
+            self.get_logger().info(
+                f"{channel.joint.name}: stiffness {own.default_stiffness:.3g} N m/rad until one is "
+                f"commanded, at most {channel.scale.stiffness:.3g} in the middle of the range; "
+                f"learns up to {own.adaptation_limit:.3g} N m"
+            )
 
     def _now(self) -> float:
         """Seconds since the start by the monotonic clock, which cannot be set."""
