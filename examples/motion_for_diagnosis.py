@@ -18,13 +18,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import pam_model
 from pam_ros import leave_out_shared_memory
 
-REST, LENGTH, SHARE = 3.0, 45.0, 0.75  # s, s, of the smaller half of the joint's range
-SOFT, STIFF, CHANGE = 8.0, 14.0, 10.0  # N m/rad, N m/rad, s between them
+REST, LENGTH, SHARE = 3.0, 45.0, 0.75  # s, s, of half the joint's range
+SOFT, STIFF, CHANGE = 0.24, 0.43, 10.0  # of the joint's largest stiffness; s between them
 RATE = 20.0  # points per second of a sine
 
 
 def waypoints(reach: float, seed: int = 1) -> list[tuple[float, float]]:
-    """Times after the start [s] and positions [rad]: steps with pauses, in between two sines."""
+    """Times after the start [s], angles from the middle [rad]: steps with pauses, and two sines."""
     draw = random.Random(seed)
     points, time = [(REST, 0.0)], REST
     for frequency in (0.3, 1.0):
@@ -43,19 +43,29 @@ def waypoints(reach: float, seed: int = 1) -> list[tuple[float, float]]:
     return [*points, (time + 2.0, 0.0)]
 
 
+def largest_stiffness(rig: pam_model.Rig, joint: str) -> float:
+    """What the muscles reach without load in the middle of the range [N m/rad]."""
+    middle = 0.5 * sum(rig.joint(joint).position_limits)
+    return (
+        pam_model.AntagonisticJoint.from_rig(rig, joint).pressures_for(0.0, 1e9, middle).stiffness
+    )
+
+
 class Motion(Node):
     """Sends the trajectory once, and the stiffness from time to time."""
 
     def __init__(self, rig: pam_model.Rig, joint: str) -> None:
         super().__init__("motion_for_diagnosis")
-        self.stiffness = [SOFT] * len(rig.joint_names)
+        self.largest = [largest_stiffness(rig, name) for name in rig.joint_names]
+        self.share = SOFT
         self.soft = self.create_publisher(Float64MultiArray, "pam_controller/stiffness_commands", 1)
         self.motion = self.create_publisher(JointTrajectory, "pam_controller/joint_trajectory", 1)
         low, high = rig.joint(joint).position_limits
         message = JointTrajectory(joint_names=[joint])
-        for time, position in waypoints(SHARE * min(-low, high)):
+        for time, angle in waypoints(SHARE * 0.5 * (high - low)):
             after = Duration(sec=int(time), nanosec=int(time % 1.0 * 1e9))
-            message.points.append(JointTrajectoryPoint(positions=[position], time_from_start=after))
+            position = [0.5 * (low + high) + angle]
+            message.points.append(JointTrajectoryPoint(positions=position, time_from_start=after))
         self.message, self.end = message, time
         self.waiting = self.create_timer(0.1, self.begin)
 
@@ -70,13 +80,16 @@ class Motion(Node):
 
     def change(self) -> None:
         """Change between soft and stiff."""
-        self.stiffness = [STIFF if value == SOFT else SOFT for value in self.stiffness]
-        self.soft.publish(Float64MultiArray(data=self.stiffness))
+        self.share = STIFF if self.share == SOFT else SOFT
+        self.soft.publish(Float64MultiArray(data=[self.share * most for most in self.largest]))
 
 
 def main() -> None:
     """Send the motion and wait for its end."""
-    rig = pam_model.load_rig(sys.argv[1] if len(sys.argv) > 1 else "config/elbow.yaml")
+    try:
+        rig = pam_model.load_rig(sys.argv[1] if len(sys.argv) > 1 else "config/elbow.yaml")
+    except pam_model.PamError as error:
+        sys.exit(f"error: {error}")
     leave_out_shared_memory()
     rclpy.init()
     node = Motion(rig, sys.argv[2] if len(sys.argv) > 2 else rig.joint_names[0])

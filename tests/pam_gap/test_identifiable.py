@@ -209,3 +209,5 @@ def test_a_log_that_skips_commands_is_told(rig: Rig, rubbing: Recording) -> None
     )
     (told,) = [text for text in cautions(PredictionProblem(rig, 0, [sparse])) if "row to" in text]
     assert "Log every command" in told
+    bag = PredictionProblem(rig, 0, [replace(sparse, one_clock=False)])
+    assert not any("row to row" in text for text in cautions(bag))
