@@ -63,6 +63,19 @@ def test_what_is_missing_is_said(change, said):
     assert any(line.startswith(said) for line in found), found
 
 
+def test_a_controller_that_fell_silent_is_said():
+    """The motion is over then, although the muscles have moved enough before."""
+    advice = RecordingAdvice(load_rig(ELBOW))
+    for tick in range(500):
+        advice.take("pressure_states", 0.02 * tick, MUSCLES, effort=[1e5, 1e5])
+        if tick < 250:
+            advice.take("valve_commands", 0.02 * tick)
+        elif tick == 340:
+            assert not any("control:" in text for text in advice.missing())
+    (said,) = [text for text in advice.missing() if text.startswith("control:")]
+    assert "no valve_commands after 5 s; the driver may have vented" in said
+
+
 def test_before_the_first_message_the_topics_are_missing():
     assert RecordingAdvice(load_rig(ELBOW)).missing()[0].startswith("pressure_states: no message")
 

@@ -62,6 +62,7 @@ class RecordingAdvice:
         self._begin = math.nan
         self._last = math.nan
         self._counts: dict[str, int] = {}
+        self._commanded = math.nan  # when the controller last sent a command
         self._joints = {joint.name: _Seen() for joint in rig.joints}
         self._muscles = {muscle.name: _Seen() for muscle in rig.muscles}
 
@@ -93,6 +94,8 @@ class RecordingAdvice:
             self._begin = time
         self._last = time
         self._counts[topic] = self._counts.get(topic, 0) + 1
+        if topic == COMMANDS:
+            self._commanded = time
         if topic == POSITIONS:
             for name, value in zip(names, position, strict=False):
                 if name in self._joints and math.isfinite(value):
@@ -112,6 +115,11 @@ class RecordingAdvice:
             rate = self._counts.get(topic, 0) / max(self.duration, 1.0)
             if self.duration > REST_TIME and 0.0 < rate < 0.95 * WANTED_RATE:
                 found.append(f"{topic}: arrives at {rate:.0f} Hz, expected {WANTED_RATE:.0f} Hz")
+        if self._last - self._commanded > REST_TIME:
+            found.append(
+                f"control: no {COMMANDS} after {self._commanded - self._begin:.0f} s; the driver "
+                "may have vented, and what follows shows little: look at its log, and record again"
+            )
         return found + self._missing_motion()
 
     def _missing_topics(self) -> list[str]:
