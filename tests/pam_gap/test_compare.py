@@ -101,6 +101,19 @@ class _Images(HTMLParser):
             self.alt = str(dict(attrs)["alt"])
 
 
+def test_different_rig_files_are_a_caution():
+    """A corrected rig file changes every value although the robot stayed the same."""
+
+    def rig(path, digest):
+        return {"provenance": {"rig": {"path": path, "sha256": digest}}}
+
+    old, new = rig("old.yaml", "1"), rig("new.yaml", "2")
+    told = compared(content(0.5, **old), content(0.1, **new)).caution
+    assert "different rig files (A: old.yaml, B: new.yaml)" in told
+    assert compared(content(0.5, **old), content(0.5, **rig("copy.yaml", "1"))).caution == ""
+    assert compared(content(0.5, **old), content(0.5)).caution == ""
+
+
 def test_the_command_writes_page_table_and_json(tmp_path, capsys):
     before, after = folder(tmp_path / "a", torque=0.5), folder(tmp_path / "b")
     line = ["compare", str(before), str(after), "--out", str(tmp_path / "out")]

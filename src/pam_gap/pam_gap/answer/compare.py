@@ -99,6 +99,8 @@ class JointComparison:
     gaps: tuple[GapRow, ...]
     changes: tuple[str, ...]
     """What changed by more than noise, in sentences."""
+    caution: str = ""
+    """What to know before reading the rest; empty if nothing."""
 
 
 def letter(place: int) -> str:
@@ -278,6 +280,19 @@ def _changes(answers: tuple[Answer, ...], rows: Sequence[Row]) -> list[str]:
     return said
 
 
+def _caution(answers: tuple[Answer, ...]) -> str:
+    rigs = [answer.content.get("provenance", {}).get("rig", {}) for answer in answers]
+    if len({rig["sha256"] for rig in rigs if "sha256" in rig}) < 2:
+        return ""
+    files = ", ".join(
+        f"{letter(place)}: {rig['path']}" for place, rig in enumerate(rigs) if "path" in rig
+    )
+    return (
+        f"The diagnoses used different rig files ({files}). Every value counts from the rig file "
+        "of its own diagnosis, so that a change of the file looks like a change of the robot."
+    )
+
+
 def compare(groups: Sequence[Sequence[Answer]]) -> list[JointComparison]:
     """Compare the diagnoses of two or more runs, joint by joint.
 
@@ -306,7 +321,12 @@ def compare(groups: Sequence[Sequence[Answer]]) -> list[JointComparison]:
         rows = _rows(answers)
         made.append(
             JointComparison(
-                joint, answers, tuple(rows), tuple(_gaps(answers)), tuple(_changes(answers, rows))
+                joint,
+                answers,
+                tuple(rows),
+                tuple(_gaps(answers)),
+                tuple(_changes(answers, rows)),
+                _caution(answers),
             )
         )
     return made

@@ -46,6 +46,7 @@ _PAGE = """<!doctype html>
 <b>{{ 'Changed' if joint.changes else 'No change beyond noise' }}</b>
 {% for text in joint.changes %}{{ text }}<br>{% else %}All diagnoses agree within their intervals.
 {% endfor %}</div>
+{% if joint.caution %}<p><b>Caution.</b> {{ joint.caution }}</p>{% endif %}
 <h3>Verdicts</h3>
 {% for answer in joint.answers %}<p><b>{{ letters[loop.index0] }}: {{ answer.word }}.</b>
 {{ answer.sentence }}</p>{% endfor %}
@@ -149,6 +150,7 @@ def render(joints: Sequence[JointComparison], names: Sequence[str]) -> str:
             {
                 "name": joint.joint,
                 "changes": joint.changes,
+                "caution": joint.caution,
                 "answers": [
                     {
                         "word": VERDICT_WORDS.get(a.content["verdict"], a.content["verdict"]),
@@ -204,6 +206,8 @@ def print_table(joints: Sequence[JointComparison]) -> None:
         console.print(table)
         for text in joint.changes or ("No change beyond noise.",):
             print(f"{joint.joint}: {text}")
+        if joint.caution:
+            print(f"{joint.joint}: Caution. {joint.caution}")
 
 
 def _document(joints: Sequence[JointComparison]) -> list[dict[str, Any]]:
@@ -222,6 +226,7 @@ def _document(joints: Sequence[JointComparison]) -> list[dict[str, Any]]:
             "parameters": joint.parameters,
             "gaps": joint.gaps,
             "changes": joint.changes,
+            "caution": joint.caution,
         }
         for joint in joints
     ]
