@@ -175,6 +175,26 @@ def torque_loop(make, closed_loop):
     return controller, loop
 
 
+@pytest.mark.parametrize("weight", [0.0, -4.9], ids=["horizontal", "inverted"])
+def test_a_planner_may_balance_a_joint_that_its_weight_does_not_hold(closed_loop, rig, weight):
+    """The law refused every joint without a restoring weight, although only its angle drifts."""
+    other = rig.with_joint(replace(rig.joints[0], gravity_torque=weight))
+    controller = TorqueController(other, QUIET)
+    loop = closed_loop(controller)
+    loop.run(2.0)
+
+    def planner(time: float) -> None:
+        channel = controller.channels[0]
+        spring = 10.0 * (0.3 * math.sin(6.0 * time) - channel.position)
+        held = weight * math.sin(channel.position)
+        controller.set_torques([held + spring - 0.3 * channel.velocity], time)
+
+    swing = loop.run(4.0, planner).column(2, 4.0)
+    assert 0.2 < swing.max() < 0.5
+    assert -0.5 < swing.min() < -0.2
+    assert np.abs(np.diff(swing, 2)).max() < 1e-4  # rad in a cycle: no ripple
+
+
 def test_the_torque_of_the_muscles_is_what_was_asked_for(make, closed_loop):
     """Within 0.15 N m RMS, by the true pressures and the true angle, while the joint swings."""
     controller, loop = torque_loop(make, closed_loop)

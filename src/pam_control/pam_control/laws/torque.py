@@ -16,13 +16,14 @@ The telemetry tells both.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Final
 
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.feedback.linear_joint import LoopStructure
+from pam_control.feedback.linear_joint import LoopStructure, OperatingPoint
 from pam_control.feedback.margins import ControlDesignError, LoopCase, Margins
 from pam_control.feedback.operating_points import operating_grid
 from pam_control.feedback.pid import PidGains
@@ -35,6 +36,7 @@ from pam_model.rig import Rig
 END_ZONE: Final = 0.1  # rad; so far from the end of the range the limit begins to act
 REACTION: Final = 0.03  # s, until a changed torque acts
 SMOOTHING: Final = 0.01  # s
+SLOW_SWING: Final = 0.5  # Hz
 
 
 class TorqueController(PositionStiffnessController):
@@ -54,6 +56,10 @@ class TorqueController(PositionStiffnessController):
     def check(self, settings: ControlSettings) -> list[list[Margins]]:
         """The margins of the position law; the muscles alone must be stable, too.
 
+        A horizontal or inverted joint drifts or falls under a constant torque whatever its muscles
+        do; that is the matter of whoever sends the torques. So its weight counts at least as much
+        as a spring on which the joint swings slowly.
+
         Raises
         ------
         ControlDesignError
@@ -65,7 +71,10 @@ class TorqueController(PositionStiffnessController):
             gain = settings.pressure_gain or 0.0
             grid = channel.scale.complete(settings).stiffness_grid
             cases = [
-                LoopCase(point, LoopStructure(gain, point.per_torque, point.per_position, True))
+                LoopCase(
+                    _on_a_spring(point, channel.dynamics.gravity_stiffness(point.position)),
+                    LoopStructure(gain, point.per_torque, point.per_position, True),
+                )
                 for point in operating_grid(channel.joint, channel.model, grid)
             ]
             if not all(self.designs.stable(cases, self.timing(channel, settings), none)):
@@ -191,3 +200,9 @@ class TorqueController(PositionStiffnessController):
 def _fading(room: float, jerk: float) -> float:
     """Acceleration [rad/s^2] with which a speed grows by `room` [rad/s] while it fades."""
     return math.copysign(math.sqrt(2.0 * jerk * abs(room)), room)
+
+
+def _on_a_spring(point: OperatingPoint, weight: float) -> OperatingPoint:
+    """The operating point with at least a weak spring in place of the weight's [N m/rad]."""
+    least = point.inertia * (2.0 * math.pi * SLOW_SWING) ** 2
+    return dataclasses.replace(point, spring=point.spring + max(least - weight, 0.0))
