@@ -211,3 +211,24 @@ def test_a_log_that_skips_commands_is_told(rig: Rig, rubbing: Recording) -> None
     assert "Log every command" in told
     bag = PredictionProblem(rig, 0, [replace(sparse, one_clock=False)])
     assert not any("row to row" in text for text in cautions(bag))
+
+
+def test_commands_that_are_logged_more_slowly_than_measurements_are_told(
+    rig: Rig, rubbing: Recording
+) -> None:
+    names = [name for name in rubbing.values if name.startswith("valve_commands.")]
+    rows = np.arange(rubbing.time.size)
+    wave = 0.1 * np.sin(2.0 * np.pi * 0.7 * rubbing.time)
+
+    def told(rows: np.ndarray) -> list[str]:
+        changed = replace(rubbing, values=rubbing.values | dict.fromkeys(names, wave[rows]))
+        found = cautions(PredictionProblem(rig, 0, [changed]))
+        return [text for text in found if "more slowly" in text or "change every" in text]
+
+    every = round(0.1 / rubbing.sample_time)
+    (text,) = told(rows // every * every)
+    assert "change every 0.1 s only" in text
+    assert told(rows) == []
+    assert told(rows // 4 * 4) == []  # a loop of a usual rate
+    steps = np.sort(np.random.default_rng(2).choice(rows, 60, replace=False))
+    assert told(steps[np.maximum(np.searchsorted(steps, rows, side="right") - 1, 0)]) == []

@@ -13,6 +13,7 @@ from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.dead_sensors import dead_encoder, dead_pressure_sensors
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.prediction.wrong_wiring import wrong_wiring
 from pam_model.gas.constants import (
     GAS_CONSTANT,
     REFERENCE_DENSITY,
@@ -87,7 +88,8 @@ def what_is_missing(problem: PredictionProblem) -> tuple[str, ...]:
             "better."
         )
     dead = (*dead_encoder(problem), *dead_pressure_sensors(problem))
-    return (*missing, *dead, *saturated_channels(problem))
+    found = (*missing, *dead, *saturated_channels(problem))
+    return tuple(dict.fromkeys(found)) or wrong_wiring(problem)
 
 
 def cautions(problem: PredictionProblem) -> tuple[str, ...]:
@@ -99,7 +101,7 @@ def cautions(problem: PredictionProblem) -> tuple[str, ...]:
         if data.recording.is_found_still
     )
     seconds = float(counted_seconds(problem).max())
-    found = (*still, *sparse_commands(problem))
+    found = tuple(dict.fromkeys((*still, *sparse_commands(problem), *held_commands(problem))))
     if seconds >= problem.rules.recording.short_seconds:
         return found
     return (
@@ -135,6 +137,32 @@ def sparse_commands(problem: PredictionProblem) -> tuple[str, ...]:
                 f"The valve commands change a lot from row to row at {1.0 / step:.3g} Hz. If the "
                 "control loop is faster than this log, the commands between the rows are lost and "
                 "the errors that they leave can be taken for a cause. Log every command.",
+            )
+    return ()
+
+
+def held_commands(problem: PredictionProblem) -> tuple[str, ...]:
+    """Whether commands were logged more slowly than the measurements, in full sentences.
+
+    Such commands change at even intervals. Those of a slow experiment change at intervals of its
+    own, and those of a usual loop more often than a joint needs.
+    """
+    if not problem.has_commands:
+        return ()
+    rules = problem.rules.recording
+    for data in problem.data:
+        changes = np.flatnonzero(np.diff(data.commands, axis=0).any(axis=1))
+        if not data.recording.one_clock or changes.size < rules.fewest_changes:
+            continue  # a bag holds each command with its own stamp
+        intervals = np.diff(changes) * data.recording.sample_time
+        usual = float(np.median(intervals))
+        near = np.abs(intervals - usual) <= 1.5 * data.recording.sample_time
+        if usual > rules.longest_step and near.mean() > rules.even_changes:
+            return (
+                f"The valve commands change every {usual:.2g} s only, and the measurements come "
+                f"every {data.recording.sample_time:.2g} s. If the control loop is quicker than "
+                "its commands in this log, those between are lost and the errors that they leave "
+                "can be taken for a cause. Log every command.",
             )
     return ()
 

@@ -119,6 +119,25 @@ class RecordingRules:
         "one up to 0.5. It only adds a warning.",
         acts=PROPOSAL,
     )
+    fewest_changes: int = rule(
+        40,
+        unit="-",
+        decides="Changes of the commands below which their intervals are not judged.",
+        trades="Larger: fewer slow logs are warned of. Smaller: an experiment of a few steps "
+        "carries the warning.",
+        origin="Chosen by hand: 4 s of commands at 10 Hz. It only adds a warning.",
+        acts=PROPOSAL,
+    )
+    even_changes: float = rule(
+        0.8,
+        unit="of the intervals",
+        decides="Share of the intervals between changes of the commands that must be equal to warn "
+        "of commands that are logged more slowly than the measurements.",
+        trades="Larger: fewer slow logs are warned of. Smaller: experiments with steps carry the "
+        "warning.",
+        origin="Chosen by hand; it only adds a warning.",
+        acts=PROPOSAL,
+    )
     longest_step: float = rule(
         0.04,
         unit="s",
@@ -135,6 +154,32 @@ class RecordingRules:
         trades="Larger: a joint that was locked is taken for one with a dead encoder. Smaller: a "
         "dead encoder is taken for a locked joint, and a wrong cause can be named.",
         origin="Half of the RMS error; chosen by hand.",
+    )
+    longest_gap: float = rule(
+        0.3,
+        unit="s",
+        decides="Longest time without commands or pressures after which a prediction goes on; at a "
+        "longer gap, a recording is cut in parts.",
+        trades="Larger: what happened in a gap counts as an error of the model. Smaller: "
+        "recordings with lost rows fall into parts of which the beginning does not count.",
+        origin="The horizon within which predictions are corrected by the measurements.",
+    )
+    shortest_part: float = rule(
+        3.0,
+        unit="s",
+        decides="Shortest part between two gaps that is used.",
+        trades="Larger: data are lost. Smaller: parts are used of which hardly anything counts.",
+        origin="Twice the time at the start of a recording that never counts.",
+    )
+    wrong_wiring: float = rule(
+        0.5,
+        unit="of the RMS error",
+        decides="Share of the error of the rig as written, mean over the channels, that must "
+        "disappear when swapped or reversed channels are put right; such a recording is not "
+        "diagnosed.",
+        trades="Larger: wrongly wired rigs are diagnosed. Smaller: a rig with strong effects is "
+        "taken for a wrongly wired one.",
+        origin="Half of it, by definition.",
     )
     dead_opening: float = rule(
         0.1,
