@@ -58,6 +58,8 @@ def regulated(rig: Rig) -> Rig:
         (made(scaled("joint_states", 180.0 / np.pi)),
          ("joint_states.elbow.position", "11.46", "rad", "deg (multiply by 0.01745329)")),
         (made(scaled("joint_states", 1e3)), ("200", "mrad (multiply by 0.001)")),
+        (made({"joint_states.elbow.position": RIGHT["joint_states.elbow.position"] % (2 * np.pi)}),
+         ("reaches 6.2", "jumps by 2 pi")),
         (made(scaled(f"muscle_states.{FLEXOR}.position", 1e3)), ("231", "mm (multiply by 0.001)")),
         (made(scaled(f"muscle_states.{FLEXOR}.effort", 1e3)), ("3e+05", "mN")),
         (made(scaled("valve_commands", 100.0)), ("40", "per cent (multiply by 0.01)")),
@@ -74,6 +76,26 @@ def test_other_units_are_refused_with_value_and_conversion(
         joints_to_diagnose(rig, [recording])
     for text in ("log.csv: ", *told):
         assert text in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("factor", "hint"), [(1e-5, "bar"), (1e-3, "kPa"), (1.0 / 6894.757, "psi"), (-1.0, "sign")]
+)
+def test_one_of_two_pressures_in_another_unit_or_with_the_wrong_sign_is_refused(
+    rig: Rig, factor: float, hint: str
+) -> None:
+    noise = np.random.default_rng(3).normal(0.0, 200.0, TIME.size)
+    name = f"pressure_states.{EXTENSOR}"
+    with pytest.raises(RecordingError, match=hint) as refused:
+        joints_to_diagnose(rig, [made({name: factor * (RIGHT[name] + noise)})])
+    assert name in str(refused.value)
+
+
+@pytest.mark.parametrize("zero", [0.0, 300.0, -300.0])
+def test_a_muscle_that_is_never_filled_is_no_other_unit(rig: Rig, zero: float) -> None:
+    noise = np.random.default_rng(3).normal(0.0, 60.0, TIME.size)
+    empty = {f"pressure_states.{EXTENSOR}": zero + noise + 100.0 * np.sin(TIME) ** 8}
+    assert joints_to_diagnose(rig, [made(empty)]) == [0]
 
 
 def test_absolute_pressures_are_recognised_by_an_emptied_muscle(rig: Rig) -> None:

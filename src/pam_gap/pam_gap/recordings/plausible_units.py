@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pam_gap.recordings.noise_floor import channel_noise
 from pam_gap.recordings.recording import (
     COMMANDS,
     JOINTS,
@@ -41,12 +42,17 @@ LARGEST_PER_MILLE = 1500.0
 """A larger command of a flow valve is a pressure."""
 SMALLEST_PRESSURE = 1.0
 """If all commands are below this, they are spool openings and not set points [Pa]."""
+FEWEST = 100
+"""Samples below which the noise of a channel is not estimated."""
 FARTHEST = 1.5
 """Positions beyond this many times the reach of the muscles are impossible."""
 STRONGEST = 10.0
 """Forces beyond this many times the force at rest length and supply pressure are impossible."""
 LENGTHS = (0.2, 3.0)
 """Range of a muscle's length relative to its rest length."""
+CLEAR = 10.0
+"""Of a channel's noise: a pressure that stays farther from 0 than this, and moves by more, is that
+of a muscle that is never empty."""
 NEAR_AMBIENT = 0.1
 """Relative distance from the ambient pressure at which an absolute pressure counts as ambient."""
 STEADY = 0.02
@@ -120,6 +126,8 @@ def _check_pressures(rig: Rig, joint: int, recording: Recording) -> None:
         hint = f"; looks like Pa absolute (subtract {ambient:.6g})"
         _refuse(recording, channels[sizes.index(largest)], seen, expected, hint)
     if LEAST_SHARE * supply <= largest <= LARGEST_SHARE * supply:
+        for channel in channels:
+            _check_one_pressure(recording, channel, supply)
         return
     hint = conversion_hint(largest, "Pa gauge", USUAL_SHARE * supply, 1.1 * supply)
     if largest < supply and lowest < -0.5 * largest:
@@ -127,6 +135,28 @@ def _check_pressures(rig: Rig, joint: int, recording: Recording) -> None:
     expected = f"Pa gauge, up to {supply:.3g} by supply_pressure in the rig file"
     seen = f"never exceeds {largest:.4g}" if largest < supply else f"reaches {largest:.4g}"
     _refuse(recording, channels[sizes.index(largest)], seen, expected, hint)
+
+
+def _check_one_pressure(recording: Recording, channel: str, supply: float) -> None:
+    """Refuse one of two pressures that has another unit than the other, or the wrong sign.
+
+    A muscle can be empty in a whole recording. Its pressure is then near 0.
+    """
+    values = recording.values[channel][recording.valid[channel]]
+    if values.size < FEWEST:
+        return
+    low, high = (float(q) for q in np.quantile(values, [0.001, 0.999]))
+    expected = f"Pa gauge, up to {supply:.3g} by supply_pressure in the rig file"
+    if high < 0.0 and -low > LEAST_SHARE * supply:
+        seen = f"is never above {high:.4g} and reaches {low:.4g}"
+        _refuse(recording, channel, seen, expected, "; looks like a reversed sign")
+    clear = CLEAR * channel_noise(values).deviation
+    if not (clear < low and clear < high - low and high < LEAST_SHARE * supply):
+        return
+    hint = conversion_hint(high, "Pa gauge", USUAL_SHARE * supply, 1.1 * supply)
+    if hint and "mbar" not in hint:  # which cannot be told from the zero error of a sensor
+        seen = f"stays between {low:.4g} and {high:.4g}, unlike the other pressure"
+        _refuse(recording, channel, seen, expected, hint)
 
 
 def _check_supply(rig: Rig, recording: Recording) -> None:
@@ -153,6 +183,9 @@ def _check_position(rig: Rig, joint: int, recording: Recording) -> None:
     if largest <= limit:
         return
     hint = conversion_hint(largest, "rad", 0.0, limit)
+    jumps = np.abs(np.diff(recording.values[channel]))
+    if 0.5 < float(jumps.max()) / (2.0 * np.pi) < 1.0 and largest < 2.1 * np.pi:
+        hint = "; looks like an angle that jumps by 2 pi where a turn begins: unwrap it"
     expected = f"rad, at most {limit:.3g} with the muscles and the pulley of the rig file"
     _refuse(recording, channel, f"reaches {largest:.4g}", expected, hint)
 
