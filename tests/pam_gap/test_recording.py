@@ -229,11 +229,19 @@ def test_quantisation_survives_rounded_decimals() -> None:
     assert quantisation(values) == pytest.approx(step, rel=0.05)
 
 
-def test_a_stamp_far_off_is_told_and_costs_no_memory() -> None:
-    time = np.append(np.arange(1000) * 2e-3, 1e12)
+def test_a_recording_that_would_cost_too_much_memory_is_refused() -> None:
+    time = np.arange(5200) * 4.0
     raw = RawRecording(Path("log.csv"), {"pressure_states.flexor": RawChannel(time, np.sin(time))})
     with pytest.raises(RecordingError, match="stamp that is far off"):
-        resample(raw)
+        resample(raw, step=2e-3)
+
+
+def test_a_stamp_that_is_far_off_is_a_pause() -> None:
+    time = np.append(np.arange(1000) * 2e-3, 1e12)
+    raw = RawRecording(Path("log.csv"), {"pressure_states.flexor": RawChannel(time, np.sin(time))})
+    read = resample(raw)
+    assert read.duration < 8.0
+    assert "1 pauses of 1e+12 s" in " ".join(read.repairs)
 
 
 def test_two_recordings_in_one_file_are_refused(tmp_path: Path) -> None:

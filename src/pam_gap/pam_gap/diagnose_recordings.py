@@ -12,6 +12,7 @@ from pam_gap.inference.search import Progress, silent
 from pam_gap.recordings.belongs_to_rig import joints_recorded, refuse_other_rig
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.noise_floor import noise_floor
+from pam_gap.recordings.parts import parts
 from pam_gap.recordings.plausible_units import refuse_other_units
 from pam_gap.recordings.recording import COMMANDS, JOINTS, SHUT, Recording, RecordingError
 from pam_gap.recordings.saturation import without_saturated
@@ -102,6 +103,36 @@ def joints_to_diagnose(
     return numbers
 
 
+def usable_parts(
+    rig: Rig,
+    number: int,
+    recordings: Sequence[Recording],
+    rules: RecordingRules = DEFAULT.recording,
+) -> list[Recording]:
+    """Recordings as a diagnosis uses them: still and clipped samples marked, cut at gaps.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig as its file describes it.
+    number : int
+        Number of the joint, from `joints_to_diagnose`.
+    recordings : sequence of Recording
+        Recordings without computed channels.
+    rules : RecordingRules
+        Constants of the judgement.
+    """
+    return [
+        part
+        for recording in recordings
+        for part in parts(
+            without_saturated(without_still(recording, rig, number, rules), rules),
+            rig.joints[number].muscles,
+            rules,
+        )
+    ]
+
+
 def diagnose_joint(
     rig: Rig,
     number: int,
@@ -127,10 +158,7 @@ def diagnose_joint(
     with_experiment : bool
         Whether the next experiment is sought.
     """
-    recordings = [
-        without_saturated(without_still(r, rig, number, rules.recording), rules.recording)
-        for r in recordings
-    ]
+    recordings = usable_parts(rig, number, recordings, rules.recording)
     workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
     engine = JointDiagnosis(
         rig, number, recordings, rules=rules, threads=workers, progress=progress,

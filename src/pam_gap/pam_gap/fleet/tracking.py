@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pam_gap.diagnose_recordings import joints_to_diagnose
+from pam_gap.diagnose_recordings import joints_to_diagnose, usable_parts
 from pam_gap.diagnosis_engine import JointDiagnosis
 from pam_gap.inference.candidates import Candidate, candidates_for
 from pam_gap.inference.confidence import parameter_intervals
@@ -25,8 +25,6 @@ from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_recording import import_recording
-from pam_gap.recordings.saturation import without_saturated
-from pam_gap.recordings.still_channels import without_still
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
@@ -159,8 +157,8 @@ def follow(task: TrackTask) -> list[dict[str, Any]]:
     raw = import_recording(task.recording, column_map=column_map)
     read = without_computed(raw, rig, rules.recording)
     number = joints_to_diagnose(rig, [read], task.joint)[0]
-    clean = without_saturated(without_still(read, rig, number, rules.recording), rules.recording)
-    engine = JointDiagnosis(rig, number, [clean], rules=rules, threads=1)
+    clean = usable_parts(rig, number, [read], rules.recording)
+    engine = JointDiagnosis(rig, number, clean, rules=rules, threads=1)
     missing = what_is_missing(engine.problem)
     if missing:
         raise PamError(" ".join(missing))

@@ -34,6 +34,8 @@ SHUT = "shut"
 """Mounting: both valves are shut all the time."""
 
 GAP_PERIODS = 5.0  # a gap longer than this many periods of the channel is not bridged
+LONGEST_PAUSE = 5.0
+"""Of a longer pause of all channels, only this is kept [s]: nothing is known of the rig in it."""
 MOST_ROWS = 1e7
 """Rows of the grid; more than five hours at 500 Hz."""
 SPIKE = 25.0  # a sample this many noise widths from both neighbours is an error of the log
@@ -41,6 +43,9 @@ SAME_TIME = 1e-3
 """Share of a step: a stamp this close to a grid point counts as on the grid point."""
 RESTARTED = 0.02
 """Share of the samples, stamped before an earlier one, above which the clock was started anew."""
+SET_BACK = 20
+"""Successive samples, stamped before an earlier one, that are no late messages: the clock was set
+back."""
 _EPOCH = 1e8  # a time stamp above this is an absolute one
 
 
@@ -172,16 +177,41 @@ def _clean(name: str, raw: RawChannel, repairs: list[str]) -> RawChannel:
     return RawChannel(time, value)
 
 
+def _shortened(channels: dict[str, RawChannel], repairs: list[str]) -> dict[str, RawChannel]:
+    """The channels without the time in which none of them has a sample, but for a few seconds.
+
+    A clock that is set while it is recorded, and recordings joined to one, leave pauses of hours.
+    """
+    stamps = np.unique(np.concatenate([raw.time for raw in channels.values()]))
+    pauses = np.diff(stamps)
+    long = pauses > LONGEST_PAUSE
+    if not long.any():
+        return channels
+    begins = stamps[:-1][long]
+    removed = np.concatenate(([0.0], np.cumsum(pauses[long] - LONGEST_PAUSE)))
+    repairs.append(
+        f"all channels: {begins.size} pauses of {float(pauses[long].sum()):.6g} s in total, the "
+        f"first at {begins[0] - stamps[0]:.4g} s; {LONGEST_PAUSE:g} s of each are kept"
+    )
+    return {
+        name: RawChannel(raw.time - removed[np.searchsorted(begins, raw.time)], raw.value)
+        for name, raw in channels.items()
+    }
+
+
 def _refuse_restart(name: str, time: Array) -> None:
     """Refuse stamps that start anew: sorting them would mix two recordings."""
     late = time < np.maximum.accumulate(time)
-    if float(late.mean()) <= RESTARTED:
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], late.astype(np.int8), [0]))))
+    begins, lengths = edges[::2], edges[1::2] - edges[::2]
+    if float(late.mean()) <= RESTARTED and lengths.max() < SET_BACK:
         return
-    first = int(np.argmax(late))
+    first, count = int(begins[np.argmax(lengths)]), int(lengths.max())
     raise RecordingError(
         f"{name}: time goes back from {time[first - 1]:.6g} s to {time[first]:.6g} s at sample "
-        f"{first + 1} and stays behind for {100.0 * late.mean():.0f} % of the samples; expected "
-        "one recording with increasing time"
+        f"{first + 1} and stays behind for {count} samples, {100.0 * late.mean():.2g} % of the "
+        "recording in all; expected one recording with increasing time: cut it there, and give "
+        "both parts as two recordings"
     )
 
 
@@ -307,6 +337,7 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
             channels[name] = cleaned
     if not channels:
         raise RecordingError(f"{raw.source}: no channel with at least 8 samples")
+    channels = _shortened(channels, repairs)
     periods = _periods(channels)
     chosen = step if step is not None else round(min(periods.values()), 6)
     if not chosen > 0.0:

@@ -1,0 +1,110 @@
+"""Gaps and pauses of a log: what is unknown for a while is no error of the model."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pam_gap.diagnose_recordings import usable_parts
+from pam_gap.prediction.fit import mean_squares
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.recordings.parts import parts
+from pam_gap.recordings.recording import (
+    LONGEST_PAUSE,
+    RawChannel,
+    RawRecording,
+    Recording,
+    RecordingError,
+    from_columns,
+    resample,
+)
+from pam_model.rig import Rig
+
+from .conftest import Maker
+
+MUSCLES = ("elbow_flexor", "elbow_extensor")
+
+
+def raw(recording: Recording, time: np.ndarray) -> RawRecording:
+    return from_columns(recording.source, time, dict(recording.values))
+
+
+def without(recording: Recording, *spans: tuple[float, float]) -> Recording:
+    """The recording as read from a table in which the rows of these spans are missing."""
+    keep = np.ones(recording.time.size, dtype=np.bool_)
+    for start, end in spans:
+        keep &= (recording.time < start) | (recording.time > end)
+    columns = {name: values[keep] for name, values in recording.values.items()}
+    return resample(from_columns(recording.source, recording.time[keep], columns))
+
+
+def test_a_recording_without_gaps_is_one_part(record: Maker) -> None:
+    recording = record()
+    assert parts(recording, MUSCLES) == [recording]
+    short = without(recording, (6.0, 6.2))
+    assert parts(short, MUSCLES) == [short]
+
+
+def test_a_recording_is_cut_at_gaps_and_short_pieces_are_left_out(record: Maker) -> None:
+    recording = without(record(), (4.0, 5.0), (6.5, 8.0))
+    first, second = parts(recording, MUSCLES)
+    assert first.duration == pytest.approx(4.5, abs=0.02)
+    assert second.duration == pytest.approx(4.0, abs=0.02)
+    assert first.time[0] == second.time[0] == 0.0
+    assert "2 parts of it" in first.repairs[-1]
+    assert second.repairs == ()
+    name = "joint_states.elbow.position"
+    assert second.values[name][0] == pytest.approx(record().values[name][0], abs=1e-9)
+
+
+def test_a_gap_in_the_position_alone_needs_no_cut(record: Maker) -> None:
+    recording = record()
+    name = "joint_states.elbow.position"
+    valid = {**recording.valid, name: (recording.time < 4.0) | (recording.time > 6.0)}
+    gapped = replace(recording, valid=valid)
+    assert parts(gapped, MUSCLES) == [gapped]
+
+
+def test_what_happened_in_a_gap_is_no_error_of_the_model(rig: Rig, record: Maker) -> None:
+    """After a gap, the state of the rig is unknown as at the start of a recording."""
+    gapped = without(record(), (4.0, 6.0))
+
+    def worst(recordings: list[Recording]) -> float:
+        problem = PredictionProblem(rig, 0, recordings)
+        errors = problem.errors(problem.base.values[None])[0]
+        return float(mean_squares(errors, problem.counted)[problem.present].max())
+
+    assert worst([gapped]) > 100.0
+    assert worst(usable_parts(rig, 0, [gapped])) < 4.0
+
+
+def test_a_long_pause_costs_no_time(record: Maker) -> None:
+    recording = record()
+    time = recording.time + 3600.0 * (recording.time > 6.0)
+    read = resample(raw(recording, time))
+    assert read.duration == pytest.approx(recording.duration + LONGEST_PAUSE, abs=0.05)
+    assert "1 pauses of 3600 s in total, the first at 6 s" in " ".join(read.repairs)
+    assert len(parts(read, MUSCLES)) == 2
+
+
+def test_channels_with_clocks_of_their_own_keep_their_order(record: Maker) -> None:
+    recording = record()
+    channels = {
+        name: RawChannel(recording.time + 3600.0 * (recording.time > 6.0) + 1e-3 * k, values)
+        for k, (name, values) in enumerate(recording.values.items())
+    }
+    read = resample(RawRecording(Path("bag"), channels))
+    for name, values in recording.values.items():
+        late = read.values[name][read.time > 6.0 + LONGEST_PAUSE + 0.1]
+        assert late.std() == pytest.approx(values[recording.time > 6.1].std(), rel=0.05)
+
+
+def test_a_clock_that_is_set_back_is_refused_and_a_late_message_is_not(record: Maker) -> None:
+    recording = record()
+    back = recording.time - 0.3 * (recording.time > 6.0)
+    with pytest.raises(RecordingError, match="give both parts as two recordings"):
+        resample(raw(recording, back))
+    late = recording.time.copy()
+    late[500:505] -= 0.03
+    assert "ran backwards" in " ".join(resample(raw(recording, late)).repairs)
