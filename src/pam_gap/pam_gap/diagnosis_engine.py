@@ -26,6 +26,7 @@ from pam_gap.inference.held_out import (
 )
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
+from pam_gap.inference.loose_lengths import loose_lengths
 from pam_gap.inference.probabilities import agreed
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
@@ -290,6 +291,20 @@ class JointDiagnosis:
             survivors = [s.hypothesis for s in ranked[: self.rules.experiment.closest]]
         return propose(self.fitter, survivors)
 
+    def _cautions(
+        self, decision: Decision[HeldOut], nominal: HeldOut, *, has_improved: bool
+    ) -> tuple[str, ...]:
+        """What makes the answer less certain than it looks, in full sentences."""
+        found = cautions(self.problem)
+        told = decision.chosen if decision.is_named else None
+        if told is None:
+            found += (*small_motion(self.problem), *loose_lengths(self.fitter, nominal.hypothesis))
+            return found
+        if not has_improved:
+            found += (NOT_IMPROVED,)
+        found += sizes_at_the_end(told.hypothesis.at_the_end)
+        return (*found, *loose_lengths(self.fitter, told.hypothesis))
+
     def run(self) -> Diagnosis:
         """Perform the diagnosis."""
         started = time.monotonic()
@@ -344,13 +359,7 @@ class JointDiagnosis:
             "simulations": self.problem.simulations,
         }
         diagnosis.facts = facts
-        diagnosis.cautions = cautions(self.problem)
-        if not decision.is_named:
-            diagnosis.cautions += small_motion(self.problem)
-        elif shown is None:
-            diagnosis.cautions += (NOT_IMPROVED,)
-        if decision.is_named and decision.chosen is not None:
-            diagnosis.cautions += sizes_at_the_end(decision.chosen.hypothesis.at_the_end)
+        diagnosis.cautions = self._cautions(decision, nominal, has_improved=shown is not None)
         diagnosis.not_shown = not_shown(self.problem, self.candidates(), self.floor)
         self.progress("done", 1.0)
         return diagnosis
