@@ -14,6 +14,12 @@ from pam_gap.prediction.problem import PredictionProblem
 from pam_model.rig import Rig
 
 DRY = {"coulomb_friction.torque": 0.6, "pulley_radius.scale": 1.15}
+FALLING = {
+    "stribeck_friction.static_torque": 1.2,
+    "stribeck_friction.torque": 0.4,
+    "stribeck_friction.speed": 0.1,
+    "pulley_radius.scale": 1.15,
+}
 
 
 def candidate(rig: Rig, effect: str) -> Candidate:
@@ -38,11 +44,28 @@ def test_a_richer_law_beside_another_cause_is_compared_with_its_simpler_law(
     search = Search(fitter, candidates_for(rig, rig.joints[0]))
     start = np.concatenate([rich.starts[0], [1.15]])
     pair = fitter.fit((rich, radius), start, max_iterations=8)
-    (simple,) = search._simpler([pair])
+    (simple,) = search._twins([pair])
     assert simple.effects == ("coulomb_friction", "pulley_radius")
     assert search.level(simple) < search.level(pair) + 0.1
     torque = dict(zip((p.name for p in simple.members[0].free), simple.result.values, strict=False))
     assert torque["torque"] == pytest.approx(0.6, rel=0.1)
+
+
+def test_a_simple_law_beside_another_cause_is_compared_with_its_richer_law(
+    rig: Rig, record
+) -> None:
+    """The simple law may have been found first, and the other cause beside it."""
+    problem = PredictionProblem(rig, 0, [record(FALLING)])
+    fitter = HypothesisFitter(problem, np.ones(5))
+    fitter.fit_nominal()
+    fitter.without_background()
+    dry, radius = (candidate(rig, name) for name in ("coulomb_friction", "pulley_radius"))
+    search = Search(fitter, candidates_for(rig, rig.joints[0]))
+    start = np.concatenate([dry.starts[0], [1.15]])
+    pair = fitter.fit((dry, radius), start, max_iterations=8)
+    rich = min(search._twins([pair]), key=search.level)
+    assert rich.effects == ("stribeck_friction", "pulley_radius")
+    assert search.level(rich) < search.level(pair) - 1.0
 
 
 def test_a_size_at_the_end_of_its_range_is_a_caution(rig: Rig) -> None:

@@ -48,6 +48,17 @@ class SearchResult:
     by_size: list[list[Hypothesis]] = field(default_factory=list)
 
 
+def _twin_starts(twin: Candidate, member: Candidate, values: Array) -> tuple[Array, ...]:
+    """Starts of the simpler or richer law of a fitted effect; none for any other effect."""
+    if (member.effect, twin.effect) in NESTED:
+        return richer_starts(twin, member, values)
+    if (twin.effect, member.effect) in NESTED:
+        known = {p.name: v for p, v in zip(member.free, values, strict=True)}
+        start = zip(twin.free, twin.starts[0], strict=True)
+        return (np.array([known.get(p.name, v) for p, v in start]),)
+    return ()
+
+
 class Search:
     """One search over candidates.
 
@@ -204,27 +215,24 @@ class Search:
                     ]
         return self.fitter.fit_all(tasks)
 
-    def _simpler(self, found: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """The best hypotheses with the simpler law in place of a richer one, with its values."""
+    def _twins(self, found: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """The best hypotheses with the simpler law in place of a richer one, and the other way."""
         tasks: list[FitTask] = []
-        for h in found[: self.rules.simpler_twins]:
+        for h in found[: self.rules.twins_of]:
             at = len(self.fitter.nuisances)
+            slopes = h.result.jacobian[..., :at]
             for k, member in enumerate(h.members):
                 first, own, last = np.split(h.result.values, [at, at + len(member.free)])
-                known = {p.name: v for p, v in zip(member.free, own, strict=True)}
-                for simple in self.candidates:
-                    if (simple.effect, member.effect) in NESTED:
-                        start = [
-                            known.get(p.name, v)
-                            for p, v in zip(simple.free, simple.starts[0], strict=True)
-                        ]
-                        tasks.append(
-                            FitTask(
-                                (*h.members[:k], simple, *h.members[k + 1 :]),
-                                np.concatenate([first, start, last]),
-                                self.rules.settled_steps,
-                            )
+                for twin in self.candidates:
+                    tasks += [
+                        FitTask(
+                            (*h.members[:k], twin, *h.members[k + 1 :]),
+                            np.concatenate([first, start, last]),
+                            self.rules.settled_steps,
+                            guess=slopes,
                         )
+                        for start in _twin_starts(twin, member, own)
+                    ]
                 at += len(member.free)
         return self.fitter.fit_all(tasks)
 
@@ -289,7 +297,7 @@ class Search:
                     shares=(middle, high),
                     warm=True,
                 )
-        found += self._simpler(sorted(found, key=self.level))
+        found += self._twins(sorted(found, key=self.level))
         distinct: dict[frozenset[str], Hypothesis] = {}
         for h in sorted(found, key=self.level):
             distinct.setdefault(frozenset(m.label for m in h.members), h)

@@ -104,13 +104,13 @@ class SearchRules:
         "is replaced by others on trial.",
         trades="Larger: a wrong first effect is kept. Smaller: the diagnosis takes longer.",
     )
-    simpler_twins: int = rule(
+    twins_of: int = rule(
         2,
         unit="-",
         decides="Number of the best hypotheses with several effects of which a richer law is "
-        "replaced by its simpler one on trial.",
-        trades="Fewer: a richer law is named although the simpler one explains as much. More: the "
-        "diagnosis takes longer.",
+        "replaced by its simpler one on trial, and a simpler law by its richer one.",
+        trades="Fewer: of two laws of one kind, the wrong one is named beside another cause. More: "
+        "the diagnosis takes longer.",
         origin="Introduced after a rig of the second plant, whose dry friction (Maxwell slip) was "
         "fitted by Stribeck friction beside another cause; the number is hand-set.",
     )
