@@ -33,6 +33,7 @@ GOOD = (0.25, -0.5)
 TICK = 2.0**-9
 SETTINGS = DriverSettings(command_timeout=0.125, sensor_timeout=0.0625, board_timeout=0.5)
 SUPPLY = 701_320.0
+SETTLED = 16  # ticks, until readings of the pressures count as a change of the state
 
 
 class RecordingPort:
@@ -154,7 +155,7 @@ class ExactBench:
     def activate(self) -> None:
         """Activate with empty muscles, as the driver demands; then the pressures return slowly."""
         pressures, self.pressures = self.pressures, (0.0, 0.0)
-        self.step(8)
+        self.step(SETTLED)
         self.driver.activate(self.now)
         for tick in range(1, 17):
             self.pressures = (pressures[0] * tick / 16, pressures[1] * tick / 16)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import random
 from dataclasses import replace
 
 import pytest
@@ -16,7 +18,7 @@ from pam_driver.safety.stop_categories import STOP_CATEGORIES, can_lower
 from pam_model.rig import Rig
 
 from .arm_bench import ArmBench
-from .exact_bench import GOOD, TICK, ExactBench
+from .exact_bench import GOOD, SETTLED, TICK, ExactBench
 
 LIMIT = DriverSettings().vented_pressure
 
@@ -31,7 +33,7 @@ def test_a_muscle_with_air_is_venting_and_is_not_activated(muscle: int, bench: E
     pressures = [0.0, 0.0]
     pressures[muscle] = LIMIT
     bench.pressures = (pressures[0], pressures[1])
-    bench.step(8)
+    bench.step(SETTLED)
     assert bench.driver.state is SafetyState.VENTING
     name = bench.driver.rig.muscle_names[muscle]
     with pytest.raises(ActivationError, match=f"empty yet: {name}: still 20000 Pa"):
@@ -39,27 +41,63 @@ def test_a_muscle_with_air_is_venting_and_is_not_activated(muscle: int, bench: E
     pressures[muscle] = LIMIT - 20.0
     bench.pressures = (pressures[0], pressures[1])
     bench.step()
+    with pytest.raises(ActivationError, match="below 20000 Pa for less than 20 ms"):
+        bench.driver.activate(bench.now)
+    bench.step(SETTLED)
     assert bench.driver.state is SafetyState.VENTED
     bench.driver.activate(bench.now)
     assert bench.driver.state is SafetyState.READY
 
 
-def test_noise_at_the_limit_does_not_change_the_state_but_air_does(bench: ExactBench) -> None:
+def test_a_reading_above_the_limit_does_not_change_the_state_but_air_does(
+    bench: ExactBench,
+) -> None:
     bench.pressures = (0.0, 0.0)
-    bench.step(8)
+    bench.step(SETTLED)
+    for pressure, ticks in ((1.2 * LIMIT, SETTLED), (3.0 * LIMIT, 10)):
+        bench.pressures = (pressure, 0.0)
+        bench.step(ticks)
+        assert bench.driver.state is SafetyState.VENTED
     bench.pressures = (1.2 * LIMIT, 0.0)
     bench.step()
-    assert bench.driver.state is SafetyState.VENTED
     bench.pressures = (1.3 * LIMIT, 0.0)
-    bench.step()
+    bench.step(10)
+    assert bench.driver.state is SafetyState.VENTED
+    bench.step(2)
     assert bench.driver.state is SafetyState.VENTING
+
+
+@pytest.mark.parametrize("share", [0.9, 1.0, 1.1, 1.25])
+def test_noise_at_the_limit_does_not_make_the_state_flicker(
+    share: float, bench: ExactBench
+) -> None:
+    """The lamp, the log and the controller follow the state."""
+    draw = random.Random(7)
+    states = []
+    for _ in range(2048):
+        bench.pressures = (draw.gauss(share * LIMIT, 5e3), 0.0)
+        bench.step()
+        states.append(bench.driver.state)
+    assert set(states) <= {SafetyState.VENTING, SafetyState.VENTED}
+    assert len(list(itertools.groupby(states))) <= 2
+
+
+def test_air_that_is_let_in_is_seen_at_once(bench: ExactBench) -> None:
+    """A stop just after the valves have opened must lower the arm, not drop it."""
+    bench.pressures = (0.0, 0.0)
+    bench.activate()
+    bench.step(1, GOOD)
+    bench.pressures = (2.0 * LIMIT, 2.0 * LIMIT)
+    bench.step(1, GOOD)
+    bench.driver.vent(bench.now)
+    assert bench.driver.state is SafetyState.LOWERING
 
 
 def test_an_unknown_pressure_is_not_empty(bench: ExactBench) -> None:
     bench.pressures = (0.0, 0.0)
-    bench.step(8)
+    bench.step(SETTLED)
     assert bench.driver.state is SafetyState.VENTED
-    bench.step(40, silent=True)
+    bench.step(36, silent=True)  # sensor_timeout is 32 ticks
     assert bench.driver.state is SafetyState.VENTING
 
 
@@ -82,7 +120,7 @@ def test_a_blocked_exhaust_is_latched_and_named(rig: Rig, codec: BoardCodec) -> 
     with pytest.raises(ActivationError, match="not all muscles are empty"):
         bench.driver.activate(bench.now)
     bench.pressures = (0.0, 0.0)
-    bench.step()
+    bench.step(SETTLED)
     bench.driver.activate(bench.now)
 
 
@@ -106,7 +144,7 @@ def test_the_arm_is_vented_when_its_muscles_are_empty_and_not_before(rig: Rig) -
         assert bench.driver.state in {SafetyState.VENTING, SafetyState.VENTED}
         assert bench.now < 110.0
     assert max(bench.truth.pressures) < LIMIT
-    assert max(bench.truth.pressures) > 0.8 * LIMIT  # and it does not wait longer
+    assert max(bench.truth.pressures) > 0.7 * LIMIT  # and it does not wait longer
 
 
 def test_the_time_limit_follows_volume_and_conductance(rig: Rig) -> None:

@@ -353,7 +353,7 @@ class Driver:
     def _lowered(self, now: float) -> bool:
         """Whether all muscles are empty, or the time for lowering is over."""
         longest = min(self._settings.lowering_timeout, longest_lowering(self.faults))
-        return now - self._lowering_since >= longest or self._exhausts.empty
+        return now - self._lowering_since >= longest or self._exhausts.below
 
     def _event(self, event: SafetyEvent, now: float) -> None:
         """Change the state as the table says; the command is discarded when `ACTIVE` ends."""

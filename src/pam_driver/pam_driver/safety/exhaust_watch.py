@@ -2,6 +2,10 @@
 
 While the valves vent, every pressure has to fall below `vented_pressure` within a time limit. If
 one does not, its exhaust is blocked, or its valve is stuck open to the supply.
+
+Noise at the limit must not change the state in every cycle. Therefore muscles count as empty when
+no reading was above the limit for a moment, and as filled again when a reading was well above it
+for a moment.
 """
 
 from __future__ import annotations
@@ -18,9 +22,12 @@ from pam_model.effects import adjusted
 from pam_model.gas import pressure_rate, valve_flow
 from pam_model.rig import Muscle, Rig
 
-# A muscle that was empty counts as filled again above this multiple of the limit, so that noise
-# does not change the state.
+# A muscle that was empty counts as filled again above this multiple of the limit.
 _FILLED_AGAIN: Final = 1.25
+# So long the readings must agree, without a single exception [s]. A muscle at the limit whose sensor
+# has 5 kPa of white noise, just below what is the fault `sensor_noise`, then changes the state once
+# in minutes.
+_AGREED: Final = 0.02
 # The default time limit is so many times the ideal time, for exhausts that are narrower than the
 # rig file says (silencers, tubes), plus a second.
 _NARROWER: Final = 4.0
@@ -45,6 +52,10 @@ class ExhaustWatch:
     ----------
     timeout : float
         As given [s].
+    below : bool
+        Whether the last reading of every pressure is below `vented_pressure`.
+    empty : bool
+        Whether all muscles count as empty.
     """
 
     def __init__(self, rig: Rig, vented_pressure: float, timeout: float) -> None:
@@ -53,7 +64,8 @@ class ExhaustWatch:
         self._limit = vented_pressure
         self._pressures: Sequence[float] = (math.nan,) * len(rig.muscles)
         self._since = math.inf
-        self.empty = False
+        self._changing_since = math.inf
+        self.below = self.empty = False
 
     def update(self, pressures: Sequence[float], venting: bool, now: float) -> None:
         """Take the measurements of one cycle.
@@ -68,12 +80,25 @@ class ExhaustWatch:
             Monotonic time [s].
         """
         self._pressures = pressures
-        limit = self._limit * (_FILLED_AGAIN if self.empty else 1.0)
-        self.empty = all(pressure < limit for pressure in pressures)
+        self._judge(pressures, venting, now)
         if self.empty or not venting:
             self._since = math.inf
         elif self._since == math.inf:
             self._since = now
+
+    def _judge(self, pressures: Sequence[float], venting: bool, now: float) -> None:
+        """Whether all muscles are empty by now; valves that do not vent fill them at once."""
+        self.below = all(pressure < self._limit for pressure in pressures)
+        filled = not all(pressure < _FILLED_AGAIN * self._limit for pressure in pressures)
+        if not (filled if self.empty else self.below):
+            self._changing_since = math.inf
+            return
+        self._changing_since = min(self._changing_since, now)
+        unknown = any(math.isnan(pressure) for pressure in pressures)
+        wait = 0.0 if self.empty and (unknown or not venting) else _AGREED
+        if now - self._changing_since >= wait:
+            self.empty = not self.empty
+            self._changing_since = math.inf
 
     def start_again(self) -> None:
         """Give the muscles the whole time once more, as after faults were cleared."""
@@ -81,13 +106,16 @@ class ExhaustWatch:
 
     def remaining(self) -> str:
         """The muscles that are not measured empty, as one line; empty if all are."""
-        return "; ".join(
+        found = "; ".join(
             f"{name}: still {pressure:.0f} Pa"
             if math.isfinite(pressure)
             else f"{name}: its pressure is unknown"
             for name, pressure in zip(self._names, self._pressures, strict=True)
             if not pressure < self._limit
         )
+        if found or self.empty:
+            return found
+        return f"below {self._limit:.0f} Pa for less than {1e3 * _AGREED:.0f} ms"
 
     def conditions(self, now: float) -> Iterator[Condition]:
         """One condition for each muscle that does not become empty."""
