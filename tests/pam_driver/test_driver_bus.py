@@ -20,7 +20,7 @@ from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Encoder, Rig
 
-from .exact_bench import GOOD, NAMES, SETTINGS, TICK, ExactBench
+from .exact_bench import GOOD, NAMES, SETTINGS, SETTLED, TICK, ExactBench
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def test_a_fault_in_the_start_up_check_tells_the_boards_in_the_cycle_that_finds_
 ) -> None:
     bench = ExactBench(rig, codec, settings=replace(SETTINGS, start_up_check=True))
     bench.pressures = (0.0, 0.0)
-    bench.step(8)
+    bench.step(SETTLED)
     bench.driver.activate(bench.now)
     bench.step(8)
     assert bench.driver.state is SafetyState.CHECKING

@@ -15,7 +15,7 @@ from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Encoder, Rig
 
-from .exact_bench import GOOD, NAMES, SETTINGS, TICK, ExactBench
+from .exact_bench import GOOD, NAMES, SETTINGS, SETTLED, TICK, ExactBench
 
 
 @pytest.fixture
@@ -214,7 +214,7 @@ def test_all_that_refuses_activation_is_named(rig: Rig, codec: BoardCodec) -> No
     beyond = "wrist: at 0.750 rad, position_limits are -0.5 to 0.5 rad"
     assert bench.driver.activation_problem(bench.now) == f"{over}; {beyond}"
     bench.pressures, bench.position = (0.0, 0.0), 0.0
-    bench.step(1)
+    bench.step(SETTLED)
     assert bench.driver.activation_problem(bench.now) == ""
     bench.driver.activate(bench.now)
     bench.pressures, bench.position = (4e5, 0.0), 0.75
