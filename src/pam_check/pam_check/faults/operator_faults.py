@@ -7,6 +7,7 @@ import random
 from collections.abc import Callable, Mapping
 
 from pam_check.faults.acts import (
+    EMPTYING,
     activate,
     claim_no_air,
     claim_stays,
@@ -29,6 +30,7 @@ Injection = Callable[[FaultChain, Values, random.Random], None]
 STAYS = 0.1  # rad; a joint that is activated and asked for nothing stays where it is
 _RESTART = 0.3  # s until a process runs again
 _JUMP = 0.5  # rad
+_LEFT = (4e4, 2e5)  # Pa gauge, which an exhaust that closes leaves in its muscle
 
 
 def _vent(chain: FaultChain, values: Values, draw: random.Random) -> None:
@@ -177,10 +179,16 @@ def _crossed(chain: FaultChain, values: Values, draw: random.Random) -> None:
 
 
 def _blocked(chain: FaultChain, values: Values, draw: random.Random) -> None:
-    """Both exhausts are blocked: the valves vent, the muscles keep their air."""
-    for address, board in chain.sim.boards.items():
-        for place in range(len(board.valves)):
-            chain.sim.faults.exhausts[address, place] = 0.0
+    """Both exhausts close before the muscles are empty, as with ice or a wrong check valve."""
+    left = draw.uniform(*_LEFT)
+
+    def close(now: float) -> None:
+        share = 0.0 if max(chain.truth.pressures) < left else 1.0
+        for address, board in chain.sim.boards.items():
+            for place in range(len(board.valves)):
+                chain.sim.faults.exhausts[address, place] = share
+
+    chain.inject.append(close)
     _vent(chain, values, draw)
 
     def claim() -> str:
@@ -189,7 +197,7 @@ def _blocked(chain: FaultChain, values: Values, draw: random.Random) -> None:
 
     since = chain.now + 0.1
     chain.claims.append(lambda: claim() if chain.now > since else "")
-    chain.wait(0.5)
+    chain.wait(EMPTYING)
     claim_no_air(chain)
     clear_faults(chain)
     chain.wait(0.05)

@@ -44,7 +44,7 @@ OPERATOR_KINDS: Final = (
     _K("hoses_crossed", "operator", "two hoses were exchanged", {},
        ("pressure_implausible", "refused activation"), _R.VENT, 0.2 + BRAKING,
        "the check at start-up, or the first pressures"),
-    _K("exhausts_blocked", "operator", "~/vent, but no air leaves the muscles", {}, ("vented",),
+    _K("exhausts_blocked", "operator", "~/vent, but some air stays in the muscles", {}, ("vented",),
        _R.LOWER, VENT, "measured, not believed: not called vented, no activation", keeps_air=True),
     _K("controller_restarted", "operator", "the controller is started again", {"gap": (0.01, 0.06)},
        (), _R.RIDE, 1.0, "shorter than command_timeout; it takes over the present angle"),
