@@ -9,10 +9,11 @@ import threading
 import time
 from collections import deque
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
@@ -25,11 +26,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
 from pam_model.rig import load_rig
+from pam_ros.driver_state import LATCHED, driver_state_message
 
 CONFIG = Path(__file__).parents[2] / "config"
 ELBOW, CONTROLLER = CONFIG / "elbow.yaml", CONFIG / "controller.yaml"
 MUSCLES = ["elbow_flexor", "elbow_extensor"]
 PATIENCE = 120.0  # s; a busy host takes a minute to import what the node needs
+SILENT = 0.5  # s without a command, 250 of its cycles
 
 
 def environment(domain: int) -> dict[str, str]:
@@ -85,6 +88,8 @@ class Bench:
         subscribe(JointState, "pam_controller/reference", self.references.append, latest)
         subscribe(JointState, "pam_controller/error", self.errors.append, latest)
         subscribe(DiagnosticArray, "/diagnostics", self._on_health, 10)
+        self._driver: Any = None
+        self._vents = 0
         self._ending = threading.Event()
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._serve)
@@ -161,6 +166,50 @@ class Bench:
         """Whether the controller has said that it controls; on a busy host with soft gains."""
         status = self.health.get("pam_controller: loop")
         return status is not None and status.message.startswith("controlling")
+
+    def wait_until_heard(self) -> None:
+        """Wait until the controller controls, and hears all references of the bench."""
+        self.wait(self.controls, "control")
+        self.wait(lambda: self.references, "a reference")
+        for publisher in (self.trajectory, self.stream, self.stiffness):
+            self.wait(publisher.get_subscription_count, f"a listener of {publisher.topic_name}")
+
+    def wait_until_silent(self) -> None:
+        """Wait until no command has come for a while."""
+        seen, since = -1, time.monotonic()
+
+        def silent() -> bool:
+            nonlocal seen, since
+            if len(self.commands) != seen:
+                seen, since = len(self.commands), time.monotonic()
+            return time.monotonic() - since > SILENT
+
+        self.wait(silent, "silence")
+
+    def say(self, state: str, reason: str = "", activation: int = 0) -> None:
+        """Publish a state of the driver."""
+        if self._driver is None:
+            self._driver = self.node.create_publisher(DiagnosticStatus, "pam_driver/state", LATCHED)
+        self._driver.publish(
+            driver_state_message("pam_driver", state, reason, activation=activation)
+        )
+
+    def vent(self, reason: str = "") -> None:
+        """Let the driver say that it is vented, and wait until the controller has heard it."""
+        self._vents += 1
+        reason = reason or f"vent {self._vents} of the test"
+        self.say("vented", reason)
+        loop = "pam_controller: loop"
+        self.wait(lambda: reason in self.health[loop].message, "the vent")
+
+    def activate(self, activation: int = 0) -> None:
+        """Let the driver be vented and activated; wait until the controller has heard both.
+
+        The first state that the controller hears is a new start for it, which drops references.
+        """
+        self.vent()
+        self.say("active", activation=activation)
+        self.wait(self.controls, "control")  # an older report tells of the vent
 
     def close(self) -> None:
         self._ending.set()

@@ -14,13 +14,11 @@ rclpy = pytest.importorskip("rclpy")
 
 from action_msgs.msg import GoalStatus  # noqa: E402
 from builtin_interfaces.msg import Duration  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 from rclpy.action import ActionClient  # noqa: E402
 from trajectory_msgs.msg import JointTrajectoryPoint  # noqa: E402
 
 from pam_check.chain import private_domain  # noqa: E402
 from pam_model.rig import load_rig  # noqa: E402
-from pam_ros.driver_state import LATCHED, driver_state_message  # noqa: E402
 from support.control_msgs_package import control_msgs_folder, missing_for_build  # noqa: E402
 from support.processes import end  # noqa: E402
 from support.reruns import HOST_STALLS  # noqa: E402
@@ -73,11 +71,6 @@ class Client:
         return future.result()
 
 
-def said(bench: Bench) -> str:
-    """What the controller last said about its loop in /diagnostics."""
-    return str(bench.health["pam_controller: loop"].message)
-
-
 def seconds(duration: float) -> Duration:
     return Duration(sec=int(duration), nanosec=int((duration % 1.0) * 1e9))
 
@@ -97,6 +90,7 @@ def client():
     try:
         bench.wait(lambda: bench.controls() or process.poll() is not None, "the controller")
         assert process.poll() is None
+        bench.wait_until_heard()
         yield made
     finally:
         end(process)
@@ -149,7 +143,6 @@ def test_a_newer_goal_and_a_topic_trajectory_preempt(client):
     assert replaced.status == GoalStatus.STATUS_ABORTED
     assert replaced.result.error_code == client.kind.Result.INVALID_GOAL
     assert "newer goal" in replaced.result.error_string
-    client.bench.wait(lambda: client.bench.trajectory.get_subscription_count() > 0, "the topic")
     client.bench.send([0.1], 1.0)
     replaced = client.result(second)
     assert replaced.status == GoalStatus.STATUS_ABORTED
@@ -196,15 +189,10 @@ def test_tolerances_on_the_way_and_at_the_end_abort_with_their_code(client):
 
 def test_a_vent_of_the_driver_aborts_with_its_reason(client):
     bench = client.bench
-    driver = bench.node.create_publisher(DiagnosticStatus, "pam_driver/state", LATCHED)
-    # The first state that the controller hears is a new start for it. The goal waits for that.
-    driver.publish(driver_state_message("pam_driver", "vented", "before the goal"))
-    bench.wait(lambda: "before the goal" in said(bench), "the first state of the driver")
-    driver.publish(driver_state_message("pam_driver", "active", ""))
-    bench.wait(lambda: said(bench) == "controlling", "control")
+    bench.activate()
     handle = client.send(client.goal(0.3, 5.0))
     bench.wait(lambda: client.feedback, "feedback")
-    driver.publish(driver_state_message("pam_driver", "vented", "a call of ~/vent"))
+    bench.say("vented", "a call of ~/vent")
     answer = client.result(handle)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert "a call of ~/vent" in answer.result.error_string

@@ -228,7 +228,8 @@ def test_vent_service_then_activation(make_bench: Callable[[str], Bench]) -> Non
     # a transition that the state does not have is answered, and the node lives on
     assert not bench.peer.change(Transition.TRANSITION_CLEANUP + 97)
     assert not bench.peer.change(Transition.TRANSITION_DEACTIVATE)
-    assert bench.peer.change(Transition.TRANSITION_ACTIVATE)
+    # refused until the muscles have been measured empty for a moment
+    bench.peer.until(lambda: bench.peer.change(Transition.TRANSITION_ACTIVATE), "active again")
     bench.move()
     assert bench.peer.change(Transition.TRANSITION_DEACTIVATE)
     bench.peer.until(bench.vented, "vented")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from sensor_msgs.msg import JointState
@@ -98,10 +99,26 @@ class Suite:
         self.wait("the driver active", lambda: self.driver_state() == "active", 60.0)
 
     def wait_until_controlling(self) -> None:
-        """Wait until a controller has begun to follow a reference."""
+        """Wait until a controller has heard the driver and has begun to follow a reference.
+
+        The first state of the driver that it hears is a new start, which drops references.
+        """
         heard = self.probe.listen(JointState, "pam_controller/reference")
         before = len(heard)
         self.wait("a reference", lambda: len(heard) > before, 60.0)
+        reports = self.probe.listen(DiagnosticArray, "/diagnostics")
+        known = len(reports)
+
+        def controls() -> bool:
+            return any(
+                status.name == "pam_controller: loop"
+                and status.message.startswith("controlling")
+                and KeyValue(key="driver", value="takes commands") in status.values
+                for message in reports[known:]
+                for status in message.status
+            )
+
+        self.wait("a controller that has heard the driver", controls, 60.0)
 
     def recover(self) -> None:
         """Clear faults and activate, as a person would."""

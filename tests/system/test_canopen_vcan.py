@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import signal
 import subprocess
-import time
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -25,7 +24,7 @@ from pam_driver.boards.canopen.dictionary import profile_path
 from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
 from support.canopen_device import ELBOW_CANOPEN
-from support.kernel_chain import KernelChain
+from support.kernel_chain import KernelChain, receivers, wait_for_receiver
 from support.reruns import EMULATED
 
 pytestmark = [pytest.mark.vcan, pytest.mark.rerun_because(EMULATED)]
@@ -35,7 +34,6 @@ HOST = 127
 EMERGENCY = 0x3000  # voltage, CiA 301
 AIR = NamedCommand(("elbow_flexor", "elbow_extensor"), (), (), (1.2e5, 0.8e5))
 OPERATIONAL, STOPPED, READY = 5, 4, 127
-RECEIVERS = Path("/proc/net/can/rcvlist_all")
 LINE = re.compile(r"\((\d+\.\d+)\) \w+ ([0-9A-F]+)#([0-9A-F]*)")
 DOWNLOADS = {0x23: 4, 0x27: 3, 0x2B: 2, 0x2F: 1}  # expedited, with the number of bytes
 
@@ -118,11 +116,6 @@ def rig_file(tmp_path: Path) -> Path:
     return path
 
 
-def receivers(channel: str) -> int:
-    """How many sockets receive everything from an interface; the kernel has a line for each."""
-    return sum(line.split()[:1] == [channel] for line in RECEIVERS.read_text().splitlines())
-
-
 @pytest.fixture
 def candump(bus: Any, tmp_path: Path) -> Iterator[Any]:
     """Starts candump; calling it ends candump and returns its log."""
@@ -130,10 +123,7 @@ def candump(bus: Any, tmp_path: Path) -> Iterator[Any]:
     before = receivers(bus.channel)
     with path.open("w") as out:
         process = subprocess.Popen(["candump", "-L", bus.channel], stdout=out)
-    end = time.monotonic() + 60.0
-    while receivers(bus.channel) <= before:
-        assert time.monotonic() < end, "candump has opened no socket"
-        time.sleep(0.05)
+    wait_for_receiver(bus.channel, before)
 
     def log() -> str:
         process.send_signal(signal.SIGINT)

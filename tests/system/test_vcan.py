@@ -14,7 +14,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
-from support.kernel_chain import PERIOD, KernelChain
+from support.kernel_chain import PERIOD, KernelChain, receivers, wait_for_receiver
 from support.reruns import EMULATED
 
 ROOT = Path(__file__).parents[2]
@@ -82,11 +81,12 @@ class Chain(KernelChain):
 
 def test_air_moves_over_socketcan_vents_after_and_candump_shows_it(bus, rig_path) -> None:
     chain = Chain(rig_path, bus.channel)
+    before = receivers(bus.channel)
     dump = subprocess.Popen(
         ["candump", "-n", "150", bus.channel], stdout=subprocess.PIPE, text=True
     )
     try:
-        time.sleep(2.0)  # until candump listens
+        wait_for_receiver(bus.channel, before)
         chain.run(0.5)
         chain.driver.activate(chain.now)
         chain.run(0.5, (0.2, 0.1))

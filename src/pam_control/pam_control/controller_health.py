@@ -37,6 +37,11 @@ class ControllerHealth:
         The controller.
     intake : CommandIntake
         Its commands.
+
+    Attributes
+    ----------
+    driver : str
+        What the driver has said last about commands.
     """
 
     def __init__(self, name: str, controller: Controller, intake: CommandIntake) -> None:
@@ -45,6 +50,7 @@ class ControllerHealth:
         self._intake = intake
         self._counts = [JointCounts() for _ in controller.channels]
         self._oldest = [0.0, 0.0]
+        self.driver = "no state heard"
 
     def count(self, ages: Sequence[float]) -> None:
         """Count a control cycle; ages [s] of the joint states and of the pressure states in it."""
@@ -89,6 +95,7 @@ class ControllerHealth:
         ):
             values[f"{topic} age [ms]"] = 1e3 * age
             values[f"{topic} largest age in a cycle [ms]"] = 1e3 * oldest
+        values["driver"] = self.driver
         values["law"] = law
         values["feedforward"] = controller.settings.feedforward
         values["pressure loop gain [1/s]"] = controller.settings.pressure_gain

@@ -275,6 +275,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             if self.rig.people.full_speed_topic:
                 self._controller.reduce_speed(not permits_full_speed(data), self._now())
             self._driver_reason = reason_against_commands(data)
+            self._health.driver = self._driver_reason or "takes commands"
             before, self._activation = self._activation, activation_of(data)
             if self._driver_reason or self._activation != before:
                 self._controller.drop_commands()

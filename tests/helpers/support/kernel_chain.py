@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from pam_driver.can_bus.bus import open_bus
@@ -14,6 +15,20 @@ from pam_sim.simulated_rig import SimulatedRig
 from support.commands import offer
 
 PERIOD = 0.01  # s
+RECEIVERS = Path("/proc/net/can/rcvlist_all")
+
+
+def receivers(channel: str) -> int:
+    """How many sockets receive everything from an interface; the kernel has a line for each."""
+    return sum(line.split()[:1] == [channel] for line in RECEIVERS.read_text().splitlines())
+
+
+def wait_for_receiver(channel: str, before: int) -> None:
+    """Wait until more sockets than before receive everything from an interface."""
+    end = time.monotonic() + 60.0
+    while receivers(channel) <= before:
+        assert time.monotonic() < end, "candump has opened no socket"
+        time.sleep(0.05)
 
 
 class KernelChain:
