@@ -24,9 +24,9 @@ from pam_model.rig import Muscle, Rig
 
 # A muscle that was empty counts as filled again above this multiple of the limit.
 _FILLED_AGAIN: Final = 1.25
-# So long the readings must agree, without a single exception [s]. A muscle at the limit whose sensor
-# has 5 kPa of white noise, just below what is the fault `sensor_noise`, then changes the state once
-# in minutes.
+# So long the readings must agree, without a single exception [s]. At 500 Hz, a muscle at the limit
+# whose sensor has 5 kPa of white noise (more is `sensor_noise`) then changes the state once in
+# minutes at most.
 _AGREED: Final = 0.02
 # The default time limit is so many times the ideal time, for exhausts that are narrower than the
 # rig file says (silencers, tubes), plus a second.
