@@ -120,9 +120,8 @@ def test_a_frozen_counter_takes_more_than_one_repetition_and_some_time(
 def test_a_smaller_uptime_is_a_restart_until_acknowledged(board: BoardMonitor) -> None:
     board.hear_heartbeat(Heartbeat(5.0, PROTOCOL_VERSION, 1), 8.0)
     assert (board.restarts, found(board, 8.0)) == (0, [])
-    for _ in range(2):
-        board.hear_heartbeat(Heartbeat(6.0, PROTOCOL_VERSION, 1), 8.0)
-        board.hear_heartbeat(Heartbeat(0.5, PROTOCOL_VERSION, 1), 8.0)
+    for uptime in (6.0, 0.5, 1.5, 0.1):
+        board.hear_heartbeat(Heartbeat(uptime, PROTOCOL_VERSION, 1), 8.0)
     assert board.restarts == 2
     assert found(board, 8.0) == [Condition("board_restarted", "board 3", "has restarted")]
     # its counter has begun anew
@@ -130,6 +129,22 @@ def test_a_smaller_uptime_is_a_restart_until_acknowledged(board: BoardMonitor) -
     assert (board.frames_lost, board.frames_reordered, board.position.value) == (0, 0, 0.7)
     board.acknowledge()
     assert found(board, 8.0) == []
+
+
+def test_two_boards_of_one_number_are_told_from_one_that_restarts(board: BoardMonitor) -> None:
+    """Both carry out the same commands, and the driver sees now the one, now the other."""
+    expected = "reports two times since power-up in turns: two boards have this number"
+    for turn in range(4):
+        for uptime in (5.0, 90.0):
+            now = 8.0 + 0.1 * turn
+            board.hear_heartbeat(Heartbeat(uptime + 0.1 * turn, PROTOCOL_VERSION, 1), now)
+            board.acknowledge()
+        assert found(board, now) == [Condition("board_number", "board 3", expected)]
+    board.hear_measurement(measurement(1), 9.25, 1009.25)
+    board.hear_status(status(), 9.25)
+    board.hear_heartbeat(Heartbeat(91.25, PROTOCOL_VERSION, 1), 9.25)
+    assert found(board, 9.25) == [Condition("board_number", "board 3", expected)]
+    assert found(board, 9.35) == []  # the second one was taken away a second ago
 
 
 def test_what_is_silent_is_named_after_the_timeout() -> None:

@@ -7,7 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from pam_driver.boards.pam_board.codec import BoardCodec, ValveCommand
+from pam_driver.boards.pam_board.codec import (
+    BoardCodec,
+    BoardFault,
+    BoardState,
+    Status,
+    ValveCommand,
+)
 from pam_driver.boards.protocol import Condition
 from pam_driver.can_bus.bus import BusState, SendOutcome
 from pam_driver.driver import ActivationError
@@ -15,7 +21,7 @@ from pam_driver.safety.command_intake import CommandError, NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Encoder, Rig
 
-from .exact_bench import GOOD, NAMES, SETTINGS, SETTLED, TICK, ExactBench
+from .exact_bench import GOOD, NAMES, SETTINGS, SETTLED, SUPPLY, TICK, ExactBench
 
 
 @pytest.fixture
@@ -65,6 +71,18 @@ def test_another_driver_is_remembered_for_a_second(bench: ExactBench) -> None:
     assert bench.driver.conditions == (expected,)
     bench.step(1)
     assert bench.driver.conditions == ()
+
+
+def test_a_fault_that_another_driver_keeps_on_a_board_names_it(bench: ExactBench) -> None:
+    """Otherwise clearing seems to fail for no reason, again and again."""
+    bench.pressures = (0.0, 0.0)
+    bench.step(SETTLED)
+    bench.follows = False
+    bench.hear(0, ValveCommand((0.0, 0.0), (False, False), 3))
+    bench.step(1)
+    bench.hear(0, Status(BoardState.FAULT, BoardFault.HOST, 0, SUPPLY, 0))
+    bench.driver.cycle(bench.now, bench.wall)
+    assert [fault.kind for fault in bench.driver.faults] == ["latched_fault", "foreign_command"]
 
 
 def test_commands_that_stop_are_named_with_what_was_refused_last(bench: ExactBench) -> None:

@@ -385,7 +385,8 @@ class Driver:
             before = self.state
             self._event(SafetyEvent.LATCHED_FAULT, now)
             if self.state is not before:
-                self.faults = held
+                # a fault that the boards keep may be that of another driver on this bus
+                self.faults = (*held, *self._judge.foreign(now))
 
     def _lower(self, now: float) -> None:
         """The next set points that lower the joints."""

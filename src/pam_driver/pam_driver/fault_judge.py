@@ -274,6 +274,10 @@ class FaultJudge:
             elif state is BusState.BUS_OFF:
                 text = "the CAN controller is bus-off: check wiring and bitrate"
                 yield Condition("bus_off", name, text)
+        yield from self.foreign(now)
+
+    def foreign(self, now: float) -> Iterator[Condition]:
+        """One condition if somebody else has commanded a board a moment ago."""
         if now - self._boards.foreign_at < _FOREIGN_MEMORY:
             yield Condition("foreign_command", "", "another driver commands boards on this bus")
 

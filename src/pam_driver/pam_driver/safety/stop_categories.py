@@ -73,6 +73,7 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "board_fault": StopCategory(0, "the board has vented already"),
     "board_not_active": StopCategory(0, "the board has vented already"),
     "board_restarted": StopCategory(0, "the board has vented already"),
+    "board_number": StopCategory(0, _BOARD),
     "command_not_heard": StopCategory(0, _BOARD),
     "protocol_version": StopCategory(0, _BOARD),
     "foreign_command": StopCategory(0, "another driver moves the same valves"),
