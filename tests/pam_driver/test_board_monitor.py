@@ -131,18 +131,21 @@ def test_a_smaller_uptime_is_a_restart_until_acknowledged(board: BoardMonitor) -
     assert found(board, 8.0) == []
 
 
-def test_two_boards_of_one_number_are_told_from_one_that_restarts(board: BoardMonitor) -> None:
+@pytest.mark.parametrize("other", [5.5, 90.0])
+def test_two_boards_of_one_number_are_told_from_one_that_restarts(
+    other: float, board: BoardMonitor
+) -> None:
     """Both carry out the same commands, and the driver sees now the one, now the other."""
     expected = "reports two times since power-up in turns: two boards have this number"
     for turn in range(4):
-        for uptime in (5.0, 90.0):
+        for uptime in (other, 5.0):
             now = 8.0 + 0.1 * turn
             board.hear_heartbeat(Heartbeat(uptime + 0.1 * turn, PROTOCOL_VERSION, 1), now)
             board.acknowledge()
         assert found(board, now) == [Condition("board_number", "board 3", expected)]
     board.hear_measurement(measurement(1), 9.25, 1009.25)
     board.hear_status(status(), 9.25)
-    board.hear_heartbeat(Heartbeat(91.25, PROTOCOL_VERSION, 1), 9.25)
+    board.hear_heartbeat(Heartbeat(6.25, PROTOCOL_VERSION, 1), 9.25)
     assert found(board, 9.25) == [Condition("board_number", "board 3", expected)]
     assert found(board, 9.35) == []  # the second one was taken away a second ago
 

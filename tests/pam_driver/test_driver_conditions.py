@@ -231,8 +231,11 @@ def test_all_that_refuses_activation_is_named(rig: Rig, codec: BoardCodec) -> No
     over = "wrist_a: 400000 Pa, max_pressure is 300000 Pa"
     beyond = "wrist: at 0.750 rad, position_limits are -0.5 to 0.5 rad"
     assert bench.driver.activation_problem(bench.now) == f"{over}; {beyond}"
-    bench.pressures, bench.position = (0.0, 0.0), 0.0
+    bench.pressures = (0.0, 0.0)
     bench.step(SETTLED)
+    assert bench.driver.activation_problem(bench.now) == beyond
+    bench.position = 0.0
+    bench.step(1)
     assert bench.driver.activation_problem(bench.now) == ""
     bench.driver.activate(bench.now)
     bench.pressures, bench.position = (4e5, 0.0), 0.75

@@ -28,10 +28,12 @@ from pam_driver.boards.protocol import (
 # A counter that is behind by less means frames out of order; otherwise the counter was reset.
 _REORDER_WINDOW: Final = 16
 _LONGEST_UPTIME: Final = 2**32 * 1e-3  # s, 32 bits of milliseconds
-# The uptime of one board cannot gain so much on the time of this host [s]; it does when two boards
-# that were switched on at different times report theirs in turns. That is remembered for a while.
+# Two boards report their uptimes in turns: it gains on the time of this host [s], or it falls and
+# is yet longer than the time since the last heartbeat [s], which no restart explains. That is
+# remembered for a while.
 _GAINED: Final = 2.0
-_GAIN_MEMORY: Final = 1.0
+_LONGER: Final = 1.0
+_NUMBER_MEMORY: Final = 1.0
 
 
 class BoardMonitor:
@@ -68,7 +70,7 @@ class BoardMonitor:
         self._status_at = NEVER
         self._heartbeat_at = NEVER
         self._echo_at = NEVER
-        self._gained_at = NEVER
+        self._two_boards_at = NEVER
         self._restarted = False
 
     @property
@@ -116,10 +118,12 @@ class BoardMonitor:
     def hear_heartbeat(self, message: Heartbeat, time: float) -> None:
         """Store a heartbeat; a smaller uptime than before means a restart."""
         if self.heartbeat is not None:
-            before = self.heartbeat.uptime
-            if message.uptime - before - (time - self._heartbeat_at) > _GAINED:
-                self._gained_at = time
-            if has_restarted(before, message.uptime, 0.0, _LONGEST_UPTIME):
+            before, elapsed = self.heartbeat.uptime, time - self._heartbeat_at
+            restarted = has_restarted(before, message.uptime, 0.0, _LONGEST_UPTIME)
+            other = elapsed + _LONGER if restarted else before + elapsed + _GAINED
+            if message.uptime > other:
+                self._two_boards_at = time
+            if restarted:
                 self.restarts += 1
                 self._restarted = True
                 self._counter = None
@@ -162,7 +166,7 @@ class BoardMonitor:
         if self._repeated_in_a_row > 1 and now - self._measured_at > sensor_timeout:
             text = f"measurement counter has not changed for {sensor_timeout:g} s"
             yield Condition("counter_frozen", self.name, text)
-        if now - self._gained_at <= _GAIN_MEMORY:
+        if now - self._two_boards_at <= _NUMBER_MEMORY:
             text = "reports two times since power-up in turns: two boards have this number"
             yield Condition("board_number", self.name, text)
         elif self._restarted:
