@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pam_control.references.braking_start import way_from
+from pam_control.references.braking_start import braked, way_from
 from pam_control.references.drivable_pace import (
     STEP_SHARE,
     VALVE_SHARE,
@@ -45,7 +45,8 @@ from pam_control.references.trajectory import (
 
 RESERVE = 1.001  # a scaled trajectory stays below its limits by this factor
 SLOWER = 1.1  # step of the search for the duration of the first segment
-MOST_STEPS = 200
+MOST_STEPS = 50  # 1.1^50 = 117
+STRETCH, MOST_STRETCHES = 1.5, 12  # 1.5^12 = 130
 MOST_FOR_STOP = 5.0  # how much slower a trajectory is played to be stopped in time
 SHORTEST = 1e-3  # s, of the first segment
 NEAR = 0.01  # rad
@@ -234,14 +235,16 @@ def joined(
     begins = {
         name: _moved(reference, -beside.get(name, 0.0)) for name, reference in references.items()
     }
-    for name, waypoints in planned.waypoints.items():
-        if name in limits and _needs_way(waypoints, now, at, begins[name].position):
-            late, why = _first_delay(name, waypoints, at, begins[name], limits[name])
-            if late > delay:
-                delay, excess = late, excess or why
+    found = planned.waypoints
+    for _ in range(MOST_STRETCHES):
+        delay, why, is_way = _delay(found, now, at, begins, limits)
+        excess = excess or why
+        if is_way:
+            break
+        found = {name: each.stretched(at, STRETCH) for name, each in found.items()}
     moved = {
         name: dataclasses.replace(waypoints, times=waypoints.times + delay)
-        for name, waypoints in planned.waypoints.items()
+        for name, waypoints in found.items()
     }
     if any(_is_sudden(moved[name], at, begins[name], limits.get(name)) for name in moved):
         splines = _evened(moved, at, begins, limits)
@@ -340,18 +343,52 @@ def _needs_way(waypoints: Waypoints, now: float, at: float, position: float) -> 
     return abs(JointSpline(waypoints).sample(at).position - position) > NEAR
 
 
-def _first_delay(
-    name: str, waypoints: Waypoints, at: float, reference: JointReference, limits: MotionLimits
-) -> tuple[float, str]:
-    """How much later than planned the first waypoint can be reached [s], and why."""
+def _delay(
+    planned: Mapping[str, Waypoints],
+    now: float,
+    at: float,
+    references: Mapping[str, JointReference],
+    limits: Mapping[str, MotionLimits],
+) -> tuple[float, str, bool]:
+    """How much later than planned all joints reach their first waypoints [s], why, and if at all.
+
+    There may be no way at all to a waypoint in motion, whatever time it takes: a quick one goes
+    beyond the limits, and a slow one swings far.
+    """
+    delay, because, is_way = 0.0, "", True
+    for name, waypoints in planned.items():
+        if name not in limits or not _needs_way(waypoints, now, at, references[name].position):
+            continue
+        asked = float(waypoints.times[0]) - at
+        way = _duration(name, waypoints, asked, references[name], limits[name])
+        if way is None:  # perhaps the present motion itself exceeds the limits
+            stop = braked(references[name], limits[name])
+            rest = JointReference(stop.position, 0.0, 0.0)
+            way = _duration(name, waypoints, asked - stop.time, rest, limits[name])
+            if way is not None:
+                way = (stop.time + way[0], way[1])
+        if way is None:
+            is_way, because = False, because or f"{name} cannot get into its motion so fast"
+        elif way[0] - asked > delay:
+            delay, because = way[0] - asked, because or way[1]
+    return delay, because, is_way
+
+
+def _duration(
+    name: str, waypoints: Waypoints, asked: float, reference: JointReference, limits: MotionLimits
+) -> tuple[float, str] | None:
+    """How long the way to the first waypoint takes [s], and why; None if none keeps the limits."""
     first = Waypoint(
-        float(waypoints.times[0]),
+        0.0,
         float(waypoints.positions[0]),
         _or_none(waypoints.velocities[0]),
         _or_none(waypoints.accelerations[0]),
     )
-    asked = first.time - at
+    ends_at_rest = not first.velocity and not first.acceleration
+    still = reference.velocity == reference.acceleration == 0.0 and ends_at_rest
     duration = max(asked, SHORTEST)
+    if not still:
+        duration = max(duration, abs(first.position - reference.position) / limits.velocity)
     why = ""
     for _ in range(MOST_STEPS):
         ends = Waypoints.of(
@@ -369,15 +406,13 @@ def _first_delay(
             share = valve_share(*_with(ends, waypoints, duration), 1.0, limits, STEP_SHARE)
             wanted = max((share / VALVE_SHARE) ** 0.5, wanted)
         if wanted <= RESERVE:
-            break
+            return duration, why
         why = _excess(name, speed, acceleration, limits)
         if share:
             why = _too_much_air(name, share)
         # exact from rest; from a motion the search creeps up to the shortest duration
-        ends_at_rest = not first.velocity and not first.acceleration
-        still = reference.velocity == reference.acceleration == 0.0 and ends_at_rest
         duration *= wanted if still else min(wanted, SLOWER)
-    return duration - asked, why
+    return None
 
 
 def _with(ends: Waypoints, waypoints: Waypoints, duration: float) -> tuple[Array, Array]:
