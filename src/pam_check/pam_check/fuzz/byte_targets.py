@@ -38,6 +38,7 @@ from pam_model.rig import Rig, load_rig
 
 ELBOW: Final = Path(__file__).parents[4] / "config/elbow.yaml"
 PERIOD: Final = 0.002
+_SETTLED: Final = 11  # cycles, longer than readings have to agree before a muscle counts as empty
 _STEPS: Final = (0.0, PERIOD, PERIOD, 0.01, 0.05, 0.11, 0.6, 2.0)
 _AGES: Final = (0.0, 0.0, 0.05, 0.099, 0.11, -0.005, -1.0, math.nan)
 _NAMES: Final = ("elbow_flexor", "elbow_extensor", "elbow", "")
@@ -187,8 +188,8 @@ class _DriverRun:
             self.armed = False
 
     def healthy(self) -> None:
-        """A board that follows the commands for a few cycles."""
-        for _ in range(1 + self.reader.byte() % 8):
+        """A board that follows the commands until its readings count, and a few cycles longer."""
+        for _ in range(_SETTLED + self.reader.byte() % 8):
             self.now += PERIOD
             self.counter = (self.counter + 1) & 0xFF
             state = BoardState.ACTIVE if self._may_move() else BoardState.VENTED
