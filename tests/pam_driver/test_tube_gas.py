@@ -1,0 +1,88 @@
+"""Gas in a muscle behind a tube: mass is kept, pressures become equal, a finer solver agrees."""
+
+from __future__ import annotations
+
+import pytest
+from scipy.integrate import solve_ivp
+
+from pam_driver.safety.tube_gas import LOWEST, TubeGas
+from pam_model.gas import GAS_CONSTANT, reference_density, reference_flow
+from pam_model.rig import Gas, Valve
+
+GAS = Gas()
+VALVE = Valve("flow", 2e-9, 0.3, 0.005)
+CONDUCTANCE, TUBE, MUSCLE = 1e-9, 6e-6, 1.5e-4
+PERIOD = 0.002
+SUPPLY = 7e5
+
+
+def nothing(pressure: float) -> float:
+    return 0.0
+
+
+def filling(pressure: float) -> float:
+    density = reference_density(GAS.temperature)
+    return float(
+        density * reference_flow(VALVE.sonic_conductance, VALVE.critical_ratio, SUPPLY, pressure)
+    )
+
+
+def made(**changes: float) -> TubeGas:
+    numbers = {"conductance": CONDUCTANCE, "volume": TUBE} | changes
+    return TubeGas(numbers["conductance"], numbers["volume"], VALVE, GAS, PERIOD)
+
+
+def test_a_closed_valve_keeps_the_mass_and_makes_the_pressures_equal() -> None:
+    gas, at_valve = made(), 6e5
+    gas.inside = 2e5
+    before = at_valve * TUBE + gas.inside * MUSCLE  # isothermal: in proportion to the mass
+    for _ in range(500):
+        at_valve = gas.advance(at_valve, nothing, nothing, MUSCLE, 0.0)
+        assert at_valve >= gas.inside - 1e-6, "no flow against the pressure"
+    assert at_valve * TUBE + gas.inside * MUSCLE == pytest.approx(before, rel=1e-9)
+    assert at_valve == pytest.approx(gas.inside, rel=1e-6)
+
+
+def test_filling_and_leaking_while_the_muscle_grows_agree_with_a_fine_solver() -> None:
+    growth, leak = 2e-4, 4e-5  # m^3/s, kg/s
+    density, heat = reference_density(GAS.temperature), GAS_CONSTANT * GAS.temperature
+
+    def rates(time: float, state: list[float]) -> list[float]:
+        at_valve, inside = state
+        through = density * reference_flow(CONDUCTANCE, VALVE.critical_ratio, at_valve, inside)
+        volume = MUSCLE + growth * time
+        return [
+            heat * (filling(at_valve) - through) / TUBE,
+            (heat * (through - leak) - inside * growth) / volume,
+        ]
+
+    begin = [1.2e5, 1.1e5]
+    exact = solve_ivp(rates, (0.0, 0.3), begin, rtol=1e-8, atol=1.0, max_step=1e-4).y[:, -1]
+    gas, at_valve = made(), begin[0]
+    gas.inside = begin[1]
+    for step in range(150):
+        volume = MUSCLE + growth * PERIOD * step
+        at_valve = gas.advance(at_valve, filling, lambda pressure: leak, volume, growth)
+    assert gas.inside == pytest.approx(exact[1], rel=0.01)
+    assert at_valve == pytest.approx(exact[0], rel=0.02)
+    assert at_valve > gas.inside + 5e4, "the sensor shows more than the muscle has"
+
+
+def test_a_tube_without_volume_is_stable() -> None:
+    """It is stiffer than the steps allow; it counts as the smallest volume that they bear."""
+    gas, at_valve = made(volume=0.0), 1.1e5
+    gas.inside, highest = 1.1e5, 0.0
+    for _ in range(1000):
+        at_valve = gas.advance(at_valve, filling, nothing, MUSCLE, 0.0)
+        highest = max(highest, at_valve)
+    assert highest <= 1.02 * SUPPLY
+    assert gas.inside == pytest.approx(SUPPLY, rel=0.02)
+
+
+def test_pressures_never_fall_below_what_is_left_of_a_vacuum() -> None:
+    gas, at_valve = made(), 1.2e5
+    gas.inside = 1.2e5
+    for _ in range(200):
+        at_valve = gas.advance(at_valve, lambda p: -1e-2, lambda p: 1e-2, MUSCLE, 0.0)
+    assert at_valve == LOWEST
+    assert gas.inside == pytest.approx(LOWEST, rel=0.1)
