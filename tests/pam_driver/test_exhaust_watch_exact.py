@@ -98,13 +98,17 @@ def test_only_a_muscle_that_stays_full_while_all_vent_is_a_fault(watch: ExhaustW
         {"temperature": 330.0, "exponent": 1.3, "ambient": 9e4},
         {"effects": {"exhaust_restriction": {"ratio": 0.4}}},
         {"supply": 4e5},
+        {"limits": (-0.2, 0.9), "dead_volume": 5e-5},
+        {"limits": (-0.9, 0.2), "dead_volume": 5e-5},
+        {"limits": None},
     ],
-    ids=["elbow", "one side", "other side", "gas", "exhaust", "supply"],
+    ids=["elbow", "one side", "other side", "gas", "exhaust", "supply", "long", "short", "alone"],
 )
 def test_the_time_limit_is_four_times_the_ideal_time_and_a_second(rig: Rig, change) -> None:
     """By ISO 6358 with the standard density, integrated by another method."""
     limits = change.get("limits", rig.joints[0].position_limits)
-    rig = rig.with_joint(replace(rig.joints[0], position_limits=limits))
+    joint = replace(rig.joints[0], position_limits=limits or (0.0, 0.0))
+    rig = rig.with_joint(joint) if limits else replace(rig, joints=())
     gas = replace(
         rig.gas,
         temperature=change.get("temperature", rig.gas.temperature),
@@ -114,12 +118,15 @@ def test_the_time_limit_is_four_times_the_ideal_time_and_a_second(rig: Rig, chan
     rig = replace(rig, gas=gas, supply_pressure=change.get("supply", rig.supply_pressure))
     for muscle in rig.muscles:
         rig = rig.with_muscle(replace(muscle, effects=change.get("effects", {})))
+    slower = rig.muscles[0]  # it decides
+    more = slower.dead_volume + change.get("dead_volume", 0.0)
+    rig = rig.with_muscle(replace(slower, dead_volume=more))
     ratio = change.get("effects", {}).get("exhaust_restriction", {}).get("ratio", 1.0)
 
     def time_of(index: int) -> float:
-        muscle, joint = rig.muscles[index], rig.joints[0]
+        muscle = rig.muscles[index]
         model, sign = rig.force_model(muscle.name), (-1.0, 1.0)[index]
-        low, high = limits
+        low, high = joint.position_limits
         volume = muscle.dead_volume + max(
             float(model.volume(muscle.neutral_length + sign * joint.pulley_radius * q))
             for q in (low + k * (high - low) / 8.0 for k in range(9))
