@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scipy.integrate import solve_ivp
 
-from pam_driver.safety.tube_gas import LOWEST, TubeGas
+from pam_driver.safety.tube_gas import LARGEST_CHANGE, LONGEST_STEP, LOWEST, TubeGas
 from pam_model.gas import GAS_CONSTANT, reference_density, reference_flow
 from pam_model.rig import Gas, Valve
 
@@ -86,3 +86,39 @@ def test_pressures_never_fall_below_what_is_left_of_a_vacuum() -> None:
         at_valve = gas.advance(at_valve, lambda p: -1e-2, lambda p: 1e-2, MUSCLE, 0.0)
     assert at_valve == LOWEST
     assert gas.inside == pytest.approx(LOWEST, rel=0.1)
+
+
+def test_near_its_equilibrium_a_wide_tube_reaches_it_in_one_step_and_keeps_the_mass() -> None:
+    """More gas than that would swing between the chambers."""
+    gas, at_valve = TubeGas(1e-6, 2e-3, VALVE, GAS, LONGEST_STEP), 5.01e5
+    gas.inside = 5.00e5
+    mean = (5.01e5 * 2e-3 + 5.00e5 * 1e-3) / 3e-3
+    for _ in range(3):
+        at_valve = gas.advance(at_valve, nothing, nothing, 1e-3, 0.0)
+        assert at_valve == pytest.approx(mean, rel=1e-9)
+        assert gas.inside == pytest.approx(mean, rel=1e-9)
+
+
+@pytest.mark.parametrize(("temperature", "exponent"), [(330.0, 1.0), (293.15, 1.3)])
+def test_both_chambers_follow_the_temperature_and_the_exponent(
+    temperature: float, exponent: float
+) -> None:
+    other = Gas(temperature=temperature, polytropic_exponent=exponent)
+    gas = TubeGas(CONDUCTANCE, TUBE, VALVE, other, LONGEST_STEP)
+    gas.inside, flow = 3e5, 1e-4
+    heat = exponent * GAS_CONSTANT * temperature
+    filled = 3.5e5 + LONGEST_STEP * heat * flow / TUBE
+    through = reference_density(temperature) * reference_flow(
+        CONDUCTANCE, VALVE.critical_ratio, filled, 3e5
+    )
+    at_valve = gas.advance(3.5e5, lambda pressure: flow, nothing, MUSCLE, 0.0)
+    assert at_valve == pytest.approx(filled - LONGEST_STEP * heat * through / TUBE, rel=1e-9)
+    assert gas.inside == pytest.approx(3e5 + LONGEST_STEP * heat * through / MUSCLE, rel=1e-9)
+
+
+def test_the_smallest_volume_changes_by_a_tenth_of_the_supply_in_a_step() -> None:
+    choked = reference_density(GAS.temperature) * VALVE.sonic_conductance * SUPPLY
+    narrow = TubeGas(1e-15, 0.0, VALVE, GAS, LONGEST_STEP)
+    narrow.inside = 1e5
+    after = narrow.advance(1e5, lambda pressure: choked, nothing, MUSCLE, 0.0)
+    assert after - 1e5 == pytest.approx(LARGEST_CHANGE * SUPPLY, rel=1e-3)
