@@ -29,10 +29,9 @@ Pair = tuple[float, float]
 
 # Plans are kept until they are this much older than the last measurement [s]: a rate is computed
 # over one control cycle (20 ms at the slowest rate), and measurements may arrive out of order.
-PRESSURE_SHARE = (
-    0.97  # of max_pressure, above which the driver vents; overshoot and noise need the rest
-)
 KEPT_BEFORE_MEASUREMENT = 0.1
+# Of max_pressure, above which the driver vents: pressure loops overshoot by 1 %, and noise adds.
+PRESSURE_SHARE = 0.97
 
 
 @dataclass(slots=True)

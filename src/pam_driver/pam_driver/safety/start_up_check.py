@@ -52,7 +52,7 @@ ABORT_ANGLE: Final = 0.15
 SMALLEST, LARGEST = 8e3, 5e4
 """Bounds of a pulse's pressure [Pa]; the smaller is some thirty steps of a 12 bit sensor."""
 LEAST_SEEN: Final = 2e3
-"""A pulse that a free joint cuts short must have reached this pressure [Pa]."""
+"""A pulse that a free joint cuts short must have reached this [Pa]: eight steps of the sensor."""
 RISE: Final = 0.25
 """Time in which a healthy flow valve without overlap reaches the pressure of its pulse [s]."""
 OVERLAP: Final = 0.15
