@@ -26,7 +26,7 @@ from pam_gap.inference.held_out import (
 )
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.inference.improved_fit import improved_fit
-from pam_gap.inference.loose_lengths import loose_lengths
+from pam_gap.inference.loose_lengths import LooseLengths, loose_lengths
 from pam_gap.inference.probabilities import agreed
 from pam_gap.inference.search import Progress, Search, SearchResult, level, silent
 from pam_gap.inference.search_growth import GrowthStep, grows
@@ -98,6 +98,8 @@ class JointDiagnosis:
         self.causes: frozenset[str] = frozenset()
         self.growth: list[tuple[GrowthStep, bool]] = []
         self.evidence: KeptEvidence | None = None
+        self.answer: HeldOut | None = None
+        self.lengths: LooseLengths | None = None
 
     def written(self) -> HeldOut:
         """Score of the plant as written in the rig file, without any fit."""
@@ -291,19 +293,17 @@ class JointDiagnosis:
             survivors = [s.hypothesis for s in ranked[: self.rules.experiment.closest]]
         return propose(self.fitter, survivors)
 
-    def _cautions(
-        self, decision: Decision[HeldOut], nominal: HeldOut, *, has_improved: bool
-    ) -> tuple[str, ...]:
+    def _cautions(self, decision: Decision[HeldOut], *, has_improved: bool) -> tuple[str, ...]:
         """What makes the answer less certain than it looks, in full sentences."""
         found = cautions(self.problem)
         told = decision.chosen if decision.is_named else None
         if told is None:
-            found += (*small_motion(self.problem), *loose_lengths(self.fitter, nominal.hypothesis))
-            return found
-        if not has_improved:
-            found += (NOT_IMPROVED,)
-        found += sizes_at_the_end(told.hypothesis.at_the_end)
-        return (*found, *loose_lengths(self.fitter, told.hypothesis))
+            found += small_motion(self.problem)
+        else:
+            if not has_improved:
+                found += (NOT_IMPROVED,)
+            found += sizes_at_the_end(told.hypothesis.at_the_end)
+        return found if self.lengths is None else (*found, self.lengths.caution)
 
     def run(self) -> Diagnosis:
         """Perform the diagnosis."""
@@ -359,7 +359,10 @@ class JointDiagnosis:
             "simulations": self.problem.simulations,
         }
         diagnosis.facts = facts
-        diagnosis.cautions = self._cautions(decision, nominal, has_improved=shown is not None)
+        told = decision.chosen if decision.is_named else None
+        self.answer = nominal if told is None else told
+        self.lengths = loose_lengths(self.fitter, self.answer.hypothesis)
+        diagnosis.cautions = self._cautions(decision, has_improved=shown is not None)
         diagnosis.not_shown = not_shown(self.problem, self.candidates(), self.floor)
         self.progress("done", 1.0)
         return diagnosis

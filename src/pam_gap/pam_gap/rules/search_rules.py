@@ -25,6 +25,15 @@ class SearchRules:
         trades="Smaller: a parameter that is wrong by the whole tolerance looks like an effect. "
         "Larger: re-tuned parameters absorb small effects.",
     )
+    ruler: float = rule(
+        0.005,
+        unit="-",
+        decides="Tolerance of the lengths with which a diagnosis is repeated if the rig file "
+        "states none and lengths as uncertain as all other numbers explain most of an error.",
+        trades="Larger: lengths hide an offset of the encoder. Smaller: an offset is named for "
+        "lengths that are a little wrong.",
+        origin="A ruler reads 1 mm of a muscle of 200 mm, a calliper 0.1 mm of a pulley of 25 mm.",
+    )
     tolerance_size: float = rule(
         0.3,
         unit="of the tolerance",
