@@ -10,6 +10,8 @@ from pam_gap.diagnose_recordings import joints_to_diagnose
 from pam_gap.recordings.recording import SHUT, Recording, RecordingError
 from pam_model.rig import Rig
 
+from .conftest import Maker
+
 STEP = 0.004
 TIME = np.arange(0.0, 8.0, STEP)
 FLEXOR, EXTENSOR = "elbow_flexor", "elbow_extensor"
@@ -151,3 +153,34 @@ def test_a_vented_robot_is_not_one_that_measures_in_kilopascals(rig: Rig) -> Non
     empty = {name: noise for name in RIGHT if name.startswith("pressure_states")}
     with pytest.raises(RecordingError, match="noise about zero: record while the muscles hold"):
         joints_to_diagnose(rig, [made(empty)])
+
+
+@pytest.mark.parametrize(
+    ("factor", "offset", "told"),
+    [
+        (1.0, np.pi, "a zero that is off by 180 deg (subtract 3.1416 rad)"),
+        (1.0, -0.5 * np.pi, "a zero that is off by -90 deg (add 1.5708 rad)"),
+        (1.0, 1.2, "a zero that is off by about 1.2 rad"),
+        (-1.0, np.pi, "counts the other way (multiply by -1), and a zero that is off by 180 deg"),
+        (180.0 / np.pi, 180.0, "deg (multiply by 0.01745329), and a zero that is off by 180 deg"),
+        (-180.0 / np.pi, 0.0, "deg (multiply by 0.01745329), and an encoder that counts the other"),
+        (1e3, 0.0, "mrad (multiply by 0.001)"),
+    ],
+)
+def test_a_position_is_compared_with_where_the_pressures_hold_the_joint(
+    rig: Rig, record: Maker, factor: float, offset: float, told: str
+) -> None:
+    """By its size alone, half a turn looked like degrees or mrad."""
+    name = "joint_states.elbow.position"
+    recording = record()
+    joints_to_diagnose(rig, [recording])
+    values = {**recording.values, name: factor * recording.values[name] + offset}
+    with pytest.raises(RecordingError) as raised:
+        joints_to_diagnose(rig, [replace(recording, values=values)])
+    assert told in str(raised.value)
+    assert name in str(raised.value)
+    assert ("mrad" in str(raised.value)) == ("mrad" in told)
+
+
+def test_an_offset_that_the_diagnosis_can_name_is_not_refused(rig: Rig, record: Maker) -> None:
+    joints_to_diagnose(rig, [record({"position_offset.offset": 0.5})])

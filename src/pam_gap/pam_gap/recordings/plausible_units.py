@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pam_gap.recordings.encoder_reading import encoder_reading
 from pam_gap.recordings.noise_floor import channel_noise
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -46,6 +47,8 @@ FEWEST = 100
 """Samples below which the noise of a channel is not estimated."""
 FARTHEST = 1.5
 """Positions beyond this many times the reach of the muscles are impossible."""
+FARTHEST_ZERO = 1.0
+"""No zero of an encoder in use is farther off than this; it is the bound of the effect [rad]."""
 STRONGEST = 10.0
 """Forces beyond this many times the force at rest length and supply pressure are impossible."""
 LENGTHS = (0.2, 3.0)
@@ -180,9 +183,14 @@ def _check_position(rig: Rig, joint: int, recording: Recording) -> None:
     reach = max((m.thread_length - m.neutral_length) / entry.pulley_radius for m in muscles)
     limit = FARTHEST * max(reach, *(abs(q) for q in entry.position_limits))
     largest = _largest(recording, channel)
+    reading = encoder_reading(rig, joint, recording)
     if largest <= limit:
+        if reading is not None and reading.unit == "rad" and abs(reading.offset) > FARTHEST_ZERO:
+            seen = f"is about {reading.offset:.2g} rad from where the pressures hold the joint"
+            _refuse(recording, channel, seen, "rad", f"; looks like {reading.words()}")
         return
-    hint = conversion_hint(largest, "rad", 0.0, limit)
+    told = "" if reading is None else reading.words()
+    hint = f"; looks like {told}" if told else conversion_hint(largest, "rad", 0.0, limit)
     jumps = np.abs(np.diff(recording.values[channel]))
     if 0.5 < float(jumps.max()) / (2.0 * np.pi) < 1.0 and largest < 2.1 * np.pi:
         hint = "; looks like an angle that jumps by 2 pi where a turn begins: unwrap it"
