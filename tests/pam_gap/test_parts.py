@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from pam_gap.diagnose_recordings import usable_parts
+from pam_gap.inference.background import ordinary_background
+from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.parts import parts
@@ -108,3 +110,18 @@ def test_a_clock_that_is_set_back_is_refused_and_a_late_message_is_not(record: M
     late = recording.time.copy()
     late[500:505] -= 0.03
     assert "ran backwards" in " ".join(resample(raw(recording, late)).repairs)
+
+
+def test_a_part_knows_where_it_lies_in_its_recording(rig: Rig, record: Maker) -> None:
+    """A sensor drifts on through a gap; a part of its own would start the drift anew."""
+    whole = without(record(), (4.0, 5.0))
+    first, second = parts(whole, MUSCLES)
+    assert first.elapsed == (pytest.approx(5.0 / 12.5, abs=0.01), pytest.approx(1.0))
+    assert second.elapsed == (pytest.approx(0.0), pytest.approx(4.0 / 12.5, abs=0.01))
+    problem = PredictionProblem(rig, 0, [first, second])
+    background = ordinary_background(problem, problem.base.values)
+    drift = background.terms.columns[:, POSITION, -1]
+    border = int(problem.offsets[1])
+    assert drift[border] == pytest.approx(drift[border - 1] - np.ptp(drift), rel=0.01)
+    assert drift[border - 1] == drift.max()
+    assert drift[border:].max() < drift[:border].min()

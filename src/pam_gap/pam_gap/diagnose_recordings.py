@@ -8,9 +8,15 @@ from collections.abc import Sequence
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.sentences import verdict_sentence
 from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.inference.loose_lengths import (
+    as_measured,
+    probability_of_lengths,
+    shared_probabilities,
+)
 from pam_gap.inference.search import Progress, silent
 from pam_gap.recordings.belongs_to_rig import joints_recorded, refuse_other_rig
 from pam_gap.recordings.computed_channels import without_computed
+from pam_gap.recordings.frozen import without_frozen
 from pam_gap.recordings.noise_floor import noise_floor
 from pam_gap.recordings.parts import parts
 from pam_gap.recordings.plausible_units import refuse_other_units
@@ -109,7 +115,7 @@ def usable_parts(
     recordings: Sequence[Recording],
     rules: RecordingRules = DEFAULT.recording,
 ) -> list[Recording]:
-    """Recordings as a diagnosis uses them: still and clipped samples marked, cut at gaps.
+    """Recordings as a diagnosis uses them: still, clipped and frozen samples marked, cut at gaps.
 
     Parameters
     ----------
@@ -122,12 +128,17 @@ def usable_parts(
     rules : RecordingRules
         Constants of the judgement.
     """
+    muscles = rig.joints[number].muscles
     return [
         part
         for recording in recordings
         for part in parts(
-            without_saturated(without_still(recording, rig, number, rules), rules),
-            rig.joints[number].muscles,
+            without_frozen(
+                without_saturated(without_still(recording, rig, number, rules), rules),
+                muscles,
+                rules,
+            ),
+            muscles,
             rules,
         )
     ]
@@ -160,11 +171,18 @@ def diagnose_joint(
     """
     recordings = usable_parts(rig, number, recordings, rules.recording)
     workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
-    engine = JointDiagnosis(
-        rig, number, recordings, rules=rules, threads=workers, progress=progress,
-        with_experiment=with_experiment,
-    )  # fmt: skip
+
+    def engine_for(given: Rig) -> JointDiagnosis:
+        return JointDiagnosis(
+            given, number, recordings, rules=rules, threads=workers, progress=progress,
+            with_experiment=with_experiment,
+        )  # fmt: skip
+
+    engine = engine_for(rig)
     diagnosis = engine.run()
+    if engine.lengths is not None:
+        second = engine_for(as_measured(rig, rules.search))
+        engine, diagnosis = _likelier(engine, diagnosis, second, second.run())
     diagnosis.repairs = tuple(f"{r.source.name}: {text}" for r in recordings for text in r.repairs)
     diagnosis.left_out = tuple(
         dict.fromkeys(
@@ -173,6 +191,26 @@ def diagnose_joint(
     )
     diagnosis.sentence = verdict_sentence(diagnosis)
     return engine, diagnosis
+
+
+def _likelier(
+    loose: JointDiagnosis, answer: Diagnosis, tight: JointDiagnosis, other: Diagnosis
+) -> tuple[JointDiagnosis, Diagnosis]:
+    """The answer with loose lengths, or the one with lengths as measured if it is likelier.
+
+    Wrong lengths keep their probability beside the causes that are named without them.
+    """
+    if loose.lengths is None or loose.answer is None or tight.answer is None:
+        return loose, answer
+    if other.verdict not in ("named", "ambiguous"):
+        return loose, answer
+    share = probability_of_lengths(tight.judge, loose.answer, loose.lengths, tight.answer)
+    if share > 0.5:
+        return loose, answer
+    other.probabilities = shared_probabilities(other.probabilities, answer.probabilities, share)
+    assumed = tight.rig.length_tolerance or 0.0
+    other.cautions = (*other.cautions, loose.lengths.rival_caution(assumed))
+    return tight, other
 
 
 def what_is_missing(

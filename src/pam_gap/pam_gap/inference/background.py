@@ -234,8 +234,16 @@ def _drift(problem: PredictionProblem, data: Channels, amount: float, channel: i
     scales = rig_scales(problem.rig, problem.rig.joints[problem.joint])
     size = amount * EFFECTS["pressure_bias"].search.ranges(scales)["bias"].ordinary
     measured = data.measured.copy()
-    measured[:, channel] += size * (np.linspace(0.0, 1.0, len(measured)) - 0.5)
+    measured[:, channel] += size * (_elapsed(data) - 0.5)
     return replace(data, measured=measured)
+
+
+def _elapsed(data: Channels) -> Array:
+    """Share of the whole recording at each sample, of which the data may be a part, shape (N,).
+
+    A sensor drifts on through the gap between two parts.
+    """
+    return np.linspace(*data.recording.elapsed, len(data.measured))
 
 
 def encoder_part(problem: PredictionProblem, data: Channels, amounts: Array) -> Channels:
@@ -253,12 +261,11 @@ def _encoder(problem: PredictionProblem, errors: Array) -> list[Array]:
     """Changes by an eccentric encoder (two phases) and by its drift."""
     if not problem.present[POSITION]:
         return []
-    angle = np.concatenate(
-        [block_means(data.measured[:, POSITION], problem.block) for data in problem.data]
-    )
-    end = max(float(problem.row_time[-1]), 1e-9)
+    block, data = problem.block, problem.data
+    angle = np.concatenate([block_means(one.measured[:, POSITION], block) for one in data])
+    elapsed = np.concatenate([block_means(_elapsed(one), block) for one in data])
     found = []
-    for shape in (np.sin(angle), np.cos(angle), problem.row_time / end - 0.5):
+    for shape in (np.sin(angle), np.cos(angle), elapsed - 0.5):
         change = np.zeros_like(errors)
         size = problem.rules.decision.ordinary_position / _deviation(problem)[POSITION]
         change[:, POSITION] = size * shape

@@ -101,7 +101,17 @@ def cautions(problem: PredictionProblem) -> tuple[str, ...]:
         if data.recording.is_found_still
     )
     seconds = float(counted_seconds(problem).max())
-    found = tuple(dict.fromkeys((*still, *sparse_commands(problem), *held_commands(problem))))
+    frozen = [note for data in problem.data for note in data.recording.frozen]
+    frozen += [
+        f"{name} stands at the end of its sensor's range for {100.0 * share:.2g} % of "
+        f"{data.recording.source.name}. This time is not compared."
+        for data in problem.data
+        for name, share in data.recording.saturated.items()
+        if name in problem.names
+    ]
+    found = tuple(
+        dict.fromkeys((*still, *frozen, *sparse_commands(problem), *held_commands(problem)))
+    )
     if seconds >= problem.rules.recording.short_seconds:
         return found
     return (

@@ -33,13 +33,14 @@ def _is_blind(recording: Recording, muscles: tuple[str, ...]) -> Mask:
 
 
 def _cut(recording: Recording, start: int, stop: int) -> Recording:
-    rows = slice(start, stop)
+    rows, last = slice(start, stop), max(recording.time.size - 1, 1)
     return replace(
         recording,
         time=recording.time[rows] - recording.time[start],
         values={name: value[rows] for name, value in recording.values.items()},
         valid={name: value[rows] for name, value in recording.valid.items()},
         repairs=(),
+        elapsed=(start / last, (stop - 1) / last),
     )
 
 

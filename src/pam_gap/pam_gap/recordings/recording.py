@@ -116,6 +116,10 @@ class Recording:
         valid.
     is_found_still : bool
         Whether the joint is taken for locked because its position never changes; nobody said so.
+    elapsed : tuple of float
+        Shares of the whole recording at which the first and the last sample of this part lie.
+    frozen : tuple of str
+        Which sensors were frozen and when, in full sentences; their samples there are not valid.
     """
 
     source: Path
@@ -130,6 +134,8 @@ class Recording:
     silent: frozenset[str] = frozenset()
     saturated: Mapping[str, float] = field(default_factory=dict)
     is_found_still: bool = False
+    elapsed: tuple[float, float] = (0.0, 1.0)
+    frozen: tuple[str, ...] = ()
 
     def has(self, channel: str) -> bool:
         """Whether the channel was recorded."""

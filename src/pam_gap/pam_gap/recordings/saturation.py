@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pam_gap.recordings.frozen import runs_of_equal
 from pam_gap.recordings.noise_floor import channel_noise
 from pam_gap.recordings.recording import COMMANDS, PRESSURES, Array, Mask, Recording
 from pam_gap.rules import DEFAULT
@@ -26,6 +27,15 @@ def at_the_end(values: Array, end: float, shortest: int) -> Mask:
     return clipped
 
 
+def _longest_between(values: Array, most: float) -> int:
+    """Longest run of equal values between both ends of the range; frozen sensors do not count."""
+    low, high = float(values.min()), float(values.max())
+    runs = [
+        stop - start for start, stop in runs_of_equal(values) if low < float(values[start]) < high
+    ]
+    return max((length for length in runs if length < most), default=0)
+
+
 def without_saturated(recording: Recording, rules: RecordingRules = DEFAULT.recording) -> Recording:
     """The recording with clipped samples marked as missing, and a remark for each channel."""
     valid = dict(recording.valid)
@@ -38,6 +48,11 @@ def without_saturated(recording: Recording, rules: RecordingRules = DEFAULT.reco
         # At rest, a channel without visible noise repeats its values too.
         if noise.deviation < rules.clipped_noise * noise.resolution or np.ptp(values) <= 0.0:
             continue
+        if (
+            _longest_between(values, rules.frozen_time / recording.sample_time)
+            >= rules.clipped_samples
+        ):
+            continue  # a coarse encoder at rest
         for end, word in ((float(values.max()), "above"), (float(values.min()), "below")):
             if name.startswith(PRESSURES) and word == "below":
                 continue  # an empty muscle; its pressure is known

@@ -233,6 +233,42 @@ class RecordingRules:
         "are not seen.",
         origin=NUMERICAL,
     )
+    frozen_time: float = rule(
+        0.3,
+        unit="s",
+        decides="Shortest time in which a sensor repeats one value for which it can count as "
+        "frozen.",
+        trades="Longer: short losses of a sensor are fitted. Shorter: the samples of a coarse "
+        "sensor at rest are left out.",
+        origin="As `longest_gap`.",
+    )
+    frozen_runs: float = rule(
+        20.0,
+        unit="of the median run",
+        decides="The same time in runs of equal values of the channel, which are long where a slow "
+        "channel is logged in the rows of a fast one.",
+        trades="As for `frozen_time`.",
+        origin=NUMERICAL,
+    )
+    frozen_jump: float = rule(
+        3.0,
+        unit="of the largest usual step",
+        decides="Step of a channel before or after a run of equal values, relative to the step "
+        "that 0.1 % of its samples exceed and to its noise, above which its sensor was frozen.",
+        trades="Larger: frozen sensors without visible noise are fitted. Smaller: a coarse sensor "
+        "at rest before a quick motion is left out.",
+        origin="Chosen by hand; within one sample, speeds do not treble.",
+    )
+    frozen_push: float = rule(
+        0.5,
+        unit="of the span",
+        decides="Change of the difference of the pressures during a run of equal positions that "
+        "lasts to the end, relative to its span, above which the encoder was frozen.",
+        trades="Larger: encoders that fail for good are fitted. Smaller: a joint that dry friction "
+        "holds is taken for a dead encoder.",
+        origin="Half of it; chosen by hand. Friction that holds a joint against half of all that "
+        "moves it would stop every motion.",
+    )
     saturated_share: float = rule(
         0.5,
         unit="of the time",
