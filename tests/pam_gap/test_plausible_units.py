@@ -160,7 +160,7 @@ def test_a_vented_robot_is_not_one_that_measures_in_kilopascals(rig: Rig) -> Non
     [
         (1.0, np.pi, "a zero that is off by 180 deg (subtract 3.1416 rad)"),
         (1.0, -0.5 * np.pi, "a zero that is off by -90 deg (add 1.5708 rad)"),
-        (1.0, 1.2, "a zero that is off by about 1.2 rad"),
+        (1.0, 4.0, "a zero that is off by about 4 rad"),
         (-1.0, np.pi, "counts the other way (multiply by -1), and a zero that is off by 180 deg"),
         (180.0 / np.pi, 180.0, "deg (multiply by 0.01745329), and a zero that is off by 180 deg"),
         (-180.0 / np.pi, 0.0, "deg (multiply by 0.01745329), and an encoder that counts the other"),

@@ -107,7 +107,7 @@ def cautions(problem: PredictionProblem) -> tuple[str, ...]:
         f"{data.recording.source.name}. This time is not compared."
         for data in problem.data
         for name, share in data.recording.saturated.items()
-        if name in problem.names
+        if name in problem.names and name != problem.names[POSITION]
     ]
     found = tuple(
         dict.fromkeys((*still, *frozen, *sparse_commands(problem), *held_commands(problem)))

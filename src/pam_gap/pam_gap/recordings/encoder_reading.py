@@ -51,6 +51,12 @@ class Reading:
     is_reversed: bool
     offset: float
 
+    @property
+    def right_angles(self) -> int:
+        """Number of right angles by which the zero is off; 0 if it is off by another angle."""
+        count = round(self.offset / (0.5 * math.pi))
+        return count if abs(self.offset - count * 0.5 * math.pi) < RIGHT_ANGLE else 0
+
     def words(self) -> str:
         """What was found and how to undo it; empty for a right reading."""
         found = []
@@ -58,11 +64,10 @@ class Reading:
             found.append(f"{self.unit} (multiply by {1.0 / UNITS[self.unit]:.7g})")
         if self.is_reversed:
             found.append("an encoder that counts the other way (multiply by -1)")
-        quarters = round(self.offset / (0.5 * math.pi))
-        exact = quarters * 0.5 * math.pi
-        if quarters and abs(self.offset - exact) < RIGHT_ANGLE:
-            undone = f"{'subtract' if quarters > 0 else 'add'} {abs(exact):.5g} rad"
-            found.append(f"a zero that is off by {90 * quarters} deg ({undone})")
+        exact = self.right_angles * 0.5 * math.pi
+        if exact:
+            undone = f"{'subtract' if exact > 0.0 else 'add'} {abs(exact):.5g} rad"
+            found.append(f"a zero that is off by {90 * self.right_angles} deg ({undone})")
         elif abs(self.offset) > RIGHT_ANGLE:
             found.append(f"a zero that is off by about {self.offset:.2g} rad")
         return ", and ".join(found)

@@ -53,11 +53,7 @@ def _frozen_runs(
         return
     noise = channel_noise(values[alive], rules=rules)
     others = max(stop - start for start, stop in runs if stop - start < shortest)
-    is_noisy = (
-        not noise.is_smoothed
-        and noise.deviation > noise.resolution
-        and others < rules.clipped_samples
-    )
+    is_noisy = not noise.is_smoothed and noise.deviation > noise.resolution
     both = alive[1:] & alive[:-1]
     steps = np.abs(np.diff(values))[both]
     jump = rules.frozen_jump * max(
@@ -75,7 +71,8 @@ def _frozen_runs(
         within = ends[0] < value < ends[1]
         before = abs(float(values[start - 1]) - value) if start > 0 else 0.0
         after = abs(float(values[stop]) - value) if stop < values.size else 0.0
-        if (is_noisy and within) or max(before, after) > jump:
+        repeats = is_noisy and stop - start >= rules.frozen_runs * others
+        if (repeats and within) or max(before, after) > jump:
             yield start, stop
         elif stop == values.size and within and name.startswith(JOINTS):
             moved = _longest_change(recording, muscles, slice(start, stop))

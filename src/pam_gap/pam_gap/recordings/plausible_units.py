@@ -47,8 +47,6 @@ FEWEST = 100
 """Samples below which the noise of a channel is not estimated."""
 FARTHEST = 1.5
 """Positions beyond this many times the reach of the muscles are impossible."""
-FARTHEST_ZERO = 1.0
-"""No zero of an encoder in use is farther off than this; it is the bound of the effect [rad]."""
 STRONGEST = 10.0
 """Forces beyond this many times the force at rest length and supply pressure are impossible."""
 LENGTHS = (0.2, 3.0)
@@ -185,7 +183,7 @@ def _check_position(rig: Rig, joint: int, recording: Recording) -> None:
     largest = _largest(recording, channel)
     reading = encoder_reading(rig, joint, recording)
     if largest <= limit:
-        if reading is not None and reading.unit == "rad" and abs(reading.offset) > FARTHEST_ZERO:
+        if reading is not None and reading.unit == "rad" and reading.right_angles:
             seen = f"is about {reading.offset:.2g} rad from where the pressures hold the joint"
             _refuse(recording, channel, seen, "rad", f"; looks like {reading.words()}")
         return

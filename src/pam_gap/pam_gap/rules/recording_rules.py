@@ -246,7 +246,8 @@ class RecordingRules:
         20.0,
         unit="of the median run",
         decides="The same time in runs of equal values of the channel, which are long where a slow "
-        "channel is logged in the rows of a fast one.",
+        "channel is logged in the rows of a fast one. Without a jump at its end, a frozen run is "
+        "that many times longer than the longest of the others.",
         trades="As for `frozen_time`.",
         origin=NUMERICAL,
     )
