@@ -26,7 +26,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
@@ -53,14 +53,14 @@ class Recorder(Node):  # type: ignore[misc]
         for topic, types in self.get_topic_names_and_types():
             if topic in self._topics or topic in NOT_RECORDED or not self.count_publishers(topic):
                 continue
+            package, folder, name = types[0].split("/")
             try:
+                message = getattr(importlib.import_module(f"{package}.{folder}"), name)
                 connection = self._writer.add_connection(topic, types[0], typestore=self._typestore)
-            except KeyError:
+            except (ImportError, AttributeError, TypesysError):
                 self.get_logger().warning(f"{topic}: type {types[0]} is not known, not recorded")
                 self._topics[topic] = None
                 continue
-            package, folder, name = types[0].split("/")
-            message = getattr(importlib.import_module(f"{package}.{folder}"), name)
             self._topics[topic] = self.create_subscription(
                 message, topic, partial(self._write, connection), self._qos(topic), raw=True
             )
