@@ -149,6 +149,8 @@ def test_changes_while_running() -> None:
     assert node.change(rate=250.0) == (True, "")
     assert parameters["rate"] == 250.0
     assert seen == [{"rate": 250.0}]
+    assert node.change(rate=250.0) == (True, "")  # as it is: nothing is designed or logged anew
+    assert seen == [{"rate": 250.0}]
     for values, reason in (
         ({"rate": 0.0}, "must be from 1 to 1000"),
         ({"rate": math.inf}, "finite"),

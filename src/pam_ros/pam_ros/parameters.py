@@ -195,6 +195,8 @@ class NodeParameters[Described]:
                 if not parameter.changeable:
                     raise ParameterError(f"{entry.name}: can only be changed by a restart")
                 changes[entry.name] = value
+            # a value that is set again and again must not cost a new design each time
+            changes = {name: new for name, new in changes.items() if new != self._values[name]}
             if changes and self._on_change is not None:
                 self._on_change(changes)
         except ParameterError as error:
