@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from pam_driver.safety.pressure_plausibility import OBSERVER_GAIN, PressurePlausibility
+from pam_driver.safety.limits_by_size import OBSERVER_GAIN, pressure_residual
+from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_model.effects import EFFECTS, Nothing
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
@@ -196,7 +197,7 @@ def test_crossed_hoses_are_a_fault_of_both_muscles_before_either_has_deviated_by
         if any(d.size >= 1.0 for d in found):
             break
     assert [d.subject for d in found if d.size >= 1.0] == list(rig.muscle_names)
-    assert largest < rig.plausibility.pressure_residual
+    assert largest < pressure_residual(rig, rig.muscles[0])
 
 
 def test_the_residual_of_a_leak_is_its_rate_over_the_gain(rig: Rig) -> None:
@@ -208,7 +209,7 @@ def test_the_residual_of_a_leak_is_its_rate_over_the_gain(rig: Rig) -> None:
         plausibility.update([0.0, 0.0], [pressure, 2e5], [0.0], [0.0], [math.nan] * 2)
     size = next(d for d in plausibility.deviations() if d.subject == "elbow_flexor").size
     settled = 1.0 - math.exp(-OBSERVER_GAIN * count * PERIOD)
-    expected = rate / OBSERVER_GAIN * settled / rig.plausibility.pressure_residual
+    expected = rate / OBSERVER_GAIN * settled / pressure_residual(rig, rig.muscles[0])
     assert size == pytest.approx(expected, rel=0.02)
 
 

@@ -35,6 +35,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from pam_driver.safety.limits_by_size import OBSERVER_GAIN, pressure_residual
 from pam_driver.safety.tube_gas import LOWEST, TubeGas
 from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import DryFriction, JointTorque, Leak, Opening
@@ -44,7 +45,6 @@ from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Joint, Muscle, Rig
 
-OBSERVER_GAIN: Final = 5.0  # 1/s
 TORQUE_MEMORY: Final = 0.15  # s
 PAIR_SHARE: Final = 0.5  # of the limit of one muscle, for both muscles in opposite directions
 LONGEST_GAP: Final = 0.05  # s; at the largest flow the model's error of a few per cent adds 5 kPa
@@ -86,6 +86,7 @@ class _MuscleObserver:
     def __init__(self, rig: Rig, muscle: Muscle, period: float) -> None:
         self.muscle = muscle
         self.residual = 0.0
+        self.limit = pressure_residual(rig, muscle)
         joint = rig.joint_of(muscle.name)
         self.joint = None if joint is None else rig.joints.index(joint)
         sign = 0.0 if joint is None else -1.0 if joint.agonist == muscle.name else 1.0
@@ -379,9 +380,9 @@ class PressurePlausibility:
         limits = self._limits
         pairs = self._opposite_residuals()
         for muscle, opposite in zip(self._muscles, pairs, strict=True):
-            size = abs(muscle.residual) / limits.pressure_residual
-            limit, cause = limits.pressure_residual, "leak, valve or sensor"
-            pair_limit = PAIR_SHARE * limits.pressure_residual
+            size = abs(muscle.residual) / muscle.limit
+            limit, cause = muscle.limit, "leak, valve or sensor"
+            pair_limit = PAIR_SHARE * muscle.limit
             if opposite / pair_limit > max(size, limits.warning_share):
                 size, limit = opposite / pair_limit, pair_limit
                 cause = "the other muscle of the joint the other way: hoses, sensors or encoder"

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from pam_driver.boards.protocol import NEVER, Sample
+from pam_driver.safety import limits_by_size as by_size
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_model.rig import Rig
 
@@ -25,9 +26,9 @@ _LOWEST_PRESSURE: Final = -20e3  # Pa gauge; no muscle is evacuated below ambien
 class _Signal:
     """One sensor's samples: the largest recent step, and the noise from second differences."""
 
-    def __init__(self, step_per_gap: float) -> None:
+    def __init__(self, step_per_gap: float, most_noise: float) -> None:
         self.noise = 0.0
-        self._allowed = step_per_gap
+        self.allowed, self.most_noise = step_per_gap, most_noise
         self._last = (math.nan, math.nan)
         self._time = NEVER
         self._gap = math.nan
@@ -45,7 +46,7 @@ class _Signal:
         if gap > _LONGEST_GAP:
             self._last = (math.nan, sample.value)
             return
-        step = abs(sample.value - last) / (self._allowed * max(gap / _SHORTEST_GAP, 1.0))
+        step = abs(sample.value - last) / (self.allowed * max(gap / _SHORTEST_GAP, 1.0))
         if step > self._step or now - self._step_at > _STEP_MEMORY:
             self._step, self._step_at = step, now
         if not math.isnan(before) and 1.0 / _EVEN_GAPS <= stretch <= _EVEN_GAPS:
@@ -53,7 +54,7 @@ class _Signal:
             # as noise under one of these assumptions at most, true noise under both.
             sigma = min(_noise_of(last - before, sample.value - last, r) for r in (1.0, stretch))
             # a single outlier must not count as noise
-            sigma = min(sigma, 4.0 * self.noise + 0.1 * self._allowed)
+            sigma = min(sigma, 4.0 * self.noise + 0.1 * self.allowed)
             self.noise += (sigma - self.noise) / _NOISE_MEMORY
 
     def step(self, now: float) -> float:
@@ -77,11 +78,19 @@ class SensorChecks:
     """
 
     def __init__(self, rig: Rig) -> None:
-        limits = self._limits = rig.plausibility
+        self._limits = rig.plausibility
         self._rig = rig
-        rate = limits.pressure_rate * _SHORTEST_GAP
-        self._pressures = tuple(_Signal(rate) for _ in rig.muscles)
-        self._positions = tuple(_Signal(limits.position_jump) for _ in rig.joints)
+        self._pressures = tuple(
+            _Signal(
+                by_size.pressure_rate_limit(rig, one) * _SHORTEST_GAP,
+                by_size.pressure_noise(rig, one),
+            )
+            for one in rig.muscles
+        )
+        self._positions = tuple(
+            _Signal(by_size.position_jump(rig, one), by_size.position_noise(rig, one))
+            for one in rig.joints
+        )
 
     def update(
         self,
@@ -101,16 +110,16 @@ class SensorChecks:
         now : float
             Monotonic time [s].
         """
-        limits, share = self._limits, self._limits.warning_share
+        share = self._limits.warning_share
         for muscle, signal, sample in zip(
             self._rig.muscles, self._pressures, pressures, strict=True
         ):
             signal.update(sample, now)
             size = signal.step(now)
             if size > share:
-                text = f"pressure changed at {size * limits.pressure_rate:.3g} Pa/s"
+                text = f"pressure changed at {size * signal.allowed / _SHORTEST_GAP:.3g} Pa/s"
                 yield Deviation("pressure_rate", muscle.name, size, text)
-            size = signal.noise / limits.pressure_noise
+            size = signal.noise / signal.most_noise
             if size > share:
                 yield Deviation("sensor_noise", muscle.name, size, f"noise {signal.noise:.0f} Pa")
             size = sample.value / _LOWEST_PRESSURE
@@ -121,9 +130,9 @@ class SensorChecks:
             signal.update(sample, now)
             size = signal.step(now)
             if size > share:
-                text = f"angle jumped by {size * limits.position_jump:.3f} rad"
+                text = f"angle jumped by {size * signal.allowed:.3f} rad"
                 yield Deviation("position_jump", joint.name, size, text)
-            size = signal.noise / limits.position_noise
+            size = signal.noise / signal.most_noise
             if size > share:
                 text = f"noise {signal.noise:.4f} rad"
                 yield Deviation("sensor_noise", joint.name, size, text)

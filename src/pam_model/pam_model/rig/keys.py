@@ -20,12 +20,16 @@ _EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A number in a rig file: its unit, bounds, and its default if it is optional."""
+    """A number in a rig file: its unit, bounds, and its default if it is optional.
+
+    A number that is `by_size` may be left out as well: it then follows from the rest of the rig.
+    """
 
     unit: str
     low: float
     high: float
     default: float | None = None
+    by_size: bool = False
 
 
 TURN = 2.0 * math.pi
@@ -55,7 +59,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "max_velocity": Key("rad/s", 0.01, 100.0, 6.0),
         "reduced_velocity": Key("rad/s", 0.01, 100.0, 0.5),
         "max_acceleration": Key("rad/s^2", 0.1, 1e5, 200.0),
-        "max_tracking_error": Key("rad", 1e-3, 10.0, 0.5),
+        "max_tracking_error": Key("rad", 1e-3, 10.0, by_size=True),
         "max_stiffness_rate": Key("N m/(rad s)", 1e-2, 1e5, 50.0),
     },
     "muscle": {
@@ -80,14 +84,14 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "brake_release_delay": Key("s", 0.0, 5.0, 0.0),
     },
     "plausibility": {
-        "pressure_residual": Key("Pa", 1e3, 2.5e6, 100e3),
+        "pressure_residual": Key("Pa", 1e3, 2.5e6, by_size=True),
         "torque_share": Key("-", 0.01, 100.0, 0.25),
         "warning_share": Key("-", 0.05, 1.0, 0.5),
-        "pressure_noise": Key("Pa", 10.0, 2.5e6, 10e3),
-        "position_noise": Key("rad", 1e-4, 10.0, 0.02),
-        "position_jump": Key("rad", 1e-3, 10.0, 0.2),
+        "pressure_noise": Key("Pa", 10.0, 2.5e6, by_size=True),
+        "position_noise": Key("rad", 1e-4, 10.0, by_size=True),
+        "position_jump": Key("rad", 1e-3, 10.0, by_size=True),
         "position_margin": Key("rad", 0.0, 10.0, 0.05),
-        "pressure_rate": Key("Pa/s", 1e4, 1e9, 5e6),
+        "pressure_rate": Key("Pa/s", 1e4, 1e9, by_size=True),
         "supply_share": Key("-", 0.0, 1.0, 0.5),
         "supply_high_share": Key("-", 1.01, 100.0, 1.3),
     },
@@ -190,7 +194,7 @@ class Section:
         """The number under a key or its default; else None, and a problem is added."""
         value = self.get(name)
         if value is None:
-            if key.default is None and not optional:
+            if key.default is None and not (optional or key.by_size):
                 unit = "" if key.unit == "-" else f" in {key.unit}"
                 self.add(name, f": missing; a number{unit} is needed")
             return key.default

@@ -28,6 +28,8 @@ _TOP = (
     "plausibility",
     *NUMBERS[""],
 )
+TRACKING_ERROR = 0.5  # rad, by default at most
+TRACKING_SHARE = 0.25  # of a joint's range, by default
 
 
 def _effects(owner: Section, scope: Scope) -> dict[str, dict[str, float]]:
@@ -164,10 +166,13 @@ def _joint(section: Section, name: str) -> tuple[Joint | None, list[str]]:
     section.finish()
     if len(section.problems.lines) > before:
         return None, muscles
+    low, high = (float(end or 0.0) for end in ends)
+    if numbers["max_tracking_error"] is None:
+        numbers["max_tracking_error"] = min(TRACKING_ERROR, TRACKING_SHARE * (high - low))
     return Joint(
         name=name,
         muscles=(muscles[0], muscles[1]),
-        position_limits=(float(ends[0] or 0.0), float(ends[1] or 0.0)),
+        position_limits=(low, high),
         encoder=encoder,
         effects=effects,
         **numbers,

@@ -203,22 +203,25 @@ class Joint:
 class Plausibility:
     """Limits beyond which a measurement is implausible, so that the driver vents.
 
+    Those that are None follow from the size of muscle or joint, see
+    `pam_driver.safety.limits_by_size`.
+
     Attributes
     ----------
-    pressure_residual : float
+    pressure_residual : float or None
         Difference between the measured pressure and the one expected from valve and gas [Pa].
     torque_share : float
         Difference between the torque of the measured pressures and the torque that the motion
         needs, over the torque of the agonist alone at its highest pressure [-].
     warning_share : float
         Part of any of these limits above which the driver warns [-].
-    pressure_noise, position_noise : float
+    pressure_noise, position_noise : float or None
         Standard deviation between neighbouring samples [Pa], [rad].
-    position_jump : float
+    position_jump : float or None
         Change of a position between neighbouring samples [rad].
     position_margin : float
         Permitted distance of a joint beyond its position limits [rad].
-    pressure_rate : float
+    pressure_rate : float or None
         Largest rate of a pressure, taken over 10 ms [Pa/s].
     supply_share : float
         Lowest supply pressure over the nominal one, both gauge [-].
@@ -226,14 +229,14 @@ class Plausibility:
         Highest supply pressure over the nominal one, both gauge [-].
     """
 
-    pressure_residual: float = 100e3
+    pressure_residual: float | None = None
     torque_share: float = 0.25
     warning_share: float = 0.5
-    pressure_noise: float = 10e3
-    position_noise: float = 0.02
-    position_jump: float = 0.2
+    pressure_noise: float | None = None
+    position_noise: float | None = None
+    position_jump: float | None = None
     position_margin: float = 0.05
-    pressure_rate: float = 5e6
+    pressure_rate: float | None = None
     supply_share: float = 0.5
     supply_high_share: float = 1.3
 
