@@ -123,9 +123,9 @@ def test_a_valve_stuck_open_drives_a_held_joint_beyond_its_limit_although_the_ot
     assert stuck_valve_speed(slow) < rig.joints[0].max_velocity
 
 
-def test_only_a_valve_that_stays_open_on_a_held_joint_may_exceed_the_speed_limit(chain):
+def test_only_a_valve_that_stays_open_may_exceed_the_speed_limit(chain):
     faster = {kind.name for kind in KINDS if kind.supply_drives}
-    assert faster == {"valve_stuck_open_while_held"}
+    assert faster == {"valve_stuck_open", "valve_stuck_open_while_held"}
     bounds = bounds_of(chain.rig)
     kind = kind_called("valve_stuck_open_while_held")
     assert speed_bound(kind, chain.rig, bounds) == RECOGNISED * stuck_valve_speed(chain.rig)
@@ -136,4 +136,5 @@ def test_only_a_valve_that_stays_open_on_a_held_joint_may_exceed_the_speed_limit
     assert problem_of(chain, kind, trial) == ""
     trial.peak_speed += 0.01
     assert "rad/s" in problem_of(chain, kind, trial)
+    # from nearer, the elbow does not become faster than it may anyway
     assert speed_bound(kind_called("valve_stuck_open"), chain.rig, bounds) == bounds.speed

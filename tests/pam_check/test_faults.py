@@ -93,7 +93,7 @@ def test_the_diagram_has_every_change_of_state_and_no_other():
 def test_fault_is_noticed_and_ends_as_promised(chain, kind):
     """Each in a copy of one chain in motion, so that no test depends on another."""
     draw = random.Random(kind.name)
-    values = draw_values(kind, draw)
+    values = draw_values(kind, draw, chain.rig)
     trial = in_a_fork(lambda: run_trial(chain, kind, values, draw.randrange(1 << 30)))
     assert trial.problem == ""
     assert trial.peak_pressure < chain.rig.supply_gauge_pressure + 1.0
@@ -237,11 +237,11 @@ def test_a_fault_that_grows_is_suspected_before_it_stops_the_joint(chain, name):
     assert trial.suspected_after + 0.01 < trial.safe_after
 
 
-def test_ends_of_a_range_are_drawn_often():
+def test_ends_of_a_range_are_drawn_often(rig):
     kind = kind_called("pressure_drift")
     draw = random.Random(1)
     low, high = kind.parameters["rate"]
-    drawn = [draw_values(kind, draw)["rate"] for _ in range(200)]
+    drawn = [draw_values(kind, draw, rig)["rate"] for _ in range(200)]
     assert all(low <= value <= high for value in drawn)
     assert drawn.count(low) > 5 and drawn.count(high) > 5
 
@@ -369,15 +369,15 @@ def test_a_frozen_board_holds_its_valves_until_its_hardware_watchdog_bites(chain
 @pytest.mark.parametrize(
     "text", ["", "no_such", "supply_lost share=nan", "supply_lost shear=0.1", "supply_lost share"]
 )
-def test_bad_injections_are_refused_in_one_line(text):
+def test_bad_injections_are_refused_in_one_line(text, rig):
     with pytest.raises(PamError) as error:
-        parse_injection(text)
+        parse_injection(text, rig)
     assert "\n" not in str(error.value)
 
 
-def test_values_left_out_lie_in_the_middle():
-    assert parse_injection("supply_lost") == ("supply_lost", {"share": 0.2})
-    assert parse_injection("supply_lost share=0.1")[1] == {"share": 0.1}
+def test_values_left_out_lie_in_the_middle(rig):
+    assert parse_injection("supply_lost", rig) == ("supply_lost", {"share": 0.2})
+    assert parse_injection("supply_lost share=0.1", rig)[1] == {"share": 0.1}
 
 
 WATCHDOG_TOLD = "vented, latched: board 0: fault: watchdog"

@@ -12,11 +12,13 @@ from collections.abc import Callable, Mapping
 
 from pam_driver.boards.protocol import Address
 from pam_model.errors import PamError
+from pam_model.rig import Rig
 from pam_sim import device_fault_injection
 from pam_sim.fault_stage import FOR_EVER, Injection, Stage, Values
 from pam_sim.faults import rig_faults
 from pam_sim.faults.frame_faults import Direction, FrameFault
 from pam_sim.faults.kinds import ALL_KINDS
+from pam_sim.faults.size_of_faults import ranges_on
 
 
 def _frames(kind: str, direction: Direction, share: float = 1.0) -> Injection:
@@ -201,8 +203,8 @@ INJECTIONS: Mapping[str, Injection] = {
 }
 
 
-def parse_injection(text: str) -> tuple[str, dict[str, float]]:
-    """Read `name value=0.3 duration=1`; a missing value is the middle of its range.
+def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
+    """Read `name value=0.3 duration=1`; a missing value is the middle of its range on this rig.
 
     Raises
     ------
@@ -213,7 +215,7 @@ def parse_injection(text: str) -> tuple[str, dict[str, float]]:
     if name not in INJECTIONS:
         raise PamError(f"fault {name[:64]!r}: expected one of {', '.join(INJECTIONS)}")
     kind = next(kind for kind in ALL_KINDS if kind.name == name)
-    values = {key: 0.5 * (low + high) for key, (low, high) in kind.parameters.items()}
+    values = {key: 0.5 * (low + high) for key, (low, high) in ranges_on(kind, rig).items()}
     for pair in pairs:
         key, _, number = pair.partition("=")
         try:

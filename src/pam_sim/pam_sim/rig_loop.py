@@ -78,7 +78,7 @@ class RigLoop:
         PamError
             For a text that does not describe a fault.
         """
-        name, values = parse_injection(text)
+        name, values = parse_injection(text, self._rig.rig)
         self._asked.append(lambda: inject(self, name, values, self._draw))
 
     def schedule(self, text: str) -> None:
@@ -96,7 +96,7 @@ class RigLoop:
                 seconds = float(when)
             except ValueError:
                 raise PamError(f"faults: {entry!r}: expected SECONDS NAME VALUE=NUMBER") from None
-            parse_injection(fault)
+            parse_injection(fault, self._rig.rig)
             self.at(start + seconds, partial(self.inject, fault))
 
     def mend(self) -> None:

@@ -18,6 +18,7 @@ from functools import partial
 
 from pam_check.faults.chain import FaultChain
 from pam_check.faults.report import as_markdown, write_report
+from pam_check.faults.stuck_valve import HELD_ANGLE
 from pam_check.faults.trial import Trial, draw_values, run_trial
 from pam_control.controller_parameters import create_controller, parameter_table
 from pam_driver.boards.wiring import RigWiring, kind_name
@@ -38,8 +39,15 @@ def make_chain(rig: Rig, seed: int = 0) -> FaultChain:
     Raises
     ------
     PamError
-        If it cannot be started.
+        If it cannot be started, or a joint does not reach far enough.
     """
+    for joint in rig.joints:
+        low, high = joint.position_limits
+        if low > -HELD_ANGLE or high < HELD_ANGLE:
+            raise PamError(
+                f"{joint.name}.position_limits = [{low:g}, {high:g}] rad: the motions of the fault "
+                f"campaign need {-HELD_ANGLE:g} to {HELD_ANGLE:g} rad"
+            )
     names = rig.joint_names
     values = {entry.name: entry.default for entry in parameter_table(names)}
     chain = FaultChain(rig, create_controller(rig, values, names), seed)
@@ -131,7 +139,7 @@ def run_campaign(
         for number in range(trials):
             kind = kinds[number % len(kinds)]
             chain.wait(draw.uniform(0.0, LONGEST_PHASE))
-            values, trial_seed = draw_values(kind, draw), draw.randrange(1 << 30)
+            values, trial_seed = draw_values(kind, draw, rig), draw.randrange(1 << 30)
             yield partial(run_trial, chain, kind, values, trial_seed)
 
     yield from in_forks(works(), at_once)

@@ -34,6 +34,11 @@ class RigBounds:
         Largest pressure in a muscle: `max_pressure` and the margin of the driver [Pa gauge].
     force : float
         Largest force of a muscle at this pressure within the joint's position limits [N].
+    filled_pressure, filled_force : float
+        The same for a muscle that a stuck valve fills: up to the supply, if that is more.
+    heavy : bool
+        Whether every joint is so heavy that a muscle with `EMPTY` cannot lift it; only such a joint
+        has a way up.
     speed : float
         Smallest `max_velocity` of the joints [rad/s].
     tracking_error : float
@@ -45,6 +50,9 @@ class RigBounds:
     exhaust_time: float
     pressure: float
     force: float
+    filled_pressure: float
+    filled_force: float
+    heavy: bool
     speed: float
     tracking_error: float
     position: tuple[float, float]
@@ -52,7 +60,7 @@ class RigBounds:
 
 def bounds_of(rig: Rig) -> RigBounds:
     """The bounds of a rig whose muscles belong to joints."""
-    margin = DriverSettings().over_pressure_margin
+    margin, supply = DriverSettings().over_pressure_margin, rig.supply_gauge_pressure
     sides = [
         (joint, rig.muscle(name), sign)
         for joint in rig.joints
@@ -63,7 +71,16 @@ def bounds_of(rig: Rig) -> RigBounds:
     return RigBounds(
         exhaust_time=max(_exhaust_time(rig, *side) for side in sides),
         pressure=max(muscle.max_pressure for muscle in rig.muscles) + margin,
-        force=max(_largest_force(rig, *side, margin) for side in sides),
+        force=max(_largest_force(rig, *side, side[1].max_pressure + margin) for side in sides),
+        filled_pressure=max(*(muscle.max_pressure for muscle in rig.muscles), supply) + margin,
+        filled_force=max(
+            _largest_force(rig, *side, max(side[1].max_pressure, supply) + margin) for side in sides
+        ),
+        heavy=all(
+            abs(joint.gravity_torque)
+            > joint.pulley_radius * _largest_force(rig, joint, muscle, sign, EMPTY)
+            for joint, muscle, sign in sides
+        ),
         speed=min(joint.max_velocity for joint in rig.joints),
         tracking_error=min(joint.max_tracking_error for joint in rig.joints),
         position=(low - stop, high + stop),
@@ -75,9 +92,8 @@ def _lengths(joint: Joint, muscle: Muscle, sign: float) -> list[float]:
     return [muscle.neutral_length + sign * joint.pulley_radius * float(q) for q in angles]
 
 
-def _largest_force(rig: Rig, joint: Joint, muscle: Muscle, sign: float, margin: float) -> float:
+def _largest_force(rig: Rig, joint: Joint, muscle: Muscle, sign: float, pressure: float) -> float:
     model = rig.force_model(muscle.name)
-    pressure = muscle.max_pressure + margin
     return max(float(model.force(pressure, length)) for length in _lengths(joint, muscle, sign))
 
 

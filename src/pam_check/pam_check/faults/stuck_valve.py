@@ -26,13 +26,15 @@ _STEP: Final = 1e-3  # s
 _STEPS: Final = 600
 
 
-def stuck_valve_speed(rig: Rig) -> float:
+def stuck_valve_speed(rig: Rig, held_at: float = HELD_ANGLE) -> float:
     """The largest speed of the first joint with one valve stuck open, the other one shut [rad/s].
 
     Parameters
     ----------
     rig : Rig
         The joint is held with the default stiffness of the controller.
+    held_at : float, optional
+        How far from the middle, either way [rad].
     """
     joint = rig.joints[0]
     stiffness = (
@@ -43,7 +45,7 @@ def stuck_valve_speed(rig: Rig) -> float:
     pair = AntagonisticJoint.from_rig(rig, joint.name, with_effects=False)
     parameters = PlantParameters.from_rig(rig, with_effects=False)
     fastest = 0.0
-    for angle in (-HELD_ANGLE, HELD_ANGLE):
+    for angle in (-held_at, held_at):
         load = joint.gravity_torque * math.sin(angle - joint.gravity_angle)
         held = pair.pressures_for(load, stiffness, angle)
         pressures = (held.agonist, held.antagonist)

@@ -11,10 +11,12 @@ from dataclasses import dataclass, field
 from pam_check.faults.chain import AMPLITUDE, STEP, FaultChain
 from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
-from pam_check.faults.stuck_valve import RECOGNISED, stuck_valve_speed
+from pam_check.faults.stuck_valve import HELD_ANGLE, RECOGNISED, stuck_valve_speed
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
 from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction, Stays
+from pam_sim.faults.operator_kinds import HELD_LAYER
+from pam_sim.faults.size_of_faults import ranges_on
 
 AFTERWARDS = 0.3  # s, to check that the valves stay vented
 SETTLING = 1.0  # s after the muscles are empty, for a joint that still swings
@@ -83,11 +85,11 @@ class Trial:
     problem: str = ""
 
 
-def draw_values(kind: FaultKind, draw: random.Random) -> dict[str, float]:
+def draw_values(kind: FaultKind, draw: random.Random, rig: Rig) -> dict[str, float]:
     """Draw the parameters of an injection uniformly, and often at an end of the range."""
     return {
         name: draw.choice((low, high)) if draw.randrange(ENDS) == 0 else draw.uniform(low, high)
-        for name, (low, high) in kind.parameters.items()
+        for name, (low, high) in ranges_on(kind, rig).items()
     }
 
 
@@ -230,7 +232,7 @@ def problem_of(chain: FaultChain, kind: FaultKind, trial: Trial) -> str:
         return f"stopped: {reasons or chain.driver.state.value}"
     if trial.peak_error > error_bound(kind, bounds):
         return f"angle off by {trial.peak_error:.3f} rad"
-    return _motion_problem(trial, bounds, speed_bound(kind, chain.rig, bounds))
+    return _motion_problem(kind, trial, bounds, speed_bound(kind, chain.rig, bounds))
 
 
 def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
@@ -244,7 +246,7 @@ def _venting_problem(kind: FaultKind, trial: Trial, bounds: RigBounds) -> str:
     valves_bound = max(kind.bound, trial.values.get("reset_after", 0.0))
     if kind.reaction is Reaction.LOWER:
         valves_bound += LOWERING
-    if kind.reaction is Reaction.LOWER and trial.thrown > THROWN_ALLOWED:
+    if kind.reaction is Reaction.LOWER and bounds.heavy and trial.thrown > THROWN_ALLOWED:
         return f"thrown up by {trial.thrown:.2f} rad"
     if trial.safe_after > valves_bound + STEP:
         return f"vented after {1e3 * trial.safe_after:.0f} ms"
@@ -258,18 +260,20 @@ def speed_bound(kind: FaultKind, rig: Rig, bounds: RigBounds) -> float:
     """Largest permitted speed [rad/s]: `max_velocity`, unless air from the supply gives more."""
     if not kind.supply_drives:
         return bounds.speed
-    return max(bounds.speed, RECOGNISED * stuck_valve_speed(rig))
+    angle = HELD_ANGLE if kind.layer == HELD_LAYER else AMPLITUDE
+    return max(bounds.speed, RECOGNISED * stuck_valve_speed(rig, angle))
 
 
-def _motion_problem(trial: Trial, bounds: RigBounds, speed: float) -> str:
+def _motion_problem(kind: FaultKind, trial: Trial, bounds: RigBounds, speed: float) -> str:
     """What exceeds the limits of the rig, whatever the fault is."""
     if trial.peak_speed > speed:
         return f"joint at {trial.peak_speed:.1f} rad/s"
     if not bounds.position[0] <= trial.farthest <= bounds.position[1]:
         return f"joint at {trial.farthest:.2f} rad"
-    if trial.peak_pressure > bounds.pressure:
+    filled = kind.keeps_air  # by a valve that nothing shuts, perhaps up to the supply
+    if trial.peak_pressure > (bounds.filled_pressure if filled else bounds.pressure):
         return f"{1e-3 * trial.peak_pressure:.0f} kPa in a muscle"
-    if trial.peak_force > bounds.force:
+    if trial.peak_force > (bounds.filled_force if filled else bounds.force):
         return f"{trial.peak_force:.0f} N in a muscle"
     return ""
 

@@ -300,7 +300,7 @@ def injections_target(rig: Rig) -> Target:
     def target(draw: random.Random) -> None:
         text = injection(draw)
         try:
-            _, values = parse_injection(text)
+            _, values = parse_injection(text, rig)
         except PamError:
             return
         if not all(map(math.isfinite, values.values())):

@@ -9,6 +9,7 @@ from typing import Final
 from pam_model.effects import EFFECTS
 from pam_sim.faults.fault_kind import BRAKING, COMMANDS_STOP, VENT, FaultKind, Reaction, Stays
 
+HELD_LAYER: Final = "held joint"
 _K = FaultKind
 _R = Reaction
 _ANGLE: Final = {"angle": (-0.9, 0.9)}
@@ -68,7 +69,7 @@ def while_held(kinds: Sequence[FaultKind], names: Sequence[str]) -> list[FaultKi
     """The same faults of a joint that is held away from where it hangs."""
     return [
         replace(
-            kind, name=f"{kind.name}_while_held", layer="held joint",
+            kind, name=f"{kind.name}_while_held", layer=HELD_LAYER,
             text=f"{kind.text}, while the joint is held",
             # the joint moves as fast as the air flows in, however soon the driver brakes
             supply_drives=kind.name == "valve_stuck_open",

@@ -44,7 +44,8 @@ SENSOR_AND_VALVE_KINDS: Final = (
        ("pressure_rate", "pressure_implausible", "torque_implausible", "sensor_range"), _R.VENT,
        0.5 + BRAKING, "detected when the two pressures differ"),
     _K("encoder_stuck", "sensor", "the angle freezes", {},
-       ("torque_implausible", "pressure_implausible", "over_pressure"), _R.VENT, 1.2,
+       ("torque_implausible", "pressure_implausible", "over_pressure", "joint_too_fast"),
+       _R.VENT, 1.2,
        "detected when pressures and angle disagree: latest in a joint that is just turning back",
        stays=Stays.IN_LIMITS),
     _K("encoder_noisy", "sensor", "the encoder becomes noisy", {"amplitude": (0.05, 0.3)},
@@ -71,7 +72,7 @@ SENSOR_AND_VALVE_KINDS: Final = (
        ("pressure_implausible", "over_pressure", "torque_implausible", "OVER_PRESSURE"), _R.VENT,
        0.15 + BRAKING, "the driver brakes with the other muscle, then vents; only a shut-off valve "
        "in the supply can stop the air",
-       keeps_air=True),
+       keeps_air=True, supply_drives=True),
     _K("valve_stuck_shut", "valve", "a valve stays shut", {},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 1.0 + BRAKING,
        "detected when the pressure should change", keeps_air=True),
