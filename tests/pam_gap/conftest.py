@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pam_gap.recordings.recording import Recording
+from pam_model.plant.layout import C_EXTERNAL
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
 from pam_model.rig import Rig, load_rig
@@ -27,7 +28,11 @@ def record(rig: Rig) -> Maker:
     """Returns a function of the plant's changed parameters that gives a recording."""
 
     def make(
-        changes: Mapping[str, float] | None = None, *, duration: float = 14.0, cells: bool = False
+        changes: Mapping[str, float] | None = None,
+        *,
+        duration: float = 14.0,
+        cells: bool = False,
+        pushed: Callable[[float], float] | None = None,
     ) -> Recording:
         parameters = PlantParameters.from_rig(rig).replaced(changes or {})
         plant = Plant(parameters, step=1e-3)
@@ -43,6 +48,8 @@ def record(rig: Rig) -> Maker:
             output = plant.output
             rows[k] = (*shown[1:], shown[0], output["agonist.force"], output["antagonist.force"])
             rows[k] += random.standard_normal(5) * (150.0, 150.0, 1.5e-4, 1.0, 1.0)
+            if pushed is not None:  # a torque from outside as a function of the angle
+                plant._constants[C_EXTERNAL] = pushed(shown[0])
             sent[k] = np.clip(6e-6 * (wanted[k] - rows[k, :2]), -1.0, 1.0)
             shown = plant.step(sent[k].tolist(), SAMPLE_TIME)
         cut = round(1.5 / SAMPLE_TIME)  # the fill from ambient is no part of it

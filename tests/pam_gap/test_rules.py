@@ -58,6 +58,8 @@ NO_RULES = {
     "HEADROOM": "sizes of real sensors",
     "ECCENTRIC_ROUNDS": "after which the angle no longer changes",
     "LARGEST": "stands for no bound",
+    "STOP_UNIT": "unit of an amount, which changes no result",
+    "MOST_SAMPLES": "work of a regression of a few numbers",
     "FIRST_STEP": "difference step, which changes no result",
     "MOST_LATE": "half of a limit of stability",
     "AT_THE_END": "a caution that enters no verdict",

@@ -5,8 +5,9 @@ pressure sensors that are not linear or drift, and eccentric encoders. They can 
 rig as any effect of the table. Some known effect then often imitates them: an eccentric encoder
 looks almost like an offset, and a spool with hysteresis like a dead zone and a delay. Each part is
 therefore fitted once without its ordinary bounds, as an explanation that competes with the effects
-of the table. What fits best need not be in the table (fault isolation with a class for unknown
-faults: Isermann, Fault-Diagnosis Systems, Springer 2006, chapter 16).
+of the table, and so is an end stop that the balance of torques shows
+(`pam_gap.prediction.end_stop`). What fits best need not be in the table (fault isolation with a
+class for unknown faults: Isermann, Fault-Diagnosis Systems, Springer 2006, chapter 16).
 
 The amounts change the recordings instead of the plant. They are found by Gauss-Newton steps, whose
 columns are the slopes of the errors over the amounts (`pam_gap.prediction.linear_terms`).
@@ -25,6 +26,7 @@ from pam_gap.inference.held_out import Folds, HeldOut, score_all
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.channels import Channels
+from pam_gap.prediction.end_stop import EndStop, end_stop
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
@@ -33,6 +35,9 @@ LARGEST = 1000.0
 """Bound of an amount, in the largest ordinary sizes."""
 FIRST_STEP = 4.0
 """Amount over which the first slope is taken, in the largest ordinary sizes."""
+
+STOP_UNIT = 0.05
+"""Unit of the amount of an end stop, of the stiffness that the balance of torques gives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +67,15 @@ def _of_part(part: SensorPart, place: int) -> Unlisted:
         return part.change(problem, data, float(amounts[0]))
 
     return Unlisted(part.name, (place,), change, part.is_one_way)
+
+
+def _of_stop(stop: EndStop, place: int) -> Unlisted:
+    def change(problem: PredictionProblem, data: Channels, amounts: Array) -> Channels:
+        size = STOP_UNIT * float(amounts[0])
+        torque = size * stop.torque(data.measured[:, POSITION])
+        return replace(data, external=torque if data.external is None else data.external + torque)
+
+    return Unlisted(stop.name, (place,), change, is_one_way=True)
 
 
 def unlisted_causes(problem: PredictionProblem, background: Background) -> list[Unlisted]:
@@ -98,12 +112,19 @@ class UnlistedFitter:
         parts = self.fitter.parts
         if parts is None:
             return []
-        columns = parts.terms.columns
+        columns, free = parts.terms.columns, parts.terms.free
         if self.fitter.background is None:  # a rig without a background has none beside the cause
             columns = np.zeros_like(columns)
-        background = Background(parts.effects, LinearTerms(columns, parts.terms.free))
+        causes = unlisted_causes(self.fitter.problem, parts)
+        effects = parts.effects
+        stop = end_stop(self.fitter.problem)
+        if stop is not None:  # it is no part of an ordinary background, and has no column yet
+            causes.append(_of_stop(stop, columns.shape[-1]))
+            columns = np.concatenate([columns, np.zeros_like(columns[..., :1])], axis=-1)
+            free, effects = (*free, free[-1]), (*effects, "")
+        background = Background(effects, LinearTerms(columns, free))
         found = []
-        for one in unlisted_causes(self.fitter.problem, parts):
+        for one in causes:
             score = self._score(one, nominal, background)
             if score is not None:
                 found.append(score)

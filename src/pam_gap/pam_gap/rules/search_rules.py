@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_gap.rules.rule import rule
+from pam_gap.rules.rule import NUMERICAL, rule
 
 _STEPS = (
     "Fewer: a hypothesis is judged before its fit has converged. More: the diagnosis takes longer."
@@ -147,6 +147,32 @@ class SearchRules:
         unit="-",
         decides="Number of hypotheses with three effects that are scored on held-out data.",
         trades=_COUNT,
+    )
+    end_stop_gain: float = rule(
+        0.3,
+        unit="of the squared torque",
+        decides="Share of the torque that a smooth law leaves, squared, which a one-sided spring "
+        "must explain for an end stop to be tried as a cause outside the table.",
+        trades="Larger: an effect of the muscles is named for a stop. Smaller: the diagnosis takes "
+        "longer.",
+        origin="Chosen by hand: a joint at a stop gave 0.48, and rigs with nothing hidden 0.2. "
+        "Torque ripple and friction reach 0.7, so that it only decides whether a stop is tried.",
+    )
+    end_stop_window: float = rule(
+        0.1,
+        unit="s",
+        decides="Time over which angle, speed and acceleration are averaged for the balance of "
+        "torques.",
+        trades="Longer: quick motions are flattened. Shorter: the acceleration is noisier.",
+        origin=NUMERICAL,
+    )
+    end_stop_slow: float = rule(
+        0.05,
+        unit="rad/s",
+        decides="Speed below which dry friction grows with the speed in the balance of torques.",
+        trades="Larger: friction is left as a torque that is lacking. Smaller: so is noise of the "
+        "speed at rest.",
+        origin=NUMERICAL,
     )
     unlisted_rounds: int = rule(
         3,
