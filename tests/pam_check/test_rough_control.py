@@ -202,6 +202,42 @@ def test_the_disturbance_observer_serves_on_the_independent_plant(rough, effect)
         assert not observed.controller.stopped
 
 
+def _telling_friction(rough):
+    """A controller whose rig file names about the friction that is hidden as stribeck_friction."""
+    named = {"static_torque": 0.84, "torque": 0.45, "speed": 0.105, "presliding_angle": 1.75e-3}
+    joint = replace(rough.rig.joints[0], effects={"stribeck_friction": named})
+    settings = TOLD.replace(adaptation=True)
+    return PositionStiffnessController(rough.rig.with_joint(joint), settings, rough.designs)
+
+
+def test_friction_that_falls_with_speed_is_halved_when_the_rig_file_names_it(rough):
+    """Protects reversals, ends of motions and slow motion: without any of its parts it is not."""
+    joint, muscles = rough.hidden("stribeck_friction")
+    before = PositionStiffnessController(rough.rig, TOLD.replace(adaptation=True), rough.designs)
+    after = _telling_friction(rough)
+    for points in rough.motions.values():
+        errors = []
+        for law in (before, after):
+            law.forget_adaptation()
+            played, _ = play(law, joint, muscles, points, 5)
+            assert not played.cycles
+            errors.append(played.rms)
+        assert errors[1] < 0.5 * errors[0]
+
+
+@pytest.mark.parametrize("late", [0.0, 0.015])
+def test_friction_that_the_joint_does_not_have_is_no_limit_cycle(rough, late):
+    """What is given back with the measured speed is feedback: it must not oscillate."""
+    joint, muscles = rough.hidden("nothing")
+    muscles = tuple(muscle._replace(command_delay=late) for muscle in muscles)
+    law = _telling_friction(rough)
+    for points in rough.motions.values():
+        law.forget_adaptation()
+        played, _ = play(law, joint, muscles, points, 5)
+        assert not played.cycles
+        assert not played.softened
+
+
 @pytest.mark.parametrize(("seed", "put_on"), [(1, 0.15), (2, 0.3), (3, 0.45)])  # s in the reach
 def test_a_payload_that_is_put_on_in_mid_motion_is_settled_within_a_second(rough, seed, put_on):
     """Later reaches overshoot by less than 5 % of their length."""

@@ -12,6 +12,7 @@ from pam_control.compensation.dry_friction import SMOOTHING_SPEED, DryFriction
 from pam_control.compensation.history_torque import HistoryTorque
 from pam_control.compensation.muscle_memory import MuscleMemory
 from pam_control.compensation.valve_inverse import ValveInverse
+from pam_control.references.spline import JointReference
 from pam_model.effects.valve_dead_zone import ROUNDED
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
@@ -37,6 +38,42 @@ def test_dry_friction_is_odd_and_saturates(rig):
     assert friction.torque(0.0) == 0.0
     assert friction.torque(30.0 * SMOOTHING_SPEED) == pytest.approx(0.7, rel=1e-3)
     assert DryFriction.from_joint(rig.joints[0]).laws == ()
+
+
+def test_dry_friction_turns_over_its_presliding_angle_and_pushes_nothing_at_rest(rig):
+    """Protects the ends of motions: breakaway torque at rest throws the joint past its target."""
+    named = {"static_torque": 0.8, "torque": 0.4, "speed": 0.1, "presliding_angle": 2e-3}
+    joint = dataclasses.replace(rig.joints[0], effects={"stribeck_friction": named})
+    friction = DryFriction.from_joint(joint)
+    muscles = tuple(rig.muscle(name) for name in rig.joints[0].muscles)
+    history = HistoryTorque(muscles, rig.joints[0].pulley_radius, friction)
+
+    def torque(position, velocity, acceleration):
+        reference = JointReference(position, velocity, acceleration)
+        return history.advance(position, reference, (2e5, 2e5))
+
+    assert torque(0.0, 0.0, 1.0) == 0.0
+    assert torque(2e-3, 1.0, 1.0) == pytest.approx(-0.4 * (1.0 - math.exp(-1.0)))
+    assert torque(0.1, 1.0, 0.0) == pytest.approx(-0.4)
+    assert torque(0.101, 0.01, -1.0) == pytest.approx(
+        -friction.level(0.01) * math.tanh(0.01 / SMOOTHING_SPEED)
+    )
+    assert torque(0.101, 0.0, 0.0) == 0.0
+
+
+def test_falling_friction_brakes_a_joint_that_is_too_fast(rig):
+    """A sign that is wrong would double the negative damping of such a friction."""
+    named = {"static_torque": 0.8, "torque": 0.4, "speed": 0.1}
+    joint = dataclasses.replace(rig.joints[0], effects={"stribeck_friction": named})
+    friction = DryFriction.from_joint(joint)
+    for planned in (0.08, -0.08):
+        forwards = math.copysign(1.0, planned)
+        assert forwards * friction.change(planned, 1.5 * planned) < -0.05
+        assert forwards * friction.change(planned, 0.5 * planned) > 0.05
+        assert abs(friction.change(planned, 1e3 * planned)) <= 0.4
+    assert friction.change(0.0, 0.2) == 0.0  # at rest nothing comes from the measured speed
+    coulomb = dataclasses.replace(joint, effects={"coulomb_friction": {"torque": 0.3}})
+    assert DryFriction.from_joint(coulomb).change(0.05, 0.2) == 0.0
 
 
 def test_thread_friction_does_not_know_time_nor_steps(rig):
@@ -81,9 +118,13 @@ def test_history_is_that_of_the_simulated_muscle(rig):
         )
         torques.append(rig.joints[0].pulley_radius * (result.forces[:, 0] - result.forces[:, 1]))
     history = HistoryTorque(
-        tuple(named.muscle(name) for name in rig.joints[0].muscles), rig.joints[0].pulley_radius
+        tuple(named.muscle(name) for name in rig.joints[0].muscles),
+        rig.joints[0].pulley_radius,
+        DryFriction(),
     )
-    own = [history.advance(t, x, (2.5e5, 2.5e5)) for t, x in zip(time, q, strict=True)]
+    own = [
+        history.advance(t, JointReference(x), (2.5e5, 2.5e5)) for t, x in zip(time, q, strict=True)
+    ]
     difference = np.array(own) - (torques[1] - torques[0])
     assert np.abs(torques[1] - torques[0]).max() > 0.2
     assert np.abs(difference).max() < 0.02 * np.abs(torques[1] - torques[0]).max()

@@ -92,8 +92,8 @@ REMAINS = {
         "the flow is computed without the growth of the volume by dp/dt",
     ),
     "cable_compliance": (4e-4, "the flow is computed for the path's length, not the muscle's"),
-    "coulomb_friction": (1.1e-3, "the friction's jump is a slope within SMOOTHING_SPEED"),
-    "stribeck_friction": (2.6e-3, "the friction's jump is a slope within SMOOTHING_SPEED"),
+    "coulomb_friction": (1.1e-3, "it is left to the integrator where a motion comes to rest"),
+    "stribeck_friction": (2.6e-3, "it is left to the integrator where a motion comes to rest"),
     "pressure_lag": (3.5e-3, "the longer lag asks for lower gains of the pressure loops"),
 }
 """What compensation leaves of an effect: RMS error [rad] above that of a rig without any effect,
@@ -228,7 +228,7 @@ def test_plans_reach_back_over_every_delay_at_every_rate(rig, period):
     delay, slope = 0.4, (3e4, -2e4)
     for cycle in range(round(1.0 / period) + 1):
         time = cycle * period
-        plan = Plan(time, (slope[0] * time, slope[1] * time), 10.0 * time, 0.1 * time)
+        plan = Plan(time, (slope[0] * time, slope[1] * time), 10.0 * time, 0.1 * time, 0.1 * time)
         channel.remember(plan, time - delay)
     then = channel.plan_at(time - delay)
     assert then.pressures == pytest.approx((slope[0] * 0.6, slope[1] * 0.6))

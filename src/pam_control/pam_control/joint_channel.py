@@ -47,13 +47,16 @@ class Plan:
     stiffness : float
         [N m/rad].
     memory_torque : float
-        Joint torque due to hysteresis and creep of the muscles [N m].
+        Joint torque of `known`, without what was learnt [N m].
+    known : float
+        Joint torque due to hysteresis and creep of the muscles and to dry friction [N m].
     """
 
     time: float
     pressures: Pair
     stiffness: float
     memory_torque: float
+    known: float
 
 
 @dataclass(slots=True)
@@ -101,7 +104,9 @@ class JointChannel:
         self.dynamics = InverseDynamics.from_joint(joint)
         self.muscles = tuple(rig.muscle(name) for name in joint.muscles)
         self.indices = tuple(rig.muscle_names.index(name) for name in joint.muscles)
-        self.history = HistoryTorque(self.muscles, self.model.pulley_radius)
+        self.history = HistoryTorque(
+            self.muscles, self.model.pulley_radius, self.dynamics.dry_friction
+        )
         self.valve_time_constants = tuple(valve_time_constant(m) for m in self.muscles)
         self.command_delays = tuple(
             adjusted("valve.command_delay", None, muscle.effects) for muscle in self.muscles
@@ -290,6 +295,7 @@ class JointChannel:
                     (a + part * (next_a - a), b + part * (next_b - b)),
                     earlier.stiffness + part * (later.stiffness - earlier.stiffness),
                     earlier.memory_torque + part * (later.memory_torque - earlier.memory_torque),
+                    earlier.known + part * (later.known - earlier.known),
                 )
             later = earlier
         return later

@@ -1,15 +1,24 @@
-"""Feedforward torque that compensates the dry friction of a joint along its reference.
+"""Dry friction of a joint, as a torque that is added along its reference.
 
-T(qd) = (sum of the friction laws that the rig file names)(qd) tanh(qd/SMOOTHING_SPEED)
+The contact yields before it slides: the friction follows Dahl's model along the REFERENCE position,
 
-The sign is that of the REFERENCE velocity. With the measured velocity, the jump of the friction
-would be part of the feedback loop, and delay would turn it into a limit cycle. The jump at a
-reversal is smoothed, because a valve cannot jump either. Below the smoothing speed and at rest, the
-integrator compensates the friction that is left. The friction laws are defined in the files of the
-effects (`pam_model.effects`).
+T = (sum of the friction laws that the rig file names)(qd) z,    dz/dq = (1 - sign(qd) z)/q_p
+
+With the measured motion, the jump of the friction at a reversal would be part of the feedback loop,
+and delay would turn it into a limit cycle. While the reference slows down, |z| is at most
+tanh(|qd|/SMOOTHING_SPEED): otherwise the whole breakaway torque would push a joint past its target
+that comes to rest a little late, and it would stick there. What is left is for the integrator.
+
+Friction that falls with speed drives a joint away from its speed, as a negative damping does: one
+that is too fast meets less friction and becomes faster. Therefore the change of the laws from the
+planned to the measured speed is given back. This only undoes what such a friction does to
+the loop; it is bounded by the difference of static and sliding friction, and is 0 while the
+reference rests. The friction laws are defined in the files of the effects (`pam_model.effects`).
 
 Source: H. Olsson, K. J. Astrom, C. Canudas de Wit, M. Gafvert, P. Lischinsky, "Friction models
-and friction compensation", European Journal of Control 4(3), 1998.
+and friction compensation", European Journal of Control 4(3), 1998; P. R. Dahl, A solid friction
+model, Aerospace Corporation 1968. The two rules at the end of a motion and for the speed are made
+here.
 """
 
 from __future__ import annotations
@@ -18,11 +27,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from pam_control.references.spline import JointReference
 from pam_model.effects import TorqueFeedforward, bound, switched_on
 from pam_model.effects import slots as slot_kinds
+from pam_model.physics.dahl import dahl_step
 from pam_model.rig import Joint
 
 SMOOTHING_SPEED = 0.03  # rad/s
+LEAST_PRESLIDING = 5e-4  # rad; the pressures cannot jump as a rigid contact does
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,19 +45,45 @@ class DryFriction:
     ----------
     laws : tuple of callable
         Each gives a magnitude [N m] at a joint velocity [rad/s].
+    presliding : float
+        q_p, of the softest contact [rad].
     """
 
     laws: tuple[Callable[[float], float], ...] = ()
+    presliding: float = LEAST_PRESLIDING
 
     @classmethod
     def from_joint(cls, joint: Joint) -> DryFriction:
         """Create it from the effects that the rig file names."""
         found = switched_on(slot_kinds.DryFriction, joint.effects, TorqueFeedforward)
-        return cls(tuple(bound(slot.law, values) for _, slot, values in found))
+        yields = [joint.effects[effect.name].get(slot.presliding, 0.0) for effect, slot, _ in found]
+        return cls(
+            tuple(bound(slot.law, values) for _, slot, values in found),
+            max(yields, default=0.0) or LEAST_PRESLIDING,
+        )
 
-    def torque(self, velocity: float) -> float:
-        """Friction torque [N m] at a reference velocity [rad/s]."""
+    def level(self, velocity: float) -> float:
+        """Magnitude of the friction [N m] of a joint that slides at a velocity [rad/s]."""
         level = 0.0
         for law in self.laws:
             level += law(velocity)
-        return level * math.tanh(velocity / SMOOTHING_SPEED) if level else 0.0
+        return level
+
+    def torque(self, velocity: float) -> float:
+        """Friction torque [N m] at a velocity [rad/s], without its memory."""
+        return self.level(velocity) * math.tanh(velocity / SMOOTHING_SPEED) if self.laws else 0.0
+
+    def change(self, planned: float, measured: float) -> float:
+        """What the friction torque [N m] gains from the planned to the measured speed [rad/s]."""
+        if not self.laws:
+            return 0.0
+        share = math.tanh(planned / SMOOTHING_SPEED)
+        return share * (self.level(measured) - self.level(planned))
+
+    def slipped(self, slip: float, travel: float, reference: JointReference) -> float:
+        """The state z [-] after a travel [rad] of the reference that ended as `reference`."""
+        slip = dahl_step(slip, travel, self.presliding)
+        if reference.velocity * reference.acceleration > 0.0:
+            return slip
+        most = math.tanh(abs(reference.velocity) / SMOOTHING_SPEED)
+        return max(-most, min(most, slip))

@@ -1,17 +1,22 @@
-"""Joint torque of the muscles' hysteresis and creep, predicted along the joint's reference."""
+"""Joint torque that depends on the motion before, predicted along the joint's reference.
+
+That of hysteresis and creep of the muscles, and of the dry friction of the joint.
+"""
 
 from __future__ import annotations
 
 import math
 
+from pam_control.compensation.dry_friction import DryFriction
 from pam_control.compensation.muscle_memory import MuscleMemory
+from pam_control.references.spline import JointReference
 from pam_model.rig import Muscle
 
 Pair = tuple[float, float]
 
 
 class HistoryTorque:
-    """The hysteresis and creep states of both muscles, advanced along the reference.
+    """The states of both muscles and of the dry friction, advanced along the reference.
 
     Parameters
     ----------
@@ -19,29 +24,36 @@ class HistoryTorque:
         Agonist, antagonist.
     pulley_radius : float
         Radius after the effects that the rig file names [m].
+    friction : DryFriction
+        Of the joint.
     """
 
-    def __init__(self, muscles: tuple[Muscle, ...], pulley_radius: float) -> None:
-        self._radius = pulley_radius
+    def __init__(
+        self, muscles: tuple[Muscle, ...], pulley_radius: float, friction: DryFriction
+    ) -> None:
+        self._radius, self._friction = pulley_radius, friction
         self._agonist, self._antagonist = (MuscleMemory.from_muscle(m) for m in muscles)
-        self.is_neutral = self._agonist.is_neutral and self._antagonist.is_neutral
-        self._position = self._time = math.nan
+        self.is_neutral = (
+            self._agonist.is_neutral and self._antagonist.is_neutral and not friction.laws
+        )
+        self.reset()
 
     def reset(self) -> None:
         """Reset the states."""
         self._position = self._time = math.nan
+        self._slip = 0.0
         self._agonist.reset()
         self._antagonist.reset()
 
-    def advance(self, time: float, position: float, pressures: Pair) -> float:
+    def advance(self, time: float, reference: JointReference, pressures: Pair) -> float:
         """Advance the states along the reference to `time` and return their torque.
 
         Parameters
         ----------
         time : float
             Not earlier than in the last call [s].
-        position : float
-            Reference position at that time [rad].
+        reference : JointReference
+            Reference at that time.
         pressures : (float, float)
             Approximate pressures of the muscles at that time, gauge [Pa].
 
@@ -52,12 +64,14 @@ class HistoryTorque:
         """
         if self.is_neutral:
             return 0.0
+        position = reference.position
         if not math.isnan(self._position):
-            stroke = self._radius * (position - self._position)
+            travel = position - self._position
+            self._slip = self._friction.slipped(self._slip, travel, reference)
+            stroke = self._radius * travel
             duration = max(time - self._time, 0.0)
             self._agonist.move(-stroke, duration)
             self._antagonist.move(stroke, duration)
         self._position, self._time = position, time
-        return self._radius * (
-            self._agonist.pull(pressures[0]) - self._antagonist.pull(pressures[1])
-        )
+        pull = self._agonist.pull(pressures[0]) - self._antagonist.pull(pressures[1])
+        return self._radius * pull - self._slip * self._friction.level(reference.velocity)

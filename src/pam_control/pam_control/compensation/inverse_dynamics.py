@@ -1,6 +1,8 @@
 """Inverse dynamics: the torque that a joint needs for a motion, by the rigid-body equation.
 
-inertia qdd + viscous_friction qd + dry friction(qd) + gravity_torque sin(q - gravity_angle)
+inertia qdd + viscous_friction qd + gravity_torque sin(q - gravity_angle)
+
+Dry friction depends on the motion before; it comes on top (`history_torque`).
 
 All parameters include the effects that the rig file names, such as a payload.
 """
@@ -77,26 +79,16 @@ class InverseDynamics:
             added += law(position, velocity)
         return added
 
-    def static_torque(self, position: float, velocity: float, planned_velocity: float) -> float:
-        """Torque [N m] for a measured motion, without inertia and viscous friction.
-
-        Parameters
-        ----------
-        position, velocity : float
-            Measured [rad], [rad/s].
-        planned_velocity : float
-            Velocity of the reference, whose sign is that of the dry friction [rad/s].
-        """
-        added = self._added(position, velocity)
-        return self.gravity(position) + self.dry_friction.torque(planned_velocity) - added
+    def static_torque(self, position: float, velocity: float) -> float:
+        """Torque [N m] for a measured motion [rad], [rad/s]: no inertia, no friction."""
+        return self.gravity(position) - self._added(position, velocity)
 
     def torque(self, reference: JointReference) -> float:
-        """Torque [N m] for the motion `reference`."""
+        """Torque [N m] for the motion `reference`, without dry friction."""
         added = self._added(reference.position, reference.velocity)
         return (
             self.inertia * reference.acceleration
             + self.viscous_friction * reference.velocity
-            + self.dry_friction.torque(reference.velocity)
             + self.gravity(reference.position)
             - added
         )

@@ -97,7 +97,7 @@ class PositionStiffnessController(Controller):
         muscles = channel.model.torque(
             *channel.aligned.at(request.seen_at), channel.inside(position)
         )
-        motion = dynamics.static_torque(position, speed, request.seen.velocity)
+        motion = dynamics.static_torque(position, speed)
         limit = channel.scale.complete(settings).observer_limit
         how = ObserverSettings(bandwidth, settings.derivative_filter, limit)
         lost = channel.observer.update(request.fresh, muscles + added, motion, speed, how)
@@ -112,7 +112,7 @@ class PositionStiffnessController(Controller):
         request : PlanRequest
             The present cycle.
         known : float
-            Torque of the muscles' known memory, hysteresis and creep [N m].
+            Known torque of hysteresis, creep and dry friction at the time of the position [N m].
         """
         channel = request.channel
         channel.aligned.add(request.measured_at, request.pressures)
@@ -124,7 +124,7 @@ class PositionStiffnessController(Controller):
         muscles, before = channel.model.torques(
             (aligned, channel.aligned.at(seen_at - RATE_SPAN)), inside
         )
-        model = channel.dynamics.static_torque(position, speed, request.seen.velocity)
+        model = channel.dynamics.static_torque(position, speed)
         sample = TorqueSample(
             unexplained=muscles + known - model,
             rate=(muscles - before) / RATE_SPAN,
@@ -135,9 +135,6 @@ class PositionStiffnessController(Controller):
         beside = known - model + channel.dynamics.gravity(position)
         channel.stiffness.learn(request.fresh, aligned, inside, beside)
         channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
-        channel.pid.integral -= channel.stuck.update(
-            request.seen, position, channel.pid.integral, channel.adaptation.friction
-        )
 
     def _repeated(self, request: PlanRequest, usual: float) -> tuple[float, float]:
         """What is added to the torque in a motion that is repeated, and beside it [N m].
@@ -195,7 +192,7 @@ class PositionStiffnessController(Controller):
         if settings.feedforward:
             now, then = request.now, request.then
             before = channel.plans[-1].pressures if channel.plans else channel.desired
-            added = channel.history.advance(request.acts_at, then.position, before)
+            added = channel.history.advance(request.acts_at, then, before)
             memory, limit = added, settings.adaptation_limit
             usual = channel.adaptation.torque(request.acts_at, then, limit) if self.adapts else 0.0
             channel.adapted, correction = self._repeated(request, usual)
@@ -204,7 +201,7 @@ class PositionStiffnessController(Controller):
                 channel.dynamics.torque(then) - added, stiffness, then.position
             )
             goal = (planned.agonist, planned.antagonist)
-            channel.remember(Plan(request.acts_at, goal, stiffness, added), request.now_at)
+            channel.remember(Plan(request.acts_at, goal, stiffness, added, memory), request.now_at)
             rate = channel.planned_rates(request.side_acts_at)
             past = channel.plan_at(request.now_at)
             coming = channel.pressures_at(request.side_acts_at)
@@ -212,9 +209,17 @@ class PositionStiffnessController(Controller):
             wanted_stiffness, added = past.stiffness, past.memory_torque
             torque = channel.dynamics.torque(now) - added + request.output + correction
             torque += self._lost(request, added)
+            friction = channel.dynamics.dry_friction
+            torque += friction.change(request.seen.velocity, channel.velocity)
             if self.adapts:
-                self._learn(request, memory)
+                self._learn(request, channel.plan_at(request.seen_at).known)
                 self._tell(channel)
+            channel.pid.integral -= channel.stuck.update(
+                request.seen,
+                channel.position,
+                channel.pid.integral,
+                channel.adaptation.friction + friction.level(0.0),
+            )
             position = now.position
             velocities = request.side_velocities
         else:

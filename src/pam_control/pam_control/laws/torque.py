@@ -180,8 +180,8 @@ class TorqueController(PositionStiffnessController):
         channel, dynamics = request.channel, request.channel.dynamics
         limits = self.references.motion[channel.joint.name]
         position, speed = channel.position, channel.velocity
-        needed = dynamics.static_torque(position, speed, speed)
-        needed += dynamics.viscous_friction * speed
+        needed = dynamics.static_torque(position, speed)
+        needed += dynamics.viscous_friction * speed + dynamics.dry_friction.torque(speed)
         muscles = channel.model.torque(*request.pressures, channel.inside(position))
         push = (muscles - needed) / dynamics.inertia
         soon = speed + push * REACTION

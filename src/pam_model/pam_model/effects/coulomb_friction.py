@@ -39,8 +39,8 @@ EFFECT = Effect(
     },
     slots=(DryFriction(coulomb_friction, presliding="presliding_angle"),),
     control=TorqueFeedforward(
-        "adds the friction torque in the direction of the reference velocity, smoothed below "
-        "0.03 rad/s; from rest the integrator overcomes it"
+        "adds the friction torque along the reference, with its presliding angle; it fades below "
+        "0.03 rad/s at the end of a motion"
     ),
     plausibility=Included("the torque balance tolerates the magnitude of the friction"),
     search=Search(
