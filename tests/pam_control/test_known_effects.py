@@ -94,7 +94,7 @@ REMAINS = {
     "cable_compliance": (4e-4, "the flow is computed for the path's length, not the muscle's"),
     "coulomb_friction": (1.1e-3, "it is left to the integrator where a motion comes to rest"),
     "stribeck_friction": (2.6e-3, "it is left to the integrator where a motion comes to rest"),
-    "pressure_lag": (3.5e-3, "the longer lag asks for lower gains of the pressure loops"),
+    "pressure_lag": (1.5e-3, "the longer lag asks for lower gains of the pressure loops"),
 }
 """What compensation leaves of an effect: RMS error [rad] above that of a rig without any effect,
 and why. The limits are about twice what was measured, and at least 0.1 mrad."""

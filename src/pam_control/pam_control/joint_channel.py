@@ -146,6 +146,7 @@ class JointChannel:
         self.acting_delays: Pair = (0.0, 0.0)  # see the function below; of the present settings
         self.plans: deque[Plan] = deque()  # oldest first
         self.desired: Pair = (math.nan, math.nan)
+        self.shown: Pair = (0.0, 0.0)  # plan as sensors with a lag show it [Pa]
         self.position = math.nan
         self.velocity = 0.0
         self.position_time = math.nan
@@ -276,6 +277,18 @@ class JointChannel:
         if second == first:
             return pressures
         return pressures[0], self.plan_at(second).pressures[1]
+
+    def shown_plan(self, time: float, step: float) -> Pair:
+        """Planned pressures [Pa] that sensors show which lag behind `time` [s] by their lag."""
+        if self.pressure_lag == 0.0:
+            return self.plan_at(time).pressures
+        weight = step / (self.pressure_lag + step)
+        first, second = self.plan_at(time + self.pressure_lag).pressures
+        self.shown = (
+            self.shown[0] + weight * (first - self.shown[0]),
+            self.shown[1] + weight * (second - self.shown[1]),
+        )
+        return self.shown
 
     def plan_at(self, time: float) -> Plan:
         """Plan for `time` [s]: linear interpolation between the plans, constant outside them.

@@ -23,7 +23,7 @@ from pam_control.feedback.disturbance_observer import ObserverSettings
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
-from pam_control.joint_channel import JointChannel, Pair, Plan
+from pam_control.joint_channel import PRESSURE_SHARE, JointChannel, Pair, Plan
 from pam_control.limited import limited
 from pam_control.settings import ControlSettings
 
@@ -188,10 +188,11 @@ class PositionStiffnessController(Controller):
         reach = rate_limit * request.step
         change = self._wanted_stiffness(request) - telemetry.stiffness
         stiffness = telemetry.stiffness + limited(change, -reach, reach)
-        rate = ahead = (0.0, 0.0)
+        rate = ahead = shift = (0.0, 0.0)
         if settings.feedforward:
             now, then = request.now, request.then
             before = channel.plans[-1].pressures if channel.plans else channel.desired
+            channel.shown = channel.shown if channel.plans else before
             added = channel.history.advance(request.acts_at, then, before)
             memory, limit = added, settings.adaptation_limit
             usual = channel.adaptation.torque(request.acts_at, then, limit) if self.adapts else 0.0
@@ -205,12 +206,14 @@ class PositionStiffnessController(Controller):
             rate = channel.planned_rates(request.side_acts_at)
             past = channel.plan_at(request.now_at)
             coming = channel.pressures_at(request.side_acts_at)
-            ahead = (coming[0] - past.pressures[0], coming[1] - past.pressures[1])
+            shown = channel.shown_plan(request.now_at, request.step)
+            shift = (shown[0] - past.pressures[0], shown[1] - past.pressures[1])
+            ahead = (coming[0] - shown[0], coming[1] - shown[1])
             wanted_stiffness, added = past.stiffness, past.memory_torque
             torque = channel.dynamics.torque(now) - added + request.output + correction
-            torque += self._lost(request, added)
             friction = channel.dynamics.dry_friction
             torque += friction.change(request.seen.velocity, channel.velocity)
+            torque += self._lost(request, added)
             if self.adapts:
                 self._learn(request, channel.plan_at(request.seen_at).known)
                 self._tell(channel)
@@ -227,15 +230,19 @@ class PositionStiffnessController(Controller):
             position = channel.position
             velocities = (channel.velocity, channel.velocity)
         reached = channel.model.pressures_for(torque, wanted_stiffness, position)
-        clipped = []
-        if reached.torque_limited:
-            clipped.append("torque")
-        if reached.stiffness_limited:
-            clipped.append("stiffness")
+        told = (("torque", reached.torque_limited), ("stiffness", reached.stiffness_limited))
         telemetry.torque, telemetry.stiffness = torque, stiffness
         telemetry.torque_reached = reached.torque
         telemetry.stiffness_reached = reached.stiffness
-        telemetry.clipped = tuple(clipped)
+        telemetry.clipped = tuple(name for name, is_limited in told if is_limited)
         missed = reached.torque - torque if reached.torque_limited else 0.0
-        pressures = (reached.agonist, reached.antagonist)
+        pressures = _shifted((reached.agonist, reached.antagonist), shift, channel)
         return PressurePlan(pressures, rate, ahead, velocities, missed)
+
+
+def _shifted(pressures: Pair, shift: Pair, channel: JointChannel) -> Pair:
+    """Pressures and what a lagging sensor adds to them, within what may be asked for [Pa]."""
+    if shift == (0.0, 0.0):
+        return pressures
+    one, other = (PRESSURE_SHARE * muscle.max_pressure for muscle in channel.muscles)
+    return limited(pressures[0] + shift[0], 0.0, one), limited(pressures[1] + shift[1], 0.0, other)

@@ -25,8 +25,8 @@ EFFECT = Effect(
     },
     slots=(Adjusts("pressure_sensor.lag", longer_lag),),
     control=Included(
-        "compares the pressures with the plan of that earlier time, and includes the lag in the "
-        "gain design as a delay"
+        "compares the pressures with the plan as a sensor with this lag shows it, and includes "
+        "the lag in the gain design as a delay"
     ),
     plausibility=Nothing(
         "nothing, because the observer corrects itself with the measurement; "
