@@ -103,6 +103,12 @@ def _declare_diagnose(parser: Parser) -> None:
         action="store_true",
         help="no report page and no next experiment, which take half of the time or more",
     )
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="only a first look, in seconds: where the gap is, and which effects resemble it; no "
+        "verdict",
+    )
 
 
 def _fleet(given: Arguments) -> Outcome:

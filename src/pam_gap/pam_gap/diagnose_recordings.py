@@ -144,6 +144,24 @@ def usable_parts(
     ]
 
 
+def prepared(
+    rig: Rig,
+    number: int,
+    recordings: Sequence[Recording],
+    *,
+    threads: int = 0,
+    progress: Progress = silent,
+    rules: Rules = DEFAULT,
+    with_experiment: bool = True,
+) -> JointDiagnosis:
+    """Prepare the diagnosis of the joint with this number; the arguments are `diagnose_joint`'s."""
+    return JointDiagnosis(
+        rig, number, usable_parts(rig, number, recordings, rules.recording), rules=rules,
+        threads=threads if threads > 0 else min(os.cpu_count() or 1, 4), progress=progress,
+        with_experiment=with_experiment,
+    )  # fmt: skip
+
+
 def diagnose_joint(
     rig: Rig,
     number: int,
@@ -169,12 +187,10 @@ def diagnose_joint(
     with_experiment : bool
         Whether the next experiment is sought.
     """
-    recordings = usable_parts(rig, number, recordings, rules.recording)
-    workers = threads if threads > 0 else min(os.cpu_count() or 1, 4)
 
     def engine_for(given: Rig) -> JointDiagnosis:
-        return JointDiagnosis(
-            given, number, recordings, rules=rules, threads=workers, progress=progress,
+        return prepared(
+            given, number, recordings, threads=threads, progress=progress, rules=rules,
             with_experiment=with_experiment,
         )  # fmt: skip
 
@@ -183,10 +199,11 @@ def diagnose_joint(
     if engine.lengths is not None:
         second = engine_for(as_measured(rig, rules.search))
         engine, diagnosis = _likelier(engine, diagnosis, second, second.run())
-    diagnosis.repairs = tuple(f"{r.source.name}: {text}" for r in recordings for text in r.repairs)
+    used = [data.recording for data in engine.problem.data]
+    diagnosis.repairs = tuple(f"{r.source.name}: {text}" for r in used for text in r.repairs)
     diagnosis.left_out = tuple(
         dict.fromkeys(
-            note for r in recordings for note in what_is_missing(rig, number, r, rules.recording)
+            note for r in used for note in what_is_missing(rig, number, r, rules.recording)
         )
     )
     diagnosis.sentence = verdict_sentence(diagnosis)

@@ -3,13 +3,14 @@
 It writes diagnosis.json, report.html and, where an effect was found, rig_improved.yaml, which
 simulation, model node and controller can read in place of the rig file. For a verdict of `unknown`
 it writes rig_retuned.yaml: the numbers of the rig file changed within their tolerance.
+With `--quick` it writes first_look.json alone, which holds no verdict.
 """
 
 from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +21,14 @@ from pam_gap.answer.provenance import provenance
 from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, write_report
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace
 from pam_gap.answer.user_units import plain
-from pam_gap.diagnose_recordings import UnknownJointError, diagnose_joint, joints_to_diagnose
+from pam_gap.diagnose_recordings import (
+    UnknownJointError,
+    diagnose_joint,
+    joints_to_diagnose,
+    prepared,
+)
 from pam_gap.experiments.files import FOLDER
+from pam_gap.first_look import first_look
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
@@ -156,6 +163,54 @@ def report_data(problem: PredictionProblem, diagnosis: Diagnosis, improved_name:
     )  # fmt: skip
 
 
+def to_diagnose(
+    recordings: Sequence[str | Path],
+    rig_path: str | Path,
+    joint: str | None,
+    mounted: tuple[Sequence[str | Path], Sequence[str | Path], Sequence[str | Path]],
+    rules: Rules = DEFAULT,
+    map_path: str | Path | None = None,
+) -> tuple[Rig, list[Recording], list[int]]:
+    """The rig, its recordings and the numbers of the joints to diagnose, read from files.
+
+    Parameters
+    ----------
+    recordings, rig_path, joint, rules, map_path
+        As in `diagnose_files`.
+    mounted : tuple of three sequences
+        Further recordings: turned over, locked, and with both valves shut.
+
+    Raises
+    ------
+    PamError
+        For a rig file or recording that cannot be used.
+    """
+    rig = load_rig(rig_path)
+    column_map = None if map_path is None else load_column_map(map_path)
+    read = import_as_mounted(recordings, rig, *mounted, rules, column_map)
+    try:
+        return rig, read, joints_to_diagnose(rig, read, joint)
+    except UnknownJointError as error:
+        raise PamError(f"{rig_path}: {error}") from None
+
+
+def joint_folder(out: str | Path, rig: Rig, numbers: Sequence[int], number: int) -> Path:
+    """The folder for the results of one joint, which is made: one for each if there are several."""
+    place = Path(out)
+    folder = place if len(numbers) == 1 else place / rig.joint_names[number]
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def joint_progress(bar: Progress, name: str) -> Callable[[str, float], None]:
+    """What tells the progress bar which joint and task the diagnosis is at."""
+
+    def tell(task: str, share: float) -> None:
+        bar.show(share, f"{name}: {task}"[:48].ljust(48))
+
+    return tell
+
+
 def diagnose_files(
     recordings: Sequence[str | Path],
     rig_path: str | Path,
@@ -209,28 +264,17 @@ def diagnose_files(
     PamError
         For a rig file or recording that cannot be used.
     """
-    rig = load_rig(rig_path)
-    column_map = None if map_path is None else load_column_map(map_path)
-    read = import_as_mounted(recordings, rig, turned_over, locked, shut, rules, column_map)
-    try:
-        numbers = joints_to_diagnose(rig, read, joint)
-    except UnknownJointError as error:
-        raise PamError(f"{rig_path}: {error}") from None
+    mounted = (turned_over, locked, shut)
+    rig, read, numbers = to_diagnose(recordings, rig_path, joint, mounted, rules, map_path)
     origin = provenance(rig_path, [*recordings, *turned_over, *locked, *shut], command)
-    place = Path(out)
     answers = []
     for number in numbers:
-        folder = place if len(numbers) == 1 else place / rig.joint_names[number]
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = joint_folder(out, rig, numbers, number)
         name = rig.joint_names[number]
         with progress(1.0, name, wanted=show_progress) as bar:
-
-            def tell(task: str, share: float, bar: Progress = bar, name: str = name) -> None:
-                bar.show(share, f"{name}: {task}"[:48].ljust(48))
-
             engine, diagnosis = diagnose_joint(
-                rig, number, read, threads=threads, progress=tell, rules=rules,
-                with_experiment=not answer_only,
+                rig, number, read, threads=threads, progress=joint_progress(bar, name),
+                rules=rules, with_experiment=not answer_only,
             )  # fmt: skip
         diagnosis.provenance = origin
         improved_name = ""
@@ -259,6 +303,8 @@ def _rules(given: Arguments) -> Rules:
 
 def run(given: Arguments) -> Outcome:
     """Diagnose and print each joint's verdict; the command of `pam_gap.__main__`."""
+    if given.quick:
+        return _look(given)
     answers = diagnose_files(
         given.recordings,
         given.rig,
@@ -281,4 +327,29 @@ def run(given: Arguments) -> Outcome:
     return Outcome(
         {"out": given.out, "joints": [answer.to_json() for answer in answers]},
         [f"{a.joint}: verdict {a.verdict}" for a in answers if a.verdict != "none"],
+    )
+
+
+def _look(given: Arguments) -> Outcome:
+    """Take a first look at each joint, print it, and write it to `first_look.json`."""
+    mounted, rules = (given.turned_over, given.locked, given.shut), _rules(given)
+    rig, read, numbers = to_diagnose(
+        given.recordings, given.rig, given.joint, mounted, rules, given.map
+    )
+    looks = []
+    for number in numbers:
+        name = rig.joint_names[number]
+        with progress(1.0, name, wanted=not given.no_progress) as bar:
+            engine = prepared(
+                rig, number, read, threads=given.threads, progress=joint_progress(bar, name),
+                rules=rules,
+            )  # fmt: skip
+            looks.append(first_look(engine))
+        looks[-1].write(joint_folder(given.out, rig, numbers, number))
+    for look in looks:
+        print(look.text())
+    print(f"written: {given.out}")
+    return Outcome(
+        {"out": given.out, "joints": [look.to_json() for look in looks]},
+        [f"{look.joint}: a gap that matters" for look in looks if look.effects or look.missing],
     )

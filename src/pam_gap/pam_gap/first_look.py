@@ -1,0 +1,172 @@
+"""A first look at a recording (`diagnose --quick`): where the gap is, and what resembles it.
+
+The rig is re-tuned within its tolerance, and each effect of the table gets one Gauss-Newton step
+from there. This tells how much of the error it would remove alone, to first order. Nothing is
+scored on data that were not fitted and no pairs are tried, so that there is no verdict and no
+probability.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pam_gap.answer.user_units import percent, spoken, told
+from pam_gap.diagnosis_engine import JointDiagnosis
+from pam_gap.inference.hypothesis import FitTask, Hypothesis
+from pam_gap.prediction.gap_figures import noise_level
+from pam_gap.prediction.identifiable import what_is_missing
+from pam_gap.prediction.locate import locate
+from pam_gap.prediction.materiality import gap_sizes
+from pam_model.effects import EFFECTS
+
+FILE = "first_look.json"
+SHOWN = 5
+"""Effects that are told."""
+CAVEAT = (
+    "This is a first look and no verdict: each effect was tried alone, with one step of its fit, "
+    "and nothing was tested on data that were not fitted. Run it without --quick for the answer."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Resemblance:
+    """What one effect does to the error.
+
+    Attributes
+    ----------
+    effect, stage : str
+        Name and stage in `pam_model.effects.EFFECTS`.
+    removes : float
+        Share of the RMS error above the noise that it removes, 0 to 1; the mean over the channels
+        with a gap.
+    """
+
+    effect: str
+    stage: str
+    removes: float
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelGap:
+    """Error of one channel without noise, in its unit: as written, and re-tuned."""
+
+    channel: str
+    unit: str
+    motion: float
+    before: float
+    retuned: float
+
+
+@dataclass(frozen=True, slots=True)
+class FirstLook:
+    """What a first look at the recordings of one joint shows.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint.
+    missing : tuple of str
+        Why nothing can be told; empty if something can.
+    stage : str or None
+        The stage with the largest gap when it is simulated from its measured inputs.
+    gaps : tuple of ChannelGap
+        The channel with the largest share of its motion first.
+    effects : tuple of Resemblance
+        The effect that removes most of the error first; empty if the error does not matter.
+    """
+
+    joint: str
+    missing: tuple[str, ...] = ()
+    stage: str | None = None
+    gaps: tuple[ChannelGap, ...] = ()
+    effects: tuple[Resemblance, ...] = ()
+
+    def text(self) -> str:
+        """The first look for people, several lines."""
+        if self.missing:
+            return f"{self.joint}: nothing can be told. {' '.join(self.missing)}"
+        where = f"the {self.stage} stage differs most" if self.stage else "no stage stands out"
+        lines = [f"{self.joint}: {where}."]
+        for gap in self.gaps:
+            share = gap.before / max(gap.motion, 1e-300)
+            lines.append(
+                f"  {gap.channel}: wrong by {told(gap.before, gap.unit)} RMS ({percent(share)} of "
+                f"its range), {told(gap.retuned, gap.unit)} re-tuned within the tolerance"
+            )
+        if self.effects:
+            lines.append("  of the re-tuned error, one effect alone would remove:")
+            lines += [
+                f"  {percent(one.removes):>6}  {spoken(one.effect)} ({one.stage} stage)"
+                for one in self.effects[:SHOWN]
+            ]
+        else:
+            lines.append("  what the tolerance leaves of it is too small to matter")
+        return "\n".join([*lines, f"  {CAVEAT}"])
+
+    def write(self, folder: Path) -> None:
+        """Write the first look to a folder."""
+        text = json.dumps(self.to_json(), indent=1) + "\n"
+        (folder / FILE).write_text(text, encoding="utf-8")
+
+    def to_json(self) -> dict[str, Any]:
+        """The document of first_look.json."""
+        return asdict(self) | {"caveat": CAVEAT}
+
+
+def first_look(engine: JointDiagnosis) -> FirstLook:
+    """Look at the recordings of a diagnosis that was prepared, but not run.
+
+    Parameters
+    ----------
+    engine : JointDiagnosis
+        The prepared diagnosis.
+    """
+    problem, fitter = engine.problem, engine.fitter
+    name = engine.rig.joint_names[engine.joint]
+    missing = what_is_missing(problem)
+    if missing:
+        return FirstLook(name, tuple(missing))
+    engine.progress("re-tuning nominal parameters", 0.1)
+    nominal = fitter.fit_nominal()
+    written = engine.written()
+    values = fitter.vector((), nominal.result.values)
+    location = locate(problem, values, fitter.simulated_errors(nominal))
+    share = engine.rules.decision.material_share
+    squares = [written.mean_square, nominal.mean_square, nominal.mean_square]
+    sizes = gap_sizes(problem, noise_level(problem, values), share, share, squares)
+    matters = any(size.is_material for size in sizes)
+    return FirstLook(
+        name,
+        stage=location.worst,
+        gaps=tuple(ChannelGap(s.channel, s.unit, s.motion, s.before, s.retuned) for s in sizes),
+        effects=_ranked(engine, nominal) if matters else (),
+    )
+
+
+def _ranked(engine: JointDiagnosis, nominal: Hypothesis) -> tuple[Resemblance, ...]:
+    """The effects by the share of the error that they remove; of several starts the best."""
+    candidates = engine.candidates()
+    engine.progress(f"one effect: {len(candidates)} candidates", 0.4)
+    tried = engine.fitter.fit_all(
+        [
+            FitTask(
+                (candidate,), np.concatenate([nominal.result.values, start]), 1,
+                cached=nominal.result.jacobian,
+            )
+            for candidate in candidates
+            for start in candidate.starts
+        ]
+    )  # fmt: skip
+    usual = engine.in_sample(nominal)
+    removes: dict[str, float] = {}
+    for one in tried:
+        share = engine.judge.share_removed(usual, engine.in_sample(one))
+        (effect,) = one.effects
+        removes[effect] = max(share, removes.get(effect, 0.0))
+    ranked = sorted(removes.items(), key=lambda entry: -entry[1])
+    return tuple(Resemblance(effect, EFFECTS[effect].stage, share) for effect, share in ranked)
