@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -125,6 +126,65 @@ class Bench:
     supply: SupplyWander
     seed: int
 
+    def compared(
+        self,
+        recording: TruthRecording,
+        motion: Excitation,
+        plain: Draw,
+        exact: Draw,
+        lone: Sequence[Draw],
+    ) -> tuple[TruthRecording, float, list[float]]:
+        """Compare a rig with its parts, which get the same commands and run side by side.
+
+        Parameters
+        ----------
+        recording : TruthRecording
+            Of the rig with all its effects.
+        motion : Excitation
+            The motion of this recording.
+        plain, exact : Draw
+            The rig without its effects, and without its background as well.
+        lone : sequence of Draw
+            The rig with one of its effects each.
+
+        Returns
+        -------
+        without : TruthRecording
+            Of the rig without its effects.
+        strength : float
+            Of all effects together.
+        strengths : list of float
+            Of each effect; that of all for one with which alone the rig diverges.
+
+        Raises
+        ------
+        FloatingPointError
+            When the rig without its effects diverges.
+        """
+        given = [(plain, False), (exact, True)] if lone else [(plain, False)]
+        if len(lone) > 1:
+            given += [(one, False) for one in lone]
+
+        def run(rig: tuple[Draw, bool]) -> TruthRecording | None:
+            with suppress(FloatingPointError):
+                return self.run(rig[0], motion, recording.commands, steady=rig[1])
+            return None
+
+        with ThreadPoolExecutor(len(given)) as pool:
+            without, *others = pool.map(run, given)
+        if without is None or (others and others[0] is None):
+            raise FloatingPointError("the rig diverges without its effects")
+        if not others or others[0] is None:
+            return without, 0.0, []
+        usual = _change(without, others[0])
+
+        def seen(one: TruthRecording) -> float:
+            return float(np.max(_seen(one, without) / usual))
+
+        strength = seen(recording)
+        alone_with = others[1:] or [recording]
+        return without, strength, [strength if one is None else seen(one) for one in alone_with]
+
     def run(
         self,
         rig: Draw,
@@ -211,20 +271,11 @@ def draw_rough_rig(
     for _ in range(ROUNDS):
         rig = layered([weaker(p, plain, s) for p, s in zip(parts, shares, strict=True)], plain)
         recording = bench.run(rig, motions[0])
-        without = bench.run(plain, motions[0], recording.commands)
+        mixed = shares if len(shares) > 1 else shares * len(effects)
+        lone = [weaker(one, plain, share) for one, share in zip(apart, mixed, strict=True)]
+        without, strength, strengths = bench.compared(recording, motions[0], plain, exact, lone)
         if not effects:
             break
-        usual = _change(without, bench.run(exact, motions[0], recording.commands, steady=True))
-        strength = float(np.max(_seen(recording, without) / usual))
-        strengths = [strength] * len(effects)
-        if len(effects) > 1:
-            mixed = shares if len(shares) > 1 else shares * len(effects)
-            lone = [weaker(one, plain, share) for one, share in zip(apart, mixed, strict=True)]
-            for k, rig_of_one in enumerate(lone):
-                # a rig with one of the effects alone may diverge with commands of both
-                with suppress(FloatingPointError):
-                    recorded = bench.run(rig_of_one, motions[0], recording.commands)
-                    strengths[k] = float(np.max(_seen(recorded, without) / usual))
         found = strengths if len(goals) == len(effects) else [strength]
         off = [math.log(max(s, 1e-3) / goal) for s, goal in zip(found, goals, strict=True)]
         if max(map(abs, off)) < CLOSE:

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
+from scipy import signal
 
 
 def _compiled[F: Callable[..., Any]](function: F) -> F:
@@ -34,7 +35,7 @@ def _compiled[F: Callable[..., Any]](function: F) -> F:
         from numba import njit  # noqa: PLC0415
     except ImportError:
         return function
-    return cast(F, njit(cache=True)(function))
+    return cast(F, njit(cache=True, nogil=True)(function))
 
 
 Array = npt.NDArray[np.float64]
@@ -549,10 +550,9 @@ def slow_noise(
         result[:, i] = drift * generator.uniform(-1.0, 1.0) * (part - 0.5 + bow * part * (1 - part))
         if i < 2:
             white = generator.standard_normal(count) * math.sqrt(1.0 - decay**2)
-            state = generator.standard_normal()
-            for k in range(count):
-                state = decay * state + white[k]
-                result[k, i] += sensors.pressure_colour * state
+            before = [decay * generator.standard_normal()]
+            coloured, _ = signal.lfilter([1.0], [1.0, -decay], white, zi=before)
+            result[:, i] += sensors.pressure_colour * coloured
     return result
 
 
