@@ -3,12 +3,14 @@
 `python -m pam_check rough-control` hides every effect, one after the other, in the independent
 plant of the blind check, gives the controller the nominal rig file, and plays two motions. Beside
 it runs a PID with feedforward that was tuned on that very rig (`tuned_pid`). What the tuning found
-is kept in a file, because it takes about a minute per rig; the rest takes a second per motion.
+is kept in a file, because it takes about a minute per rig; the rest takes a second per motion. What
+was found with other code is searched again.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import json
 import math
@@ -20,6 +22,8 @@ from typing import Final
 
 import numpy as np
 
+import pam_control
+import pam_model
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import TOLD, Muscles, Played, play, true_rig
 from pam_check.control.hidden_sizes import CLEAN, HIDDEN, HiddenSize
@@ -186,8 +190,21 @@ class RoughControl:
 
     def _key(self, joint: TruthJoint, muscles: Muscles, tries: int) -> str:
         parts = [self.rig.to_parameters(), joint, muscles, self.motions, self._seed, tries]
-        parts.append(self._pressure_loops)
+        parts += [self._pressure_loops, _code_version()]
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
+
+
+@functools.cache
+def _code_version() -> str:
+    """Digest of all code that the tuning of a PID runs."""
+    here = Path(__file__)
+    files = [*here.parent.glob("*.py"), here.parents[1] / "blind" / "truth_plant.py"]
+    for package in (pam_control, pam_model):
+        files += Path(str(package.__file__)).parent.rglob("*.py")
+    digest = hashlib.sha256()
+    for path in sorted(files):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def _row(result: RoughResult) -> str:
