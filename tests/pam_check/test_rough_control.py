@@ -17,7 +17,7 @@ from pam_check.control.closed_loop import PERIOD, TOLD, play, true_rig
 from pam_check.control.hidden_sizes import CLEAN, HIDDEN
 from pam_check.control.rough_control import RoughControl
 from pam_check.control.running_truth import RunningTruth
-from pam_check.control.tuned_pid import Bench
+from pam_check.control.tuned_pid import Bench, tune
 from pam_control.control_step import Measurement
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import TrajectoryPoint
@@ -84,6 +84,25 @@ def test_a_fitted_feedforward_serves_the_pid_on_the_rig_that_it_was_fitted_to(ro
     after = bench.play(bench.fitted(first, before))
     # in the chirp, the gains of the rig file are near the end of their stability with this load
     assert after["arm"][0].rms < 0.95 * before["arm"][0].rms
+
+
+def test_the_baseline_is_tuned_where_the_gains_of_the_rig_file_swing(rough):
+    """A search that begins among gains that swing stays there, and is easily beaten."""
+    joint, muscles = rough.hidden("position_delay")
+    bench = Bench(rough.rig, joint, muscles, {"arm": rough.motions["arm"]}, 5, rough.designs)
+    first = bench.play(bench.first())["arm"][0]
+    tuned = bench.play(tune(bench, 10, pressure_loops=False))["arm"][0]
+    assert not tuned.cycles
+    assert not tuned.stopped
+    assert tuned.rms < 0.3 * first.rms
+
+
+def test_gains_that_were_tuned_with_other_code_are_searched_again(rough, monkeypatch):
+    joint, muscles = rough.hidden("payload")
+    before = rough._key(joint, muscles, 30)
+    assert rough._key(joint, muscles, 30) == before
+    monkeypatch.setattr("pam_check.control.rough_control._code_version", lambda: "another")
+    assert rough._key(joint, muscles, 30) != before
 
 
 def test_a_loop_that_oscillates_is_reported_as_a_limit_cycle(rough):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import signal
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -146,3 +148,13 @@ def test_what_this_process_holds():
         assert use_of().handles == use.handles + 1
     assert use_of().handles == use.handles
     assert use.memory > 2**20 and use.threads >= 1
+
+
+def test_a_process_that_has_ended_is_named():
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)  # not yet taken note of
+    with pytest.raises(PamError, match=f"process {ended.pid} has ended"):
+        use_of(ended.pid)
+    ended.wait()
+    with pytest.raises(PamError, match=f"process {ended.pid} has ended"):
+        use_of(ended.pid)
