@@ -99,6 +99,17 @@ def test_a_mistake_is_one_line_and_a_fault_of_ours_keeps_its_traceback(capsys, t
         ends(broken, "act")
 
 
+def test_a_full_disk_is_one_line_that_says_what_is_left(capsys):
+    def writing(given):
+        Path("/dev/full").write_text("a report")
+        raise AssertionError
+
+    assert ends(writing, "act") == MISTAKE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: No space left on device")
+    assert "incomplete" in line
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

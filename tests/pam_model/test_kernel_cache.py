@@ -1,7 +1,11 @@
 """Where machine code of the plant is kept."""
 
+import importlib.util
 import os
+import resource
 from pathlib import Path
+
+import pytest
 
 from pam_model.plant import compiled
 
@@ -24,3 +28,65 @@ def test_without_any_folder_nothing_is_kept(tmp_path: Path, monkeypatch) -> None
     monkeypatch.setattr(compiled, "_HERE", installed)
     monkeypatch.setenv("XDG_CACHE_HOME", str(installed))
     assert compiled._cache_folder() == ""
+
+
+@pytest.fixture
+def doubled(tmp_path: Path, monkeypatch):
+    """Compiles a function as a new process does, with its machine code in a folder of the test."""
+    pytest.importorskip("numba", reason="without numba nothing is kept")
+    if not compiled.HAVE_NUMBA:
+        pytest.skip("without numba nothing is kept")
+    source = tmp_path / "doubled.py"
+    source.write_text("def doubled(x):\n    return 2.0 * x\n")
+    monkeypatch.setattr(compiled, "_CACHE", str(tmp_path / "kept"))
+
+    def start():
+        spec = importlib.util.spec_from_file_location("doubled", source)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return compiled.entry_point(module.doubled)
+
+    return start
+
+
+def kept(tmp_path: Path) -> dict[str, int]:
+    """Sizes of the files with machine code and of their indices."""
+    return {path.suffix: path.stat().st_size for path in (tmp_path / "kept").rglob("*.nb?")}
+
+
+@pytest.mark.parametrize("damaged", [".nbi", ".nbc"])
+@pytest.mark.parametrize("length", [0, 40])
+def test_machine_code_that_a_power_cut_damaged_is_compiled_again(
+    doubled, tmp_path, damaged, length
+) -> None:
+    assert doubled()(3.0) == 6.0
+    whole = kept(tmp_path)
+    (file,) = (tmp_path / "kept").rglob(f"*{damaged}")
+    file.write_bytes(file.read_bytes()[:length])
+    assert doubled()(4.0) == 8.0
+    assert kept(tmp_path) == whole
+
+
+def test_a_full_disk_costs_the_next_start_only_time(doubled, tmp_path, caplog) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    function = doubled()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20, limits[1]))
+    try:
+        assert function(3.0) == 6.0
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "machine code" in caplog.text
+    assert str(tmp_path / "kept") in caplog.text
+    assert doubled()(4.0) == 8.0
+    assert set(kept(tmp_path)) == {".nbi", ".nbc"}
+
+
+def test_without_any_folder_a_function_is_compiled_all_the_same(
+    doubled, tmp_path, monkeypatch
+) -> None:
+    blocked = tmp_path / "__pycache__"
+    blocked.write_text("no folder can be made here")
+    monkeypatch.setattr(compiled, "_CACHE", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    monkeypatch.setenv("HOME", str(blocked))
+    assert doubled()(3.0) == 6.0

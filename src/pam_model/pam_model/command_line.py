@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import io
 import json
 import math
@@ -49,6 +50,8 @@ INTERRUPTED: Final = exit_code(signal.SIGINT)
 """Interrupted with Ctrl-C."""
 TERMINATED: Final = exit_code(signal.SIGTERM)
 """Ended by SIGTERM."""
+NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors of a disk, quota or file that is full; they name no file."""
 READER_GONE: Final = 141
 """Standard output was closed, for example by `head`: 128 plus the number of the signal."""
 
@@ -291,6 +294,11 @@ def _code_after(error: BaseException) -> int:
         # prevents the interpreter from flushing into the closed pipe at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return READER_GONE
+    elif isinstance(error, OSError) and error.errno in NO_ROOM:
+        text = (
+            f"error: {error.strerror}: a file could not be written, and what there is of it is "
+            "incomplete; free space on the disk, or name another folder"
+        )
     elif isinstance(error, OSError):
         if error.filename is None:  # the user did not name this file
             raise error

@@ -33,9 +33,11 @@ def _compiled[F: Callable[..., Any]](function: F) -> F:
     """Compile with numba if it is installed."""
     try:
         from numba import njit  # noqa: PLC0415
+
+        from pam_model.machine_code_cache import keep_machine_code  # noqa: PLC0415
     except ImportError:
         return function
-    return cast(F, njit(cache=True, nogil=True)(function))
+    return cast(F, keep_machine_code(njit(nogil=True)(function)))
 
 
 Array = npt.NDArray[np.float64]

@@ -125,10 +125,14 @@ class MuscleBank:
         """
         from numba import njit  # noqa: PLC0415  (numba is optional)
 
+        from pam_model.machine_code_cache import keep_machine_code  # noqa: PLC0415
+
         frame = np.zeros((12, len(self.models)))
         frame[:6], frame[6:8] = self.coefficients.T, self.bounds.T
         frame[8:] = math.nan
-        tick = CompiledTick(partial(njit(cache=True)(_tick), frame), frame[8:10], frame[10:12])
+        tick = CompiledTick(
+            partial(keep_machine_code(njit(_tick)), frame), frame[8:10], frame[10:12]
+        )
         tick.run()
         return tick
 

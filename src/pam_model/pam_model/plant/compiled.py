@@ -27,6 +27,8 @@ try:
         raise ImportError
     import numba
 
+    from pam_model.machine_code_cache import keep_machine_code
+
     HAVE_NUMBA = True
 except ImportError:
     HAVE_NUMBA = False
@@ -130,9 +132,11 @@ def _compiled[F: Callable[..., Any]](function: F, *, cache: bool, inlined: bool 
     try:
         # numpy's error model saves a branch per division; the kernels check their divisors
         # themselves. They allocate nothing, so they need no reference counting (_nrt).
-        result: F = numba.njit(
-            cache=cache, error_model="numpy", nogil=True, forceinline=inlined, _nrt=False
-        )(_with_compiled_calls(function))
+        result: F = numba.njit(error_model="numpy", nogil=True, forceinline=inlined, _nrt=False)(
+            _with_compiled_calls(function)
+        )
+        if cache:
+            keep_machine_code(result)
     finally:
         numba.config.CACHE_DIR = given
     _COMPILED[function] = result
