@@ -26,7 +26,6 @@ from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
@@ -56,8 +55,8 @@ from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.polled_topic import PolledTopic
+from pam_ros.start import start_ros
 from pam_ros.steady_timers import SteadyTimers, turns
-from pam_ros.transport import leave_out_shared_memory
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
@@ -402,12 +401,11 @@ def main(arguments: list[str] | None = None) -> int:
     logging.getLogger("can").setLevel(logging.ERROR)
     sys.setswitchinterval(0.0005)  # else the I/O thread may wait 5 ms for the executor's thread
     with EndSignals() as signals:
-        leave_out_shared_memory()
-        # rclpy's own handlers would close the context while the I/O thread still has to vent
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node: DriverNode | None = None
         executor: EventsExecutor | None = None
         try:
+            # rclpy's own handlers would close the context while the I/O thread still has to vent
+            start_ros(arguments)
             node = DriverNode()
             node.hurry = lambda: signals.urgent
             if not node.autostart():

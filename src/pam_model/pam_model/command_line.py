@@ -39,6 +39,7 @@ from pam_model.program_signals import (
     exit_code,
     interruptible,
 )
+from pam_ros.errors import ParameterError
 from pam_ros.version import version_line
 
 DONE: Final = 0
@@ -261,7 +262,7 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
     try:
         with interruptible():
             outcome = _carry_out(command, chosen)
-    except (PamError, OSError, KeyboardInterrupt) as error:
+    except (PamError, ParameterError, OSError, KeyboardInterrupt) as error:
         return _code_after(error)
     if outcome.interrupted:
         return INTERRUPTED

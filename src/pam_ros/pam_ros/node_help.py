@@ -139,9 +139,13 @@ def _problem_of(words: Sequence[str]) -> str:
     except rclpy_implementation.UnknownROSArgsError as error:
         return f"unrecognized arguments after --ros-args: {error}"
     except rclpy_implementation.RCLError as error:
-        # rcl adds file and line of its source code after the reason
-        return " ".join(str(error).split(", at /")[0].split())
+        return reason_of_rcl(error)
     return f"unrecognized arguments: {' '.join(unknown)}" if unknown else ""
+
+
+def reason_of_rcl(error: Exception) -> str:
+    """What rcl says of an error, without the file and line of its source code."""
+    return " ".join(str(error).split(", at /")[0].split())
 
 
 def range_text(parameter: Parameter) -> str:

@@ -11,13 +11,12 @@ from typing import Any
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
-from rclpy.signals import SignalHandlerOptions
 
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
+from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
-from pam_ros.transport import leave_out_shared_memory
 
 
 def spin_node(
@@ -54,13 +53,9 @@ def spin_node(
     if ended is not None:
         return ended
     with EndSignals() as signals:
-        options = SignalHandlerOptions.NO
-        leave_out_shared_memory()
-        rclpy.init(
-            args=None if arguments is None else list(arguments), signal_handler_options=options
-        )
         node = executor = None
         try:
+            start_ros(arguments)
             with signals.interruptible():
                 node = make_node()
             executor = EventsExecutor()

@@ -12,12 +12,12 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from pam_bringup.viewer.robot_view import TOPICS, RobotView
 from pam_ros.end_signals import EndSignals
+from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 
 TYPES = {kind.__name__: kind for kind in (DiagnosticArray, DiagnosticStatus, JointState)}
@@ -44,7 +44,7 @@ class ViewerNode(Node):  # type: ignore[misc]
 def show_robot(namespace: str, view: RobotView) -> None:
     """Show a running robot until SIGINT or SIGTERM."""
     with EndSignals() as signals:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        start_ros([])
         node = ViewerNode(namespace, view)
         executor = EventsExecutor()
         executor.add_node(node)

@@ -20,7 +20,6 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
@@ -29,6 +28,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from pam_gap.live.recording_advice import RecordingAdvice
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 
 TOPICS = {
@@ -133,9 +133,9 @@ def record(
         ending = True
 
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     advice = RecordingAdvice(rig)
     try:
+        start_ros([])
         with Writer(out, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             node = RecordNode(namespace, writer, advice)
             executor = EventsExecutor()
