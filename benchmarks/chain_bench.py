@@ -17,7 +17,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from arm_of_joints import arm
@@ -53,8 +54,15 @@ def shares(pids: Mapping[str, int], seconds: float) -> dict[str, float]:
     return {name: (processor_seconds(pid) - before[name]) / passed for name, pid in pids.items()}
 
 
-def measured_chain(joints: int, seconds: float) -> tuple[dict[str, float], dict[str, float]]:
-    """Share of each node, and the time from its start to its first cycle [s]."""
+@contextmanager
+def running_chain(joints: int) -> Iterator[tuple[Chain, dict[str, float]]]:
+    """An active chain that holds its joints, and the time from each start to a first cycle [s].
+
+    Raises
+    ------
+    PamError
+        If the driver stopped meanwhile, since a chain that does nothing costs less.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "arm.yaml"
         save_rig(arm(joints), path)
@@ -69,14 +77,19 @@ def measured_chain(joints: int, seconds: float) -> tuple[dict[str, float], dict[
                     starts[name] = time.monotonic() - begin
             chain.processes["driver"].wait_for_output("active:", TIMEOUT)
             time.sleep(SETTLING)
-            pids = {name: process.pid for name, process in chain.processes.items()}
-            found = shares(pids, seconds)
+            yield chain, starts
             chain.check()
-            # a driver that has stopped, or a controller without measurements, costs less
             stopped = [line for line in chain.processes["driver"].output.splitlines()
                        if "latched until" in line]  # fmt: skip
             if stopped:
                 raise PamError(f"{stopped[0]}; is the machine busy?")
+
+
+def measured_chain(joints: int, seconds: float) -> tuple[dict[str, float], dict[str, float]]:
+    """Share of each node, and the time from its start to its first cycle [s]."""
+    with running_chain(joints) as (chain, starts):
+        pids = {name: process.pid for name, process in chain.processes.items()}
+        found = shares(pids, seconds)
     return found, starts
 
 

@@ -9,17 +9,19 @@ The goals are 60 s on two cores and 2 GiB.
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 import tempfile
 import time
 import timeit
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pam_check.blind.cases import make_case
+from pam_check.blind.cases import Label, make_case
 from pam_model.argument_types import count
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
@@ -53,6 +55,21 @@ def diagnose(case: Path, out: Path, *options: str) -> tuple[float, float]:
     return time.monotonic() - started, float(done.stdout.split()[-1])
 
 
+def draw_cases(
+    hidden: str, seed: int, cases: Path, sealed: Path
+) -> Iterator[tuple[str, Label, int]]:
+    """Endless rigs that were recorded at 500 Hz: name, label and number of samples."""
+    random = np.random.default_rng(seed)
+    drawn = 0
+    while True:
+        name = f"{drawn:03d}-{random.integers(1_000_000)}"
+        label = make_case(name, hidden, cases, sealed, random)
+        time = pd.read_csv(cases / name / "recording.csv.gz", usecols=["time"])["time"]
+        if abs(time.iloc[1] - time.iloc[0] - SAMPLE_TIME) <= 1e-6:
+            yield name, label, len(time)
+            drawn += 1
+
+
 def simulation_time(case: Path) -> float:
     """Time of one compiled simulation of the case's commands [s], the smallest of five runs."""
     rig = load_rig(case / "rig.yaml")
@@ -68,8 +85,13 @@ def _declare(parser: Parser) -> None:
     parser.add_argument(
         "--cases", type=count(), default=2, help="number of rigs (default: %(default)s)"
     )
+    declare_rigs(parser, hidden="two")
+
+
+def declare_rigs(parser: Parser, *, hidden: str) -> None:
+    """Declare what chooses the drawn rigs."""
     parser.add_argument(
-        "--hidden", choices=("one", "two"), default="two",
+        "--hidden", choices=("one", "two"), default=hidden,
         help="effects of each rig (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
@@ -79,20 +101,15 @@ def _declare(parser: Parser) -> None:
 
 def _run(chosen: Arguments) -> Outcome:
     """Measure and print a table."""
-    random = np.random.default_rng(chosen.seed)
     rows: list[dict[str, float | str]] = []
     with tempfile.TemporaryDirectory() as folder:
         cases, sealed = Path(folder) / "cases", Path(folder) / "sealed"
-        while len(rows) < chosen.cases:
-            name = f"{len(rows):03d}-{random.integers(1_000_000)}"
-            label = make_case(name, chosen.hidden, cases, sealed, random)
-            table = pd.read_csv(cases / name / "recording.csv.gz", usecols=["time"])
-            if abs(table["time"].iloc[1] - table["time"].iloc[0] - SAMPLE_TIME) > 1e-6:
-                continue
+        drawn = draw_cases(chosen.hidden, chosen.seed, cases, sealed)
+        for name, label, samples in itertools.islice(drawn, chosen.cases):
             seconds, gib = diagnose(cases / name, Path(folder) / "out" / name)
             look, _ = diagnose(cases / name, Path(folder) / "look" / name, "--quick")
             once = simulation_time(cases / name)
-            rows.append({"hidden": " + ".join(label.effects), "samples": len(table),
+            rows.append({"hidden": " + ".join(label.effects), "samples": samples,
                          "seconds": seconds, "gib": gib, "first_look": look,
                          "simulation": once})  # fmt: skip
     print(f"  {'hidden':44s} samples   wall [s]  memory [GiB]  first look [s]"

@@ -1,38 +1,26 @@
 """From a checked trajectory message to splines that keep the limits of speed and acceleration.
 
 A trajectory that is too fast is played more slowly: all of its joints by the same factor, so that
-its path does not change. With factor s, a velocity becomes v/s and an acceleration a/s^2. The way
-from the present reference to the first waypoint is stretched separately, because the reference may
-be moving.
+its path does not change. With factor s, a velocity becomes v/s and an acceleration a/s^2.
 
 The work is divided so that the control thread never waits: `plan` needs a message alone and may
-take long, `joined` needs the present reference and takes the same time for any number of points.
+take long; `joined_trajectory.joined` needs the present reference and takes the same time for any
+number of points.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pam_control.references.braking_start import braked, way_from
-from pam_control.references.drivable_pace import (
-    STEP_SHARE,
-    VALVE_SHARE,
-    drivable_factor,
-    valve_share,
-)
-from pam_control.references.evened_spline import EvenedSpline, largest_jump
-from pam_control.references.led_in_spline import LedInSpline, fading_time
-from pam_control.references.motion_limiter import AT_ONCE, SUDDEN, MotionLimits
+from pam_control.references.drivable_pace import VALVE_SHARE, drivable_factor
+from pam_control.references.motion_limiter import MotionLimits
 from pam_control.references.spline import (
     Array,
     JointReference,
-    JointSpline,
-    Waypoint,
     Waypoints,
     peaks,
     spline_coefficients,
@@ -44,14 +32,8 @@ from pam_control.references.trajectory import (
 )
 
 RESERVE = 1.001  # a scaled trajectory stays below its limits by this factor
-SLOWER = 1.1  # step of the search for the duration of the first segment
-MOST_STEPS = 50  # 1.1^50 = 117
-STRETCH, MOST_STRETCHES = 1.5, 12  # 1.5^12 = 130
+SLOWER = 1.1  # step of a search for a duration
 MOST_FOR_STOP = 5.0  # how much slower a trajectory is played to be stopped in time
-SHORTEST = 1e-3  # s, of the first segment
-NEAR = 0.01  # rad
-CALM_SHARE = 0.1  # of the jerk of the limiter, with which a small difference from the path fades
-TOLD_FROM = 1e-3  # relative change of the duration that the caller is told
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,12 +108,12 @@ def plan(
         speed, acceleration = peaks(coefficients, np.diff(times))
         speed = max(speed, _largest(waypoints.velocities))
         acceleration = max(acceleration, _largest(waypoints.accelerations))
-        wanted = _factor(speed, acceleration, limits[name])
+        wanted = slowing_factor(speed, acceleration, limits[name])
         if wanted > factor:
-            factor, excess = wanted, _excess(name, speed, acceleration, limits[name])
+            factor, excess = wanted, excess_of(name, speed, acceleration, limits[name])
         wanted, share = drivable_factor(waypoints, coefficients, factor, limits[name])
         if wanted > factor:
-            factor, excess = wanted, _too_much_air(name, share)
+            factor, excess = wanted, too_much_air(name, share)
     for name, waypoints in found.items():
         if name in limits and name in bounds:
             wanted = _stopping_factor(name, waypoints, factor, limits[name], bounds[name])
@@ -155,18 +137,21 @@ def _largest(values: Array) -> float:
     return float(np.nan_to_num(np.abs(values)).max())
 
 
-def _factor(speed: float, acceleration: float, limits: MotionLimits) -> float:
+def slowing_factor(speed: float, acceleration: float, limits: MotionLimits) -> float:
+    """How much more slowly a motion with these peaks has to be played; below 1 within limits."""
     return max(speed / limits.velocity, math.sqrt(acceleration / limits.acceleration))
 
 
-def _excess(name: str, speed: float, acceleration: float, limits: MotionLimits) -> str:
+def excess_of(name: str, speed: float, acceleration: float, limits: MotionLimits) -> str:
+    """The limits that a joint would exceed, in words."""
     return (
         f"{name} would need {speed:.3g} rad/s and {acceleration:.3g} rad/s^2 "
         f"(limits {limits.velocity:.3g} rad/s, {limits.acceleration:.3g} rad/s^2)"
     )
 
 
-def _too_much_air(name: str, share: float) -> str:
+def too_much_air(name: str, share: float) -> str:
+    """How far a joint would exceed what its valves can drive, in words."""
     return f"{name} would need {share / VALVE_SHARE:.3g} times what its valves can drive"
 
 
@@ -194,238 +179,3 @@ def _stopping_factor(
         f"trajectory rejected: {name} ends at {position:g} rad with {velocity:g} rad/s, "
         f"which cannot be stopped inside its position_limits [{lower:g}, {upper:g}] rad"
     )
-
-
-def joined(
-    planned: PlannedTrajectory,
-    *,
-    now: float,
-    at: float,
-    references: Mapping[str, JointReference],
-    limits: Mapping[str, MotionLimits],
-) -> tuple[dict[str, JointSpline], str]:
-    """Join a planned trajectory to the present references.
-
-    Parameters
-    ----------
-    planned : PlannedTrajectory
-        From `plan`.
-    now : float
-        The present time [s].
-    at : float
-        Time at which the trajectory replaces the present references [s].
-    references : mapping of str to JointReference
-        Reference of each of its joints at that time.
-    limits : mapping of str to MotionLimits
-        As for `plan`.
-
-    Returns
-    -------
-    splines : dict of str to JointSpline
-        By joint.
-    note : str
-        How much slower than asked the trajectory is played, and why; empty if it is not.
-    """
-    delay, excess = 0.0, planned.excess
-    beside = {
-        name: _beside(waypoints, at, references[name], limits[name])
-        for name, waypoints in planned.waypoints.items()
-        if name in limits
-    }
-    begins = {
-        name: _moved(reference, -beside.get(name, 0.0)) for name, reference in references.items()
-    }
-    found = planned.waypoints
-    for _ in range(MOST_STRETCHES):
-        delay, why, is_way = _delay(found, now, at, begins, limits)
-        excess = excess or why
-        if is_way:
-            break
-        found = {name: each.stretched(at, STRETCH) for name, each in found.items()}
-    moved = {
-        name: dataclasses.replace(waypoints, times=waypoints.times + delay)
-        for name, waypoints in found.items()
-    }
-    if any(_is_sudden(moved[name], at, begins[name], limits.get(name)) for name in moved):
-        splines = _evened(moved, at, begins, limits)
-    else:
-        splines = {
-            name: JointSpline(_from(waypoints, at, begins[name], limits.get(name)))
-            for name, waypoints in moved.items()
-        }
-    for name, offset in beside.items():
-        if offset:
-            duration = fading_time(offset, CALM_SHARE * limits[name].own_jerk)
-            splines[name] = LedInSpline(splines[name], at, offset, duration)
-    end = max(spline.end_time for spline in splines.values())
-    if not excess or end - planned.end <= TOLD_FROM * max(planned.end - at, 0.0) + 1e-6:
-        return splines, ""
-    asked = max(planned.end - at, 0.0)
-    return splines, (
-        f"trajectory slowed down: it takes {end - at:.3g} s instead of {asked:.3g} s, because "
-        f"{excess}"
-    )
-
-
-def _beside(
-    waypoints: Waypoints, at: float, reference: JointReference, limits: MotionLimits
-) -> float:
-    """How far the reference is beside a trajectory that it joins [rad], if that is to fade.
-
-    It is not where the trajectory is far away, or leaves time to go to its first waypoint.
-    """
-    early = float(waypoints.times[0]) - at
-    if early > 0.0:
-        speed = float(np.nan_to_num(waypoints.velocities[0]))
-        path = float(waypoints.positions[0]) - 0.5 * early * (speed + reference.velocity)
-    else:
-        path = JointSpline(waypoints).sample(at).position
-    offset = reference.position - path
-    if abs(offset) > NEAR or early > fading_time(offset, CALM_SHARE * limits.own_jerk):
-        return 0.0
-    return offset
-
-
-def _moved(reference: JointReference, offset: float) -> JointReference:
-    return dataclasses.replace(reference, position=reference.position + offset)
-
-
-def _is_sudden(
-    waypoints: Waypoints, at: float, reference: JointReference, limits: MotionLimits | None
-) -> bool:
-    """Whether the acceleration of a joint changes faster than its valves can drive."""
-    if limits is None:
-        return False
-    points = _from(waypoints, at, reference, limits)
-    jump = largest_jump(points, spline_coefficients(points), reference.acceleration)
-    return jump > limits.jerk * AT_ONCE
-
-
-def _from(
-    waypoints: Waypoints, at: float, reference: JointReference, limits: MotionLimits | None
-) -> Waypoints:
-    if not waypoints.times[0] > at:
-        return waypoints
-    return way_from(waypoints, at, reference, limits)
-
-
-def _evened(
-    moved: Mapping[str, Waypoints],
-    at: float,
-    references: Mapping[str, JointReference],
-    limits: Mapping[str, MotionLimits],
-) -> dict[str, JointSpline]:
-    """The same splines with gradual changes of the acceleration, half of `SUDDEN` later."""
-    late = 0.5 * SUDDEN
-    found: dict[str, JointSpline] = {}
-    for name, waypoints in moved.items():
-        now = references[name]
-        if waypoints.times[0] > at:
-            now = JointReference(
-                now.position + late * (now.velocity + 0.5 * late * now.acceleration),
-                now.velocity + late * now.acceleration,
-                now.acceleration,
-            )
-        shifted = dataclasses.replace(waypoints, times=waypoints.times + late)
-        way = _from(shifted, at + late, now, limits.get(name))
-        found[name] = EvenedSpline(way, SUDDEN, now)
-    return found
-
-
-def _needs_way(waypoints: Waypoints, now: float, at: float, position: float) -> bool:
-    """Whether a way from the present reference to the first waypoint has to be planned.
-
-    A trajectory that has begun in the past is joined where it is now. One that begins before its
-    commands can act is joined there, too, if the reference is there already.
-    """
-    if waypoints.times[0] > at or waypoints.times[0] < now:
-        return bool(waypoints.times[0] > at)
-    return abs(JointSpline(waypoints).sample(at).position - position) > NEAR
-
-
-def _delay(
-    planned: Mapping[str, Waypoints],
-    now: float,
-    at: float,
-    references: Mapping[str, JointReference],
-    limits: Mapping[str, MotionLimits],
-) -> tuple[float, str, bool]:
-    """How much later than planned all joints reach their first waypoints [s], why, and if at all.
-
-    There may be no way at all to a waypoint in motion, whatever time it takes: a quick one goes
-    beyond the limits, and a slow one swings far.
-    """
-    delay, because, is_way = 0.0, "", True
-    for name, waypoints in planned.items():
-        if name not in limits or not _needs_way(waypoints, now, at, references[name].position):
-            continue
-        asked = float(waypoints.times[0]) - at
-        way = _duration(name, waypoints, asked, references[name], limits[name])
-        if way is None:  # perhaps the present motion itself exceeds the limits
-            stop = braked(references[name], limits[name])
-            rest = JointReference(stop.position, 0.0, 0.0)
-            way = _duration(name, waypoints, asked - stop.time, rest, limits[name])
-            if way is not None:
-                way = (stop.time + way[0], way[1])
-        if way is None:
-            is_way, because = False, because or f"{name} cannot get into its motion so fast"
-        elif way[0] - asked > delay:
-            delay, because = way[0] - asked, because or way[1]
-    return delay, because, is_way
-
-
-def _duration(
-    name: str, waypoints: Waypoints, asked: float, reference: JointReference, limits: MotionLimits
-) -> tuple[float, str] | None:
-    """How long the way to the first waypoint takes [s], and why; None if none keeps the limits."""
-    first = Waypoint(
-        0.0,
-        float(waypoints.positions[0]),
-        _or_none(waypoints.velocities[0]),
-        _or_none(waypoints.accelerations[0]),
-    )
-    ends_at_rest = not first.velocity and not first.acceleration
-    still = reference.velocity == reference.acceleration == 0.0 and ends_at_rest
-    duration = max(asked, SHORTEST)
-    if not still:
-        duration = max(duration, abs(first.position - reference.position) / limits.velocity)
-    why = ""
-    for _ in range(MOST_STEPS):
-        ends = Waypoints.of(
-            [
-                Waypoint(0.0, reference.position, reference.velocity, reference.acceleration),
-                Waypoint(duration, first.position, first.velocity, first.acceleration),
-            ]
-        )
-        coefficients = spline_coefficients(ends)
-        speed, acceleration = peaks(coefficients, np.array([duration]))
-        wanted = _factor(speed, acceleration, limits)
-        share = 0.0
-        if wanted <= RESERVE:
-            # the whole way in one piece: its own ends are judged with what is before and behind it
-            share = valve_share(*_with(ends, waypoints, duration), 1.0, limits, STEP_SHARE)
-            wanted = max((share / VALVE_SHARE) ** 0.5, wanted)
-        if wanted <= RESERVE:
-            return duration, why
-        why = _excess(name, speed, acceleration, limits)
-        if share:
-            why = _too_much_air(name, share)
-        # exact from rest; from a motion the search creeps up to the shortest duration
-        duration *= wanted if still else min(wanted, SLOWER)
-    return None
-
-
-def _with(ends: Waypoints, waypoints: Waypoints, duration: float) -> tuple[Array, Array]:
-    """Times and coefficients of the way to the first waypoint and of the segment behind it."""
-    later = duration + waypoints.times[1:2] - waypoints.times[0]
-    both = Waypoints(
-        np.concatenate([ends.times, later]),
-        np.concatenate([ends.positions, waypoints.positions[1:2]]),
-        np.concatenate([ends.velocities, waypoints.velocities[1:2]]),
-        np.concatenate([ends.accelerations, waypoints.accelerations[1:2]]),
-    )
-    return both.times, spline_coefficients(both)
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -18,8 +18,9 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from pam_control.limited import limited
+from pam_control.references.joined_trajectory import joined
 from pam_control.references.motion_limiter import MotionLimiter, MotionLimits
-from pam_control.references.planned_trajectory import PlannedTrajectory, joined, plan
+from pam_control.references.planned_trajectory import PlannedTrajectory, plan
 from pam_control.references.spline import JointReference, JointSpline
 from pam_control.references.streamed_command import check_streamed_command
 from pam_control.references.trajectory import (
