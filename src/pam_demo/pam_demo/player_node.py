@@ -14,7 +14,6 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from std_srvs.srv import Trigger
@@ -24,6 +23,7 @@ from pam_check.chain import set_environment
 from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
 from pam_demo.player import TAIL, NotPlayedError, VentedError
 from pam_model.errors import PamError
+from pam_ros.start import start_ros
 
 Progress = Callable[[float], None]
 ANSWER_TIMEOUT = 10.0  # s, for the driver's services
@@ -274,7 +274,7 @@ def open_player(joints: tuple[str, ...], environment: Mapping[str, str]) -> Iter
     """A player of these joints in the ROS domain of this environment; it ends with the context."""
     with set_environment(environment):
         # its handlers close the context in the middle of a call; KeyboardInterrupt ends the demo
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        start_ros([])
     player = PlayerNode(joints)
     try:
         yield player

@@ -32,6 +32,7 @@ from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
 from pam_ros.periodic import take_priority
+from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 
 NOT_RECORDED = ("/parameter_events",)
@@ -97,16 +98,16 @@ def record(out: Path) -> None:
     """
     if out.exists():
         raise PamError(f"{out}: exists already, a recording needs a new folder")
-    out.parent.mkdir(parents=True, exist_ok=True)
     ending = False
 
     def end(*_: object) -> None:
         nonlocal ending
         ending = True
 
-    rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    start_ros([])
     signal.signal(signal.SIGINT, end)
     signal.signal(signal.SIGTERM, end)
+    out.parent.mkdir(parents=True, exist_ok=True)
     with Writer(out, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         node = Recorder(writer)
         executor = EventsExecutor()

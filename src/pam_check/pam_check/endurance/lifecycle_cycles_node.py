@@ -26,7 +26,6 @@ import rclpy
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -38,6 +37,7 @@ from pam_check.programs import MODULES
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import load_rig
+from pam_ros.start import start_ros
 
 PATIENCE = 30.0  # s
 WARM = 10  # cycles until caches are filled; only the last two of them may lose the bus
@@ -176,7 +176,7 @@ class LifecycleCycler(Node):  # type: ignore[misc]
 def _chain(rig: Path, plug: Path) -> Iterator[tuple[LifecycleCycler, Chain, NodeProcess]]:
     environment = private_domain()
     with set_environment(environment):
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        start_ros([])
     node = LifecycleCycler()
     bus = multicast_bus()
     try:

@@ -13,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -29,6 +28,7 @@ from pam_driver.boards.pam_board.codec import (
 )
 from pam_driver.can_bus.bus import CanPort
 from pam_model.errors import PamError
+from pam_ros.start import start_ros
 
 _PERIOD = 0.01  # s, of the references
 
@@ -208,7 +208,7 @@ def open_operator(
 ) -> Iterator[FaultOperator]:
     """An operator of these joints in the ROS domain of this environment; ends with the context."""
     with set_environment(environment):
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        start_ros([])
     operator = FaultOperator(joints, port)
     try:
         yield operator

@@ -20,7 +20,6 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.logging import LoggingSeverity
 from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -33,6 +32,7 @@ from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
+from pam_ros.start import start_ros
 
 CHANNEL: Final = "fuzz"
 _SECONDS = (0, 0, 1, -1, -(2**31), 2**31 - 1)
@@ -139,10 +139,7 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
         for key, value in (("interface", "virtual"), ("channel", f"{CHANNEL}_{name}")):
             arguments += ["-p", f"{name}:bus.{key}:={value}"]
     with set_environment(private_domain()):
-        rclpy.init(
-            args=[*arguments, "-p", "pam_driver:autostart:=false"],
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        start_ros([*arguments, "-p", "pam_driver:autostart:=false"])
     nodes: list[Any] = []
     try:
         for kind in kinds:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import rclpy
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from pam_check.chain import Chain, multicast_bus, private_domain, set_environment
 from pam_check.programs import MODULES
 from pam_check.security.policy import POLICY, rights_of
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import Rig, load_rig
+from pam_ros.start import start_ros
 
 PATIENCE = 40.0  # s
 OF_AN_ACTION = "/_action/"
@@ -44,7 +44,7 @@ def differences(rig_path: Path) -> list[str]:
     environment = private_domain()
     rig = load_rig(rig_path)
     with set_environment(environment):
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        start_ros([])
     node = rclpy.create_node("security_check")
     try:
         with Chain([rig_path], multicast_bus(), environment) as chain:

@@ -96,6 +96,8 @@ class LearntFile:
         try:
             with os.fdopen(handle, "w", encoding="utf-8") as file:
                 json.dump(content, file)
+                file.flush()
+                os.fsync(file.fileno())  # the new content is on the disk before the old one goes
             Path(temporary).replace(self._path)  # whole or not at all
         except OSError:  # a full disk must not be filled with what is left of every attempt
             Path(temporary).unlink(missing_ok=True)

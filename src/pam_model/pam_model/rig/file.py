@@ -8,6 +8,7 @@ parameters that a node got from `--params-file`.
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from itertools import pairwise
@@ -194,7 +195,10 @@ def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
     heading += "".join(f"# {' '.join(note.split())}\n" for note in notes)
     draft = path.with_name(path.name + ".part")
     try:
-        draft.write_text(heading + text, encoding="utf-8")
+        with draft.open("w", encoding="utf-8") as file:
+            file.write(heading + text)
+            file.flush()
+            os.fsync(file.fileno())  # the new content is on the disk before the old one goes
         draft.replace(path)
     except OSError as error:
         with contextlib.suppress(OSError):
