@@ -15,6 +15,8 @@ if __name__ == "__main__":  # before the imports below, which take time
 import hashlib
 import json
 import sys
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -47,6 +49,7 @@ from pam_model.command_line import Arguments, Command, Outcome, Parser, run_comm
 from pam_model.rig import rig_from_parameters, save_rig
 
 MAX_TRIES = 20
+type Write = Callable[[pd.DataFrame, Path], object]
 LABELS = "labels.json"
 
 
@@ -139,6 +142,12 @@ def to_table(recording: TruthRecording, load_cells: bool) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """Write a recording as a compressed CSV file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(path, index=False, float_format="%.7g")
+
+
 def _choose(random: np.random.Generator, kind: str) -> list[str]:
     known = list(KNOWN)
     if kind == "none":
@@ -179,6 +188,7 @@ def make_case(
     sealed: Path,
     random: np.random.Generator,
     plant: str = FIRST,
+    write: Write = write_table,
 ) -> Label:
     """Draw one case, write rig.yaml and recording.csv.gz, and return its label.
 
@@ -218,10 +228,7 @@ def make_case(
         save_rig(rig_from_parameters(rig_parameters(joint, muscle, tolerance)), target / "rig.yaml")
         load_cells = bool(random.random() < 0.25)
         for made, place in ((recording, target), (check, sealed / name)):
-            place.mkdir(parents=True, exist_ok=True)
-            to_table(made, load_cells).to_csv(
-                place / "recording.csv.gz", index=False, float_format="%.7g"
-            )
+            write(to_table(made, load_cells), place / "recording.csv.gz")
         return Label(
             case=name,
             kind=kind,
@@ -243,6 +250,7 @@ def make_rough_case(
     sealed: Path,
     random: np.random.Generator,
     plant: str = FIRST,
+    write: Write = write_table,
     varied: bool = False,
 ) -> Label:
     """Draw one case with an ordinary background, as `make_case` draws one without.
@@ -277,11 +285,9 @@ def make_rough_case(
             rig.joint(believed[0]), first, tolerance, LENGTHS_BETTER * tolerance, second
         )
         save_rig(rig_from_parameters(stated), target / "rig.yaml")
-        (sealed / name).mkdir(parents=True, exist_ok=True)
         for made, place in ((drawn.recording, target), (drawn.check, sealed / name)):
-            uneven(rig.logged(to_table(made, load_cells)), random).to_csv(
-                place / "recording.csv.gz", index=False, float_format="%.7g"
-            )
+            table = uneven(rig.logged(to_table(made, load_cells)), random)
+            write(table, place / "recording.csv.gz")
         return Label(
             case=name,
             kind=kind,
@@ -321,9 +327,18 @@ def make_cases(
         [("one", "none", "one", "two", "one", "outside")[k % 6] for k in range(count)]
     )
     make = partial(make_rough_case, varied=varied) if background or varied else make_case
-    labels = [
-        make(f"{k:03d}", str(kind), folder, sealed, random, plant) for k, kind in enumerate(kinds)
-    ]
+    with ThreadPoolExecutor(1) as writer:  # the plants are simulated meanwhile
+        written: list[Future[None]] = []
+
+        def write(table: pd.DataFrame, path: Path) -> None:
+            written.append(writer.submit(write_table, table, path))
+
+        labels = [
+            make(f"{k:03d}", str(kind), folder, sealed, random, plant, write)
+            for k, kind in enumerate(kinds)
+        ]
+        for one in written:
+            one.result()
     text = json.dumps([asdict(label) for label in labels], indent=1)
     (sealed / LABELS).write_text(text)
     return hashlib.sha256(text.encode()).hexdigest()
