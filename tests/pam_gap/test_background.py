@@ -195,6 +195,23 @@ def test_a_second_cause_that_is_rather_absent_is_not_named() -> None:
     assert agreed(judge, nominal, decision).chosen is clear
 
 
+def test_many_improbable_rivals_do_not_outvote_the_most_probable_explanation() -> None:
+    """Each is worse than both causes together; only together do they make the second doubtful."""
+    nominal = score((), (33.0, 74.0, 90.0))
+    delay = score(("command_delay",), (12.0, 12.0, 50.0))
+    pair = score(("command_delay", "creep"), (8.0, 8.0, 36.0))
+    others = ("thermal", "end_caps", "leakage", "payload", "dead_volume", "viscous_friction")
+    rivals = [score(("command_delay", one), (9.6, 9.6, 43.0)) for one in others]
+    judge = Judge(np.ones(CHANNELS), PRESENT, DEFAULT.decision, background=BACKGROUND)
+    decision = judge.decide(nominal, [delay, pair, *rivals], lambda one: one)
+    assert decision.verdict == "named"
+    assert decision.chosen is pair
+    found = probabilities(judge, nominal, decision)
+    assert next(iter(found)) == "command_delay + creep"
+    assert cause_probabilities(found, {"creep"})["creep"] < DEFAULT.decision.likely
+    assert agreed(judge, nominal, decision).chosen is pair
+
+
 def test_a_cause_counts_as_present_in_its_richer_law() -> None:
     """Whether friction falls with speed does not make the friction itself doubtful."""
     nominal = score((), (33.0, 74.0, 90.0))

@@ -170,13 +170,15 @@ def _without_doubtful_causes[S: Score](
     A cause of the table has been found; the question here is which of the found ones are real.
 
     A richer law of a cause, or a simpler one, counts as this cause. The rest must be a hypothesis
-    that was scored, and be named by itself.
+    that was scored, be more probable than all causes together, and be named by itself. Otherwise
+    many improbable rivals together would outvote the most probable explanation.
     """
     chosen = decision.chosen
     if decision.verdict != "named" or chosen is None or chosen.size < 2:
         return decision
     stated: dict[str, float] = dict.fromkeys(chosen.causes, 0.0)
-    for explanation, p in among_causes(probabilities(judge, nominal, decision)).items():
+    found = among_causes(probabilities(judge, nominal, decision))
+    for explanation, p in found.items():
         inside = explanation.split(" + ")
         for effect in stated:
             kin = {effect, *(b for a, b in NESTED if a == effect)}
@@ -186,7 +188,10 @@ def _without_doubtful_causes[S: Score](
     simpler = [score for score in decision.tried if likely and {*score.causes} == likely]
     if not simpler or len(likely) == chosen.size:
         return decision
-    again = judge.about(nominal, decision.tried, min(simpler, key=judge.level), decision.unlisted)
+    rest = min(simpler, key=judge.level)
+    if found.get(_explanation(rest), 0.0) < found.get(_explanation(chosen), 0.0):
+        return decision
+    again = judge.about(nominal, decision.tried, rest, decision.unlisted)
     return again if again.is_named else decision
 
 
