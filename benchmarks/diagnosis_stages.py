@@ -1,6 +1,6 @@
 """Where the time of a diagnosis of 40 s at 500 Hz goes: seconds and simulations of each stage.
 
-    python benchmarks/diagnosis_stages.py [--hidden two] [--seed S] [--threads N] [--json]
+    python benchmarks/diagnosis_stages.py [--hidden two] [--quick] [--seed S] [--threads N] [--json]
 
 The rig is the first one that `diagnosis_bench.py` draws with this seed. Simulating means the calls
 that give the errors of a batch of plants, with the derivation of their constants; the rest of a
@@ -21,8 +21,10 @@ from unittest.mock import patch
 from diagnosis_bench import declare_rigs, draw_cases
 
 from pam_gap.answer.report import write_report
+from pam_gap.answer.report_of_diagnosis import report_data
 from pam_gap.diagnose_recordings import prepared
-from pam_gap.diagnosis_files import report_data, to_diagnose
+from pam_gap.diagnosis_files import to_diagnose
+from pam_gap.first_look import first_look
 from pam_gap.prediction.problem import PredictionProblem
 from pam_model.argument_types import count
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
@@ -90,8 +92,8 @@ def import_seconds() -> float:
     return time.monotonic() - begin
 
 
-def staged_diagnosis(case: Path, out: Path, threads: int) -> list[Stage]:
-    """Diagnose a drawn case and return its stages, with imports, reading and report."""
+def staged_diagnosis(case: Path, out: Path, threads: int, *, quick: bool) -> list[Stage]:
+    """Diagnose a drawn case, or look at it quickly; return the stages, with imports and reading."""
     imports = Stage("start of Python and imports", import_seconds())
     clock = StageClock()
     errors = PredictionProblem.errors
@@ -105,9 +107,12 @@ def staged_diagnosis(case: Path, out: Path, threads: int) -> list[Stage]:
             [case / "recording.csv.gz"], case / "rig.yaml", None, ((), (), ())
         )
         engine = prepared(rig, numbers[0], read, threads=threads, progress=clock.enter)
-        diagnosis = engine.run()
-        clock.enter("report")
-        write_report(report_data(engine.problem, diagnosis, ""), out / "report.html")
+        if quick:
+            first_look(engine)
+        else:
+            diagnosis = engine.run()
+            clock.enter("report")
+            write_report(report_data(engine.problem, diagnosis, ""), out / "report.html")
         clock.enter("done")
     return [imports, *(stage for stage in clock.stages if stage.name != "done")]
 
@@ -118,6 +123,7 @@ def _declare(parser: Parser) -> None:
         "--threads", type=count(0), default=0,
         help="simulations at once (default: 0, one per processor)",
     )  # fmt: skip
+    parser.add_argument("--quick", action="store_true", help="the first look alone")
 
 
 def _run(chosen: Arguments) -> Outcome:
@@ -127,7 +133,7 @@ def _run(chosen: Arguments) -> Outcome:
         name, label, samples = next(
             draw_cases(chosen.hidden, chosen.seed, place / "cases", place / "sealed")
         )
-        stages = staged_diagnosis(place / "cases" / name, place, chosen.threads)
+        stages = staged_diagnosis(place / "cases" / name, place, chosen.threads, quick=chosen.quick)
     total = Stage("all")
     for stage in stages:
         total.seconds += stage.seconds

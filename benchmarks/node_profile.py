@@ -3,13 +3,14 @@
     python benchmarks/node_profile.py [--node controller] [--joints 4] [--seconds 30] [--json]
 
 Rig, driver, model and controller run as processes and hold the joints, as in `chain_bench.py`.
-py-spy (`pip install py-spy`) samples the node from outside without stopping it, so that the node
-itself is not slowed down. It needs the right to trace other processes: root, or the kernel setting
-`kernel.yama.ptrace_scope = 0`. A sample belongs to the innermost function of the suite or of rclpy
-on its stack, so that numpy and the middleware count for whoever called them. Some samples hit a
-thread that waits and call it running; those at the two places where the node waits are left out.
-Whether that is right shows in the last line: the samples that are left, over all that were taken,
-are the share of a processor, which the kernel counts independently.
+The kernel counts the time of each thread: the loop, the executor in the main thread, and those of
+the middleware, which receive what others send. py-spy (`pip install py-spy`) then samples the
+Python of the node from outside, without stopping it. It needs the right to trace other processes:
+root, or the kernel setting `kernel.yama.ptrace_scope = 0`. A sample belongs to the innermost
+function of the suite or of rclpy on its stack, so that numpy, and the middleware while it sends,
+count for whoever called them. Some samples hit a thread that waits and call it running; those at
+the two places where a node waits are left out, so that the time in which the kernel puts a thread
+to sleep and wakes it is in the first table alone.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from chain_bench import NODES, running_chain, shares
+from chain_bench import NODES, TICK, running_chain
 
 from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
@@ -60,6 +62,31 @@ def counted(lines: Iterable[str]) -> Counter[str]:
         if stack and place not in WAITING:
             found[place] += int(samples)
     return found
+
+
+def thread_kind(pid: int, thread: Path) -> str:
+    """Whose thread it is, from its number and name."""
+    if int(thread.name) == pid:
+        return "main thread"
+    name = (thread / "comm").read_text().strip()
+    return "middleware" if name.startswith("dds.") else "loop and others"
+
+
+def thread_ticks(pid: int) -> Counter[str]:
+    """Processor time of the threads of a process so far, by kind [ticks]."""
+    found: Counter[str] = Counter()
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        ticks = (thread / "stat").read_text().rpartition(")")[2].split()[11:13]
+        found[thread_kind(pid, thread)] += sum(map(int, ticks))
+    return found
+
+
+def thread_shares(pid: int, seconds: float) -> dict[str, float]:
+    """Share of one processor that each kind of thread takes [-]."""
+    before, start = thread_ticks(pid), time.monotonic()
+    time.sleep(seconds)
+    after, passed = thread_ticks(pid), time.monotonic() - start
+    return {kind: (after[kind] - before[kind]) / TICK / passed for kind in after}
 
 
 def sampled(pid: int, seconds: int) -> Counter[str]:
@@ -106,7 +133,7 @@ def _run(given: Arguments) -> Outcome:
     """Measure and print a table."""
     with running_chain(given.joints) as (chain, _):
         pid = chain.processes[given.node].pid
-        share = shares({given.node: pid}, given.seconds)[given.node]
+        shares = thread_shares(pid, given.seconds)
         samples = sampled(pid, round(given.seconds))
     total = sum(samples.values())
     if not total:
@@ -114,17 +141,17 @@ def _run(given: Arguments) -> Outcome:
     parts: Counter[str] = Counter()
     for name, hits in samples.items():
         parts[part_of(name)] += hits
+    share = sum(shares.values())
     print(f"{given.node}, joints: {given.joints}: {100 * share:.1f} % of a processor")
+    for kind, own in shares.items():
+        print(f"{100 * own:15.1f} %   {kind}")
     tables = {"part": parts, "module": samples}
     for title, found in tables.items():
-        print(f"share of its time   % of a processor   {title}")
+        print(f"share of its Python   {title}")
         for name, hits in found.most_common(SHOWN):
-            own = hits / total
-            print(f"{100 * own:15.1f} %   {100 * share * own:14.1f} %   {name}")
-    seen = total / (SAMPLING * round(given.seconds))
-    print(f"samples over all that were taken: {100 * seen:.1f} %")
+            print(f"{100 * hits / total:15.1f} %   {name}")
     return Outcome(
-        {"node": given.node, "joints": given.joints, "processor": share, "seen": seen,
+        {"node": given.node, "joints": given.joints, "processor": share, "threads": shares,
          "samples": {title: dict(found) for title, found in tables.items()}}
     )  # fmt: skip
 

@@ -15,8 +15,8 @@ from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
 from pam_gap.answer.provenance import provenance
 from pam_gap.answer.report import RankedCandidate, ReportData, StageGap, render, write_report
 from pam_gap.answer.report_figures import GUILTY, STAGES
+from pam_gap.answer.report_of_diagnosis import _delay
 from pam_gap.answer.traces import CLOSEST, IMPROVED, MEASURED, NOMINAL, Trace, draw, thinned
-from pam_gap.diagnosis_files import _delay
 from pam_model.effects import EFFECTS
 
 CHANNEL = "joint_states.elbow.position"
