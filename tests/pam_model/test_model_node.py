@@ -83,12 +83,13 @@ def test_estimates_follow_from_measurements_at_any_rate_of_publishing(bench: Ben
         return bool(muscles and joints and stiffness) and muscles[-1].effort[0] > 0.0
 
     bench.spin(known)
-    bench.spin(lambda: len(health) >= 3)
+    # on a slow host, measurements may become too old meanwhile, and estimates NaN
+    bench.spin(lambda: len(health) >= 3 and health[-1].status[0].message == "estimating")
+    bench.spin(known)
     assert list(muscles[-1].name) == ["elbow_flexor", "elbow_extensor"]
     assert muscles[-1].effort[0] > muscles[-1].effort[1] > 0.0, "200 kPa pull more than 100 kPa"
     assert joints[-1].effort[0] > 0.0
     assert stiffness[-1].data[0] > 0.0
-    assert health[-1].status[0].message == "estimating"
     counted = {pair.key: pair.value for pair in health[-1].status[0].values}
     assert float(counted["measurements per second"]) > 20, "none is lost between two estimates"
 
