@@ -197,7 +197,7 @@ def diagnose_files(
         if keep_evidence and engine.evidence is not None:
             engine.evidence.save(folder / EVIDENCE)
         if not answer_only:
-            # matplotlib and bokeh take 0.8 s, which a first look does without
+            # a first look does without the time to import matplotlib and bokeh
             from pam_gap.answer.report import write_report  # noqa: PLC0415
             from pam_gap.answer.report_of_diagnosis import report_data  # noqa: PLC0415
 
