@@ -23,7 +23,7 @@ from pam_gap.prediction.observer import observe
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
-from pam_model.plant.lane_kernel import lane_kernels
+from pam_model.plant.lane_choice import lane_kernels
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.sensors import sensor_constants
 from pam_model.plant.simulate import DEFAULT_STEP, initial_state, simulate

@@ -16,7 +16,7 @@ from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.kernel import step_count
 from pam_model.plant.lane_blocks import blocks_of_lanes
-from pam_model.plant.lane_kernel import lane_kernels
+from pam_model.plant.lane_choice import GROUPS, LAWS, lane_kernels
 from pam_model.plant.lane_twins import SINGLE
 from pam_model.plant.parameters import INDEX, PlantParameters, parameter_names
 from pam_model.plant.sensors import N_SENSORS, sensor_constants
@@ -123,10 +123,11 @@ def test_lanes_that_need_shorter_steps_have_blocks_of_their_own(rig):
     constants[3:9, lay.C_RATE] = 5.0 / SAMPLE_TIME
     constants[20, lay.AGONIST + lay.M_CABLE] = 1e-5  # costly
     constants[25, lay.JOINT_EFFECTS["coulomb_friction"].is_on] = 1.0
-    bare, masked = lane_kernels(constants)
+    bare, joint, cable = lane_kernels(constants)
     assert np.flatnonzero(~bare.serves).tolist() == [20, 25]
-    assert np.flatnonzero(~masked.serves).tolist() == [20]
-    blocks = blocks_of_lanes(constants, [bare, masked], SAMPLE_TIME, STEP)
+    assert np.flatnonzero(~joint.serves).tolist() == [20]
+    assert np.flatnonzero(~cable.serves).tolist() == [25]
+    blocks = blocks_of_lanes(constants, [bare, joint, cable], SAMPLE_TIME, STEP)
     assert {tuple(b.members): (b.steps, b.off) for b in blocks} == {
         (0, 1, 2, *range(9, 20), 21, 22): (2, bare.off),
         (23, 24, *range(26, 30)): (2, bare.off),
@@ -135,6 +136,27 @@ def test_lanes_that_need_shorter_steps_have_blocks_of_their_own(rig):
         (25,): (2, SINGLE),
     }
     assert all(b.off is SINGLE for b in blocks_of_lanes(constants, [], SAMPLE_TIME, STEP))
+
+
+def test_each_lane_has_a_kernel_with_the_groups_of_laws_that_it_needs(rig):
+    parameters = PlantParameters.from_rig(rig)
+    constants = np.tile(derive_constants(parameters.values), (6, 1))
+    constants[1, lay.JOINT_EFFECTS["coulomb_friction"].is_on] = 1.0
+    constants[2, lay.AGONIST + lay.MUSCLE_EFFECTS["creep"].is_on] = 1.0
+    constants[3, lay.ANTAGONIST + lay.M_TUBE] = 1.0
+    constants[4, lay.AGONIST + lay.M_CABLE] = 1e-5
+    constants[5] = constants[1:5].max(axis=0)
+    kernels = lane_kernels(constants)
+    served = [np.flatnonzero(kernel.serves).tolist() for kernel in kernels]
+    assert served == [[0], [0, 3], [0, 1], [0, 2], [0, 4], [0, 1, 2, 3, 4, 5]]
+    groups = [{name for name, laws in GROUPS.items() if not laws.keys() & k.off} for k in kernels]
+    assert groups == [set(), {"gas"}, {"joint"}, {"muscle"}, {"cable"}, set(GROUPS)]
+    assert LAWS.keys() <= kernels[0].off
+
+
+def test_every_law_of_an_effect_is_in_a_group():
+    effects = {**lay.JOINT_EFFECTS, **lay.MUSCLE_EFFECTS}
+    assert {f"{name.upper()}_IS_ON" for name in effects} <= LAWS.keys()
 
 
 def test_a_sample_has_enough_steps_and_few_different_numbers_of_them():

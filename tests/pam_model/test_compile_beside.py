@@ -37,6 +37,27 @@ def test_the_work_goes_on_until_the_kernel_is_ready() -> None:
     assert not kernels.is_ready("b", 1, compile_it)
 
 
+def test_one_kernel_is_compiled_at_a_time() -> None:
+    kernels, go_on, begun = CompileBeside("none"), threading.Event(), []
+
+    def compile_it(name: str) -> None:
+        begun.append(name)
+        go_on.wait(10.0)
+
+    assert not kernels.is_ready("a", WORTH, lambda: compile_it("a"))
+    assert not kernels.is_ready("b", WORTH, lambda: compile_it("b"))
+    go_on.set()
+    for thread in threading.enumerate():
+        if thread.name == "compile":
+            thread.join(10.0)
+    assert begun == ["a"]
+    kernels.is_ready("b", 1, lambda: compile_it("b"))
+    for thread in threading.enumerate():
+        if thread.name == "compile":
+            thread.join(10.0)
+    assert begun == ["a", "b"]
+
+
 def test_machine_code_on_disk_is_used_for_any_work() -> None:
     kernels, calls = CompileBeside("none"), []
     assert kernels.is_ready("a", 1, lambda: calls.append("a"), on_disk=True)

@@ -33,8 +33,9 @@ from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
 from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import compiled, entry_point, for_kernel
 from pam_model.plant.kernel import muscle_pull
-from pam_model.plant.lane_blocks import VECTOR, Lanes, blocks_of_lanes
-from pam_model.plant.lane_kernel import LaneKernel, advance_lanes, with_loops
+from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
+from pam_model.plant.lane_choice import VECTOR, LaneKernel
+from pam_model.plant.lane_kernel import advance_lanes, with_loops
 from pam_model.plant.lane_twins import Off
 from pam_model.plant.layout import (
     AGONIST,

@@ -1,7 +1,8 @@
 """Compiles a faster kernel in a thread of its own, while the work goes on with a slower one.
 
-The compilation takes about ten seconds once on a machine. Nobody has to wait for it, because both
-kernels give the same result. Numba keeps the machine code on disk, from where it is read at once.
+The compilation takes about ten seconds once on a machine. Nobody has to wait for it, because all
+kernels give the same result; one is compiled at a time. Numba keeps the machine code on disk, from
+where it is read at once.
 """
 
 from __future__ import annotations
@@ -17,8 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.plant.compiled import HAVE_NUMBA, is_on_disk
-from pam_model.plant.lane_blocks import FEW
-from pam_model.plant.lane_kernel import LaneKernel, lane_kernels
+from pam_model.plant.lane_choice import LaneKernel, lane_kernels
 from pam_model.plant.lane_twins import Off, kernel_name
 
 WORTH: Final = 4_000_000
@@ -71,7 +71,8 @@ class CompileBeside:
         with self._lock:
             self._work[kernel] += work
             thread = self._threads.get(kernel)
-            if thread is None and (on_disk or self._work[kernel] >= WORTH):
+            is_due = self._work[kernel] >= WORTH and not self._is_compiling()
+            if thread is None and (on_disk or is_due):
                 arguments = (kernel, compile_it)
                 thread = threading.Thread(target=self._run, args=arguments, name="compile")
                 self._threads[kernel] = thread
@@ -99,7 +100,7 @@ class CompileBeside:
         ready, left = [], np.full(len(constants), HAVE_NUMBA)
         for kernel in lane_kernels(constants):
             own = np.flatnonzero(kernel.serves & left)
-            if own.size > FEW and self.is_ready(
+            if own.size > kernel.few and self.is_ready(
                 kernel.off,
                 own.size * work,
                 partial(compile_it, kernel, int(own[0])),
@@ -108,6 +109,9 @@ class CompileBeside:
                 ready.append(kernel)
             left[own] = False
         return ready
+
+    def _is_compiling(self) -> bool:
+        return any(thread.is_alive() for thread in self._threads.values())
 
     def _run(self, kernel: Hashable, compile_it: Callable[[], object]) -> None:
         usual = sys.getswitchinterval()

@@ -38,6 +38,7 @@ _NEVER_COMPILED = (
     "compile_beside",
     "constants",
     "force_table",
+    "lane_choice",
     "parameters",
     "sensors",
     "simulate",

@@ -11,15 +11,11 @@ import numpy.typing as npt
 
 from pam_model.plant.compiled import for_kernel
 from pam_model.plant.kernel import step_count
-from pam_model.plant.lane_kernel import LaneKernel
+from pam_model.plant.lane_choice import VECTOR, LaneKernel
 from pam_model.plant.lane_twins import LANES, SINGLE, Off
 from pam_model.plant.layout import C_RATE
 
 Array = npt.NDArray[np.float64]
-VECTOR = 8
-"""Lanes of one vector register; a block works on a multiple of them."""
-FEW = 3
-"""Lanes up to which one after the other is not slower than a vector."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +36,7 @@ class Lanes:
     members: npt.NDArray[np.int64]
     steps: int
     off: Off
+    vector: int = VECTOR
 
     @property
     def width(self) -> int:
@@ -49,7 +46,7 @@ class Lanes:
     @property
     def active(self) -> int:
         """Number of lanes that are simulated; those beyond `members` repeat the last one."""
-        return min(-(-len(self.members) // VECTOR) * VECTOR, self.width)
+        return min(-(-len(self.members) // self.vector) * self.vector, self.width)
 
     def side_by_side(self, rows: Array) -> Any:
         """Entries of the block's rows as the kernels take them: entry i of lane j at i width + j.
@@ -86,7 +83,7 @@ def blocks_of_lanes(
             members = np.flatnonzero(kernel.serves & alone & (steps == count))
             for first in range(0, len(members), LANES):
                 block = members[first : first + LANES]
-                if len(block) > FEW:
-                    found.append(Lanes(block, int(count), kernel.off))
+                if len(block) > kernel.few:
+                    found.append(Lanes(block, int(count), kernel.off, kernel.vector))
                     alone[block] = False
     return found + [Lanes(np.array([i]), int(steps[i]), SINGLE) for i in np.flatnonzero(alone)]

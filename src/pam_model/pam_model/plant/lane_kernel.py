@@ -7,17 +7,12 @@ decided once per step. Motion and pressures are not prescribed here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cache
 from inspect import signature
 from types import FunctionType
 from typing import Any, Final
 
-import numpy as np
-import numpy.typing as npt
-
-from pam_model.plant import layout as lay
 from pam_model.plant.compiled import compiled, compiled_loop
 from pam_model.plant.composition import memory_move, memory_step
 from pam_model.plant.joint_stage import joint_rates
@@ -239,67 +234,3 @@ def with_loops(
     copied.__qualname__ = f"{function.__qualname__}_{kernel_name(off)}"
     copied.__module__ = function.__module__
     return copied
-
-
-def _of_muscles(name: str) -> tuple[int, ...]:
-    place = int(getattr(lay, name))
-    return lay.AGONIST + place, lay.ANTAGONIST + place
-
-
-OF_RIG: Final = {name: _of_muscles(name) for name in ("M_TABLE", "M_REGULATOR", "M_WALL")}
-"""Switches of what all lanes of a batch have or have not, as their rig does, and their indices."""
-COSTLY: Final = {name: _of_muscles(name) for name in ("M_CABLE", "M_THERMAL", "M_THREAD")}
-"""Switches whose laws take longer than all others together, and their indices."""
-LAWS: Final = {
-    **COSTLY,
-    "M_TUBE": _of_muscles("M_TUBE"),
-    "C_DROOP": (lay.C_DROOP,),
-    "C_PRESLIDING": (lay.C_PRESLIDING,),
-    **{f"{name.upper()}_IS_ON": (found.is_on,) for name, found in lay.JOINT_EFFECTS.items()},
-    **{
-        f"{name.upper()}_IS_ON": (lay.AGONIST + found.is_on, lay.ANTAGONIST + found.is_on)
-        for name, found in lay.MUSCLE_EFFECTS.items()
-    },
-}
-"""Switches of all laws of effects that the stages call, and their indices."""
-
-
-@dataclass(frozen=True, slots=True)
-class LaneKernel:
-    """A kernel for several lanes.
-
-    Attributes
-    ----------
-    off : frozenset of str
-        Switches that the kernel takes for 0.
-    serves : (n_batch,) array of bool
-        Whether these are 0 in each lane of a batch.
-    """
-
-    off: frozenset[str]
-    serves: npt.NDArray[np.bool_]
-
-    def for_all(self, count: int) -> LaneKernel:
-        """The same kernel for a batch of `count` lanes, all of which it serves."""
-        return LaneKernel(self.off, np.full(count, True))
-
-
-def lane_kernels(constants: npt.NDArray[np.float64]) -> tuple[LaneKernel, LaneKernel]:
-    """The kernels for the lanes of a batch: one without laws of effects, one without costly ones.
-
-    Each takes some ten seconds to compile, so that there is none for every combination of effects.
-
-    Parameters
-    ----------
-    constants : (n_batch, n_constants) array
-        Of each plant.
-    """
-    absent = frozenset(
-        name for name, places in OF_RIG.items() if not constants[:, list(places)].any()
-    )
-
-    def without(switches: Mapping[str, tuple[int, ...]]) -> LaneKernel:
-        places = [place for found in switches.values() for place in found]
-        return LaneKernel(absent | frozenset(switches), ~constants[:, places].any(axis=1))
-
-    return without(LAWS), without(COSTLY)

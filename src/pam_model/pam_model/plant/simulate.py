@@ -25,8 +25,8 @@ from pam_model.plant.compile_beside import CompileBeside
 from pam_model.plant.compiled import HAVE_NUMBA, for_kernel
 from pam_model.plant.constants import derive_constants
 from pam_model.plant.kernel import record, run
-from pam_model.plant.lane_blocks import FEW, VECTOR, Lanes, blocks_of_lanes
-from pam_model.plant.lane_kernel import LaneKernel
+from pam_model.plant.lane_blocks import Lanes, blocks_of_lanes
+from pam_model.plant.lane_choice import FEW_WITH_CABLE, VECTOR, LaneKernel
 from pam_model.plant.lane_twins import SINGLE
 from pam_model.plant.parameters import NAMES, PlantParameters
 from pam_model.plant.sensors import (
@@ -208,7 +208,7 @@ def simulate(
         )  # fmt: skip
 
     prescribed = positions is not None or pressures is not None
-    if not HAVE_NUMBA or prescribed or len(lanes) <= FEW:
+    if not HAVE_NUMBA or prescribed or len(lanes) <= FEW_WITH_CABLE:
         kernels = ()
     elif kernels is None:
         work = count * math.ceil(sample_time / step)
