@@ -282,6 +282,19 @@ def test_an_eccentric_encoder_is_no_offset_of_it(rig: Rig, record: Maker) -> Non
     assert answer.effects == ()
 
 
+@needs_numba
+def test_an_eccentric_pulley_is_no_wrong_radius(rig: Rig, record: Maker) -> None:
+    engine = JointDiagnosis(rig, 0, [record(arm=(1.1, 0.35, -0.1))])
+    few = [c for c in engine.candidates() if c.effect in ("pulley_radius", "position_offset")]
+    engine.candidates = lambda: few  # type: ignore[method-assign]
+    answer = engine.run()
+    assert answer.verdict == "unknown"
+    assert "eccentric pulley" in answer.looks_like
+    round_one = JointDiagnosis(rig, 0, [record({"pulley_radius.scale": 1.1})])
+    round_one.candidates = lambda: few  # type: ignore[method-assign]
+    assert round_one.run().effects == ("pulley_radius",)
+
+
 @pytest.mark.parametrize("valve", ["flow", "pressure_regulator"])
 def test_the_background_is_what_the_effects_call_ordinary(valve: ValveKind) -> None:
     """A good regulator vents more slowly than it fills; its exhaust is not restricted."""

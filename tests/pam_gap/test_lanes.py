@@ -173,3 +173,34 @@ def test_exponent_and_sine_of_the_lanes_are_those_of_the_library():
         assert decay(x) == pytest.approx(math.exp(-x), rel=5e-16)
     for x in np.linspace(-10.0, 10.0, 4001).tolist():
         assert sine(x) == pytest.approx(math.sin(x), abs=3e-16)
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="without numba there are no lanes")
+def test_lanes_turn_an_uneven_pulley_as_the_joint_alone_does(rig):
+    parameters, commands = PlantParameters.from_rig(rig), motion()
+    constants = np.tile(derive_constants(parameters.values), (32, 1))
+    constants[:, lay.C_ARM_SLOPE] = np.linspace(-0.5, 0.5, len(constants))
+    constants[:, lay.C_ARM_BEND] = np.linspace(0.0, -0.4, len(constants))
+    state = initial_state(parameters, pressures=(2e5, 1.5e5), position=0.2)
+
+    def shown(kernels):
+        return observe(
+            constants,
+            np.tile(sensor_constants(parameters.values), (len(constants), 1)),
+            tuple(np.ascontiguousarray(table) for table in parameters.tables),
+            commands,
+            np.zeros((len(commands), 5)),
+            np.ones((len(commands), 5), dtype=bool),
+            np.tile(state, (len(constants), 1)),
+            sample_time=SAMPLE_TIME,
+            step=STEP,
+            horizon=np.inf,
+            block=1,
+            catch_time=0.0,
+            kernels=kernels,
+        )
+
+    lanes, alone = shown(lane_kernels(constants)), shown(())
+    assert np.ptp(alone[:, -1, 2]) > 0.01  # the pulleys matter
+    size = np.abs(alone).max(axis=(0, 1))
+    assert np.all(np.abs(lanes - alone) <= 1e-12 * size)

@@ -11,6 +11,10 @@ import pytest
 
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
+from pam_model.plant import layout as lay
+from pam_model.plant.compiled import for_kernel
+from pam_model.plant.constants import derive_constants
+from pam_model.plant.kernel import record
 from pam_model.plant.parameters import INDEX, NAMES, UNITS, PlantParameters
 from pam_model.plant.simulate import Plant, initial_state, simulate
 
@@ -48,6 +52,26 @@ def test_fourth_order_convergence(parameters, run):
     exact = last(1.25e-4)
     coarse, fine = (abs(last(step) - exact) for step in (2e-3, 1e-3))
     assert 12.0 < coarse / fine < 20.0
+
+
+def test_the_torque_of_an_uneven_pulley_is_the_virtual_work_of_its_muscles(parameters):
+    constants = derive_constants(parameters.values)
+    constants[lay.C_ARM_SLOPE], constants[lay.C_ARM_BEND] = 0.4, -0.3
+    tables = tuple(for_kernel(table) for table in parameters.tables)
+
+    def outputs(position):
+        state = initial_state(parameters, pressures=(3e5, 1.5e5), position=position)
+        found = np.zeros(lay.N_OUTPUTS)
+        row = for_kernel(found)
+        record(for_kernel(constants), tables, for_kernel(state), row)
+        return np.array(row)
+
+    muscles = (lay.O_AGONIST, lay.O_ANTAGONIST)
+    for position in (-0.5, 0.0, 0.6):
+        ahead, here, behind = (outputs(position + d) for d in (1e-6, 0.0, -1e-6))
+        slopes = [(ahead[m + lay.O_LENGTH] - behind[m + lay.O_LENGTH]) / 2e-6 for m in muscles]
+        work = -sum(here[m + lay.O_FORCE] * s for m, s in zip(muscles, slopes, strict=True))
+        assert here[lay.O_TORQUE] == pytest.approx(work, rel=1e-6)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.2, 1.4])
@@ -228,6 +252,10 @@ PLAIN = """
 import sys, numpy as np
 from pam_model.plant.compiled import HAVE_NUMBA
 from pam_model.plant.simulate import initial_state, simulate
+from pam_model.plant import layout as lay
+from pam_model.plant.compiled import for_kernel
+from pam_model.plant.constants import derive_constants
+from pam_model.plant.kernel import record
 from pam_model.plant.parameters import PlantParameters
 assert not HAVE_NUMBA
 values, commands, state = np.load(sys.argv[1]).values()

@@ -16,6 +16,8 @@ from pam_model.physics.joint_geometry import (
     length_per_position,
     muscle_length,
     muscle_torque,
+    relative_arm,
+    wound_angle,
 )
 from pam_model.physics.pressure_sensor import pressure_reading, true_pressure
 
@@ -85,3 +87,14 @@ def test_arrays_and_floats_flow_alike() -> None:
     many = mass_flow(2e-9, 0.3, [5e5, 2e5], [2e5, 5e5], 300.0)
     assert many == pytest.approx([one * reference_density(300.0), -one * reference_density(300.0)])
     assert math.isclose(flow_share(0.999999999, 0.3), 0.0, abs_tol=1e-5)
+
+
+def test_the_cable_winds_up_by_the_arm_of_an_uneven_pulley() -> None:
+    """Virtual work: the torque of a pull is the pull times the arm at every angle."""
+    slope, bend, step = 0.4, -0.3, 1e-6
+    for position in (-0.8, -0.1, 0.0, 0.5):
+        ahead, behind = (wound_angle(position + d, slope, bend) for d in (step, -step))
+        arm = relative_arm(position, slope, bend)
+        assert (ahead - behind) / (2.0 * step) == pytest.approx(arm, rel=1e-8)
+    assert wound_angle(0.7, 0.0, 0.0) == 0.7
+    assert relative_arm(0.7, 0.0, 0.0) == 1.0

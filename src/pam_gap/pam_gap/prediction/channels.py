@@ -49,6 +49,9 @@ class Channels:
         `silent` channels of a recording are known but not compared.
     external : ndarray, shape (N,) or None
         External torque on the joint [N m]; None if it was not recorded.
+    arm : tuple of (float, float, float)
+        Factor on the pulley's radius, and the relative slope [1/rad] and bend [1/rad^2] of the lever
+        arm over the angle; (1, 0, 0) on a round pulley.
     """
 
     recording: Recording
@@ -60,6 +63,7 @@ class Channels:
     has_commands: bool
     votes: npt.NDArray[np.bool_]
     external: Array | None = None
+    arm: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
 
 def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:

@@ -17,6 +17,8 @@ from pam_model.physics.joint_geometry import (
     length_per_position,
     muscle_length,
     muscle_torque,
+    relative_arm,
+    wound_angle,
 )
 from pam_model.physics.sine import sine
 from pam_model.plant.compiled import compiled
@@ -26,6 +28,8 @@ from pam_model.plant.layout import (
     AGONIST,
     ANTAGONIST,
     C_AMBIENT,
+    C_ARM_BEND,
+    C_ARM_SLOPE,
     C_DENSITY,
     C_DROOP,
     C_DROOP_CONDUCTANCE,
@@ -162,6 +166,8 @@ def joint_rates(
     if not free:
         speed = 0.0
     radius = c[C_RADIUS]
+    arm = radius * relative_arm(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
+    wound = wound_angle(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
     first, drawn_first = muscle_rates(
         AGONIST,
         Y_AGONIST,
@@ -170,8 +176,8 @@ def joint_rates(
         y,
         dy,
         u0,
-        muscle_length(c[AGONIST + M_NEUTRAL], AGONIST_SIGN, radius, position),
-        length_per_position(AGONIST_SIGN, radius) * speed,
+        muscle_length(c[AGONIST + M_NEUTRAL], AGONIST_SIGN, radius, wound),
+        length_per_position(AGONIST_SIGN, arm) * speed,
         drive[1],
         pressure_given,
         shut,
@@ -185,15 +191,15 @@ def joint_rates(
         y,
         dy,
         u1,
-        muscle_length(c[ANTAGONIST + M_NEUTRAL], ANTAGONIST_SIGN, radius, position),
-        length_per_position(ANTAGONIST_SIGN, radius) * speed,
+        muscle_length(c[ANTAGONIST + M_NEUTRAL], ANTAGONIST_SIGN, radius, wound),
+        length_per_position(ANTAGONIST_SIGN, arm) * speed,
         drive[2],
         pressure_given,
         shut,
         step,
     )
-    torque = muscle_torque(AGONIST_SIGN, radius, first)
-    torque += muscle_torque(ANTAGONIST_SIGN, radius, second)
+    torque = muscle_torque(AGONIST_SIGN, arm, first)
+    torque += muscle_torque(ANTAGONIST_SIGN, arm, second)
     dy[Y_POSITION] = speed
     dy[Y_VELOCITY] = 0.0
     dy[Y_BRISTLE] = 0.0

@@ -18,6 +18,8 @@ from pam_model.physics.joint_geometry import (
     ANTAGONIST_SIGN,
     muscle_length,
     muscle_torque,
+    relative_arm,
+    wound_angle,
 )
 from pam_model.physics.sine import sine
 from pam_model.plant.compiled import compiled, entry_point
@@ -27,6 +29,8 @@ from pam_model.plant.layout import (
     AGONIST,
     ANTAGONIST,
     C_AMBIENT,
+    C_ARM_BEND,
+    C_ARM_SLOPE,
     C_EXTERNAL,
     C_FRICTION,
     C_GRAVITY,
@@ -117,7 +121,8 @@ def muscle_pull(i: int, c: Any, tables: Any, y: Any) -> float:
     m = AGONIST + i * N_MUSCLE_CONSTANTS
     o = Y_AGONIST + i * N_MUSCLE_STATES
     sign = AGONIST_SIGN if i == 0 else ANTAGONIST_SIGN
-    path = muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], y[Y_POSITION])
+    wound = wound_angle(y[Y_POSITION], c[C_ARM_SLOPE], c[C_ARM_BEND])
+    path = muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], wound)
     force, _, _, _ = pull(m, c, tables[i], y, o, y[o + S_PRESSURE] - c[C_AMBIENT], path)
     return float(force)
 
@@ -126,6 +131,8 @@ def muscle_pull(i: int, c: Any, tables: Any, y: Any) -> float:
 def record(c: Any, tables: Any, y: Any, output: Any) -> None:
     """Write the outputs of the joint at this state into one row of them."""
     position = y[Y_POSITION]
+    wound = wound_angle(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
+    arm = c[C_RADIUS] * relative_arm(position, c[C_ARM_SLOPE], c[C_ARM_BEND])
     torque = 0.0
     for i in range(2):
         m = AGONIST + i * N_MUSCLE_CONSTANTS
@@ -139,9 +146,9 @@ def record(c: Any, tables: Any, y: Any, output: Any) -> None:
             y,
             o,
             gauge,
-            muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], position),
+            muscle_length(c[m + M_NEUTRAL], sign, c[C_RADIUS], wound),
         )
-        torque += muscle_torque(sign, c[C_RADIUS], force)
+        torque += muscle_torque(sign, arm, force)
         at = O_AGONIST + i * N_MUSCLE_OUTPUTS
         output[at + O_PRESSURE] = gauge
         output[at + O_VALVE_PRESSURE] = gauge

@@ -71,7 +71,9 @@ MUSCLE_NOMINAL = (
     C_PRESLIDING,
     C_RATE,
     C_PER_INERTIA,
-) = range(21)
+    C_ARM_SLOPE,
+    C_ARM_BEND,
+) = range(23)
 (
     M_TABLE,
     M_B,
@@ -135,7 +137,7 @@ def _effect_constants(of_muscle: bool, first: int) -> tuple[dict[str, EffectCons
     return found, first
 
 
-JOINT_EFFECTS, AGONIST = _effect_constants(False, C_PER_INERTIA + 1)
+JOINT_EFFECTS, AGONIST = _effect_constants(False, C_ARM_BEND + 1)
 MUSCLE_EFFECTS, N_MUSCLE_CONSTANTS = _effect_constants(True, M_THREAD + 1)
 ANTAGONIST = AGONIST + N_MUSCLE_CONSTANTS
 N_CONSTANTS = AGONIST + 2 * N_MUSCLE_CONSTANTS
