@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.recordings.recording import Recording
-from pam_model.plant.layout import C_ARM_BEND, C_ARM_SLOPE, C_EXTERNAL, C_RADIUS
+from pam_model.plant.layout import C_EXTERNAL
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
 from pam_model.rig import Rig, load_rig
@@ -33,12 +34,14 @@ def record(rig: Rig) -> Maker:
         duration: float = 14.0,
         cells: bool = False,
         pushed: Callable[[float], float] | None = None,
-        arm: tuple[float, float, float] = (1.0, 0.0, 0.0),
+        arm: LeverArm | None = None,
     ) -> Recording:
         parameters = PlantParameters.from_rig(rig).replaced(changes or {})
         plant = Plant(parameters, step=1e-3)
-        plant._constants[C_RADIUS] *= arm[0]
-        plant._constants[C_ARM_SLOPE], plant._constants[C_ARM_BEND] = arm[1:]
+        if arm is not None:
+            constants = np.array(plant._constants)[None]
+            arm.apply(constants)
+            plant._constants[:] = constants[0]
         time = np.arange(round(duration / SAMPLE_TIME)) * SAMPLE_TIME
         mean = 2.2e5 + 8e4 * np.sign(np.sin(2 * np.pi * time / 5.0))
         half = 7e4 * np.sin(2 * np.pi * 0.45 * time) + 3e4 * np.sign(np.sin(2 * np.pi * time / 3.7))

@@ -121,7 +121,8 @@ def test_a_cause_outside_the_table_that_leaves_less_makes_the_verdict_unknown(
 ) -> None:
     """An eccentric encoder looks almost like an offset, which must not be named then."""
     encoder = replace(score((), 1.0), unlisted="an eccentricity of the encoder", free_numbers=2)
-    kept = evidence(unlisted=(encoder,))
+    offset = score(("creep",), 1.4)  # so close that it would be named for it
+    kept = evidence(unlisted=(encoder,), tried=(offset,), settled={})
     kept.save(tmp_path / "evidence.npz")
     read = KeptEvidence.load(tmp_path / "evidence.npz")
     assert decide_again(read, DEFAULT).answer["verdict"] == "unknown"

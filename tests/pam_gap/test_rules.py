@@ -58,6 +58,7 @@ NO_RULES = {
     "HEADROOM": "sizes of real sensors",
     "ECCENTRIC_ROUNDS": "after which the angle no longer changes",
     "LARGEST": "stands for no bound",
+    "ROUNDS": "of weights that no longer change, for a choice of what is simulated",
     "STOP_UNIT": "unit of an amount, which changes no result",
     "MOST_SAMPLES": "work of a regression of a few numbers",
     "FIRST_STEP": "difference step, which changes no result",

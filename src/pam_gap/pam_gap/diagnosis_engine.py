@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from pam_gap.answer.sentences import sizes_at_the_end
 from pam_gap.answer.write_answer import AnswerForm, advice
 from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
+from pam_gap.inference.clean_rig import is_clean
 from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.evidence import KeptEvidence
 from pam_gap.inference.excitation import not_shown
@@ -172,12 +174,24 @@ class JointDiagnosis:
             self.fitter.without_background()
         search = Search(self.fitter, self.candidates(), self.progress)
         result = search.singles()
-        self.judge.background = self.fitter.discrepancy
+        if self.has_no_background(result):
+            self.fitter.without_background()
+            result = search.again(result)
+        else:
+            self.judge.background = self.fitter.discrepancy
         low, high = 0.4, 0.75
         while self._goes_on(search, result):
             search.grow(result, (low, high))
             low, high = high, 0.85
         return result
+
+    def has_no_background(self, result: SearchResult) -> bool:
+        """Whether one or two causes explain the recordings without any background."""
+        whole = self.fitter.whole_background
+        if self.fitter.background is None or not (whole[self.present] > 0.0).all():
+            return False
+        share = partial(self.judge.share_of, background=whole)
+        return is_clean(self.fitter, result.by_size[0], share)
 
     def _goes_on(self, search: Search, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""
@@ -263,12 +277,17 @@ class JointDiagnosis:
         self.judge.background = np.zeros_like(self.floor)
         return scores
 
-    def unlisted_scores(self, scores: Sequence[HeldOut], nominal: Hypothesis) -> list[HeldOut]:
+    def unlisted_scores(
+        self, scores: Sequence[HeldOut], nominal: Hypothesis, singles: Sequence[Hypothesis]
+    ) -> list[HeldOut]:
         """Held-out scores of causes outside the table, where there is a gap to explain."""
         self.judge.set_floor(scores)
         if not has_gap(self.judge.level(scores[0]), int(self.present.sum()), self.rules.decision):
             return []
-        return UnlistedFitter(self.fitter, self.folds).scores(nominal)
+        usual = [score for score in scores if score.ordinary]
+        best = min(usual, key=self.judge.priced_level, default=scores[0])
+        beside = best.hypothesis.only(best.ordinary)
+        return UnlistedFitter(self.fitter, self.folds).scores(nominal, singles, beside)
 
     def not_identifiable(self, missing: Sequence[str]) -> Diagnosis:
         """The answer for recordings that do not hold enough; nothing is searched."""
@@ -316,7 +335,7 @@ class JointDiagnosis:
         written = self.written()
         hypotheses = [result.nominal, *self.finalists(result)]
         nominal, *tried = scores = self.scores(hypotheses)
-        unlisted = self.unlisted_scores(scores, result.nominal)
+        unlisted = self.unlisted_scores(scores, result.nominal, result.by_size[0])
         tried = [score.with_causes(self.causes) for score in tried]
         self.progress("verdict", 0.93)
         settled: dict[int, HeldOut] = {}

@@ -130,10 +130,14 @@ class Judge:
         background : ndarray, shape (channels,)
             Mean squared error that an ordinary background can leave, above 0 where present.
         """
-        usual = background[self.present]
         plain = [score for score in scores if not score.ordinary]
         best = min(plain, key=lambda score: score.level(self.noise, self.present))
-        left = np.maximum((best.mean_square - self.noise)[self.present], 1e-9 * usual)
+        return self.share_of(best.mean_square, background)
+
+    def share_of(self, mean_square: Array, background: Array) -> float:
+        """The same for the mean squares that one hypothesis leaves, shape (channels,)."""
+        usual = background[self.present]
+        left = np.maximum((mean_square - self.noise)[self.present], 1e-9 * usual)
         return self.rules.background_reach * float(np.exp(np.mean(np.log(left / usual))))
 
     def set_floor(self, scores: Sequence[Score]) -> None:
@@ -180,7 +184,7 @@ class Judge:
         if chosen.size == 1 and chosen.free_numbers <= best.free_numbers:
             tied = all(confidence_set([chosen, best], self.floor, self.present, self.rules))
             level = self.level(best)
-            if tied and is_rival(level, self.level(chosen), self.level(usual), tied, self.rules):
+            if is_rival(level, self.level(chosen), self.level(usual), tied, self.rules):
                 return None
         return best if self.share_removed(usual, best) >= self.rules.most_of_the_gap else None
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -95,6 +95,26 @@ class Hypothesis:
                 if not parameter.is_shape and end != neutral and abs(value - end) <= near:
                     found.append((member.effect, free.name, value, parameter.unit))
         return tuple(found)
+
+    def without(self, member: int) -> Hypothesis:
+        """The hypothesis with one effect removed and all other values kept, without a new fit."""
+        sizes = [len(one.free) for one in self.members]
+        start = len(self.result.values) - sum(sizes[member:])
+        cut = np.arange(start, start + sizes[member])
+        result = replace(
+            self.result,
+            values=np.delete(self.result.values, cut),
+            jacobian=np.delete(self.result.jacobian, cut, axis=-1),
+        )
+        members = self.members[:member] + self.members[member + 1 :]
+        return Hypothesis(members, result, self.mean_square)
+
+    def only(self, effects: Collection[str]) -> Hypothesis:
+        """The hypothesis with no other effects than these, without a new fit."""
+        for k, effect in enumerate(self.effects):
+            if effect not in effects:
+                return self.without(k).only(effects)
+        return self
 
     @property
     def label(self) -> str:

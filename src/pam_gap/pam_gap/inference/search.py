@@ -10,7 +10,7 @@ Forward selection with backward checks: Miller, Subset Selection in Regression (
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -249,17 +249,24 @@ class Search:
         )
         return SearchResult(nominal, [found])
 
-    def without(self, h: Hypothesis, member: int) -> Hypothesis:
-        """The hypothesis with one effect removed and all other values kept, without a new fit."""
-        start = len(self.fitter.nuisances) + sum(len(m.free) for m in h.members[:member])
-        cut = np.arange(start, start + len(h.members[member].free))
-        result = replace(
-            h.result,
-            values=np.delete(h.result.values, cut),
-            jacobian=np.delete(h.result.jacobian, cut, axis=-1),
-        )
-        members = h.members[:member] + h.members[member + 1 :]
-        return Hypothesis(members, result, h.mean_square)
+    def again(self, result: SearchResult) -> SearchResult:
+        """The same hypotheses after the fitter has changed, each fitted from where it was."""
+        by_size = [
+            sorted(
+                self.fitter.fit_all(
+                    [
+                        FitTask(
+                            h.members, h.result.values, self.rules.settled_steps,
+                            guess=h.result.jacobian,
+                        )
+                        for h in found
+                    ]
+                ),
+                key=self.level,
+            )
+            for found in result.by_size
+        ]  # fmt: skip
+        return SearchResult(self.fitter.fit_nominal(), by_size)
 
     def grow(self, result: SearchResult, shares: tuple[float, float]) -> None:
         """Add the hypotheses with one more effect, and try others for each effect of the best one.
@@ -290,7 +297,7 @@ class Search:
             # The newest effect was chosen given the others, but the others were chosen without it.
             for member in range(size - 1):
                 found += self.extend(
-                    self.without(best, member),
+                    best.without(member),
                     screened=self.rules.challenge_screened,
                     finished=self.rules.challenge_finished,
                     task=f"in place of {best.members[member].effect}",
@@ -307,7 +314,7 @@ class Search:
     def _check_backwards(self, result: SearchResult) -> None:
         """Fit the best hypothesis without each of its effects, which may be unnecessary now."""
         best, smaller = result.by_size[-1][0], result.by_size[-2]
-        starts = [self.without(best, member) for member in range(len(best.members))]
+        starts = [best.without(member) for member in range(len(best.members))]
         tasks = [
             FitTask(h.members, h.result.values, self.rules.settled_steps, guess=h.result.jacobian)
             for h in starts

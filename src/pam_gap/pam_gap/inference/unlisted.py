@@ -9,13 +9,14 @@ of the table, and so is an end stop that the balance of torques shows
 (`pam_gap.prediction.end_stop`). What fits best need not be in the table (fault isolation with a
 class for unknown faults: Isermann, Fault-Diagnosis Systems, Springer 2006, chapter 16).
 
-The amounts change the recordings instead of the plant. They are found by Gauss-Newton steps, whose
+Most amounts change the recordings instead of the plant; those of an eccentric pulley change its
+lever arm, and with it the volumes of the muscles. They are found by Gauss-Newton steps, whose
 columns are the slopes of the errors over the amounts (`pam_gap.prediction.linear_terms`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -24,24 +25,20 @@ import numpy as np
 from pam_gap.inference.background import Background, SensorPart, encoder_part, sensor_parts
 from pam_gap.inference.held_out import Folds, HeldOut, score_all
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
+from pam_gap.inference.search import level
 from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.end_stop import EndStop, end_stop
 from pam_gap.prediction.fit import Array
+from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.rules import Rules
 
 LARGEST = 1000.0
 """Bound of an amount, in the largest ordinary sizes."""
 FIRST_STEP = 4.0
 """Amount over which the first slope is taken, in the largest ordinary sizes."""
-
-ARM_UNIT = 0.02
-"""Unit of the amounts of an arm that changes, in arms per radian and per square radian.
-
-A turned pulley runs true to a few hundredths of a millimetre, and an ordinary cable lies on it to a
-tenth of a millimetre. On a radius of 20 to 40 mm this is less than one percent.
-"""
 
 STOP_UNIT = 0.05
 """Unit of the amount of an end stop, of the stiffness that the balance of torques gives."""
@@ -61,12 +58,22 @@ class Unlisted:
         (problem, channels, amounts) -> channels with these amounts.
     is_one_way : bool
         Whether the amounts cannot be negative.
+    largest : float
+        Bound of the amounts.
+    contains : str
+        Effect of the table that the cause is when only its first amount is not zero; its fit
+        begins with what was found of this effect.
+    first : callable
+        First amount for a size of that effect.
     """
 
     name: str
     places: tuple[int, ...]
     change: Callable[[PredictionProblem, Channels, Array], Channels]
     is_one_way: bool
+    largest: float = LARGEST
+    contains: str = ""
+    first: Callable[[float], float] = float
 
 
 def _of_part(part: SensorPart, place: int) -> Unlisted:
@@ -77,8 +84,22 @@ def _of_part(part: SensorPart, place: int) -> Unlisted:
 
 
 def _arm(problem: PredictionProblem, data: Channels, amounts: Array) -> Channels:
-    more, slope, bend = (ARM_UNIT * amounts).tolist()
-    return replace(data, arm=(1.0 + more, slope, bend))
+    size = problem.rules.decision.ordinary_arm
+    more, slope, bend, zero = (size * amounts).tolist()
+    return replace(data, arm=LeverArm(1.0 + more, slope, bend, zero))
+
+
+def _eccentric_pulley(place: int, rules: Rules) -> Unlisted:
+    size = rules.decision.ordinary_arm
+    return Unlisted(
+        "a lever arm that changes with the angle (an eccentric pulley)",
+        tuple(range(place, place + 4)),
+        _arm,
+        is_one_way=False,
+        largest=rules.search.largest_arm / size,
+        contains="pulley_radius",
+        first=lambda scale: (scale - 1.0) / size,
+    )
 
 
 def _of_stop(stop: EndStop, place: int) -> Unlisted:
@@ -118,12 +139,47 @@ class UnlistedFitter:
         self.fitter = fitter
         self.folds = folds
         self.rules = fitter.rules.search
+        self._amounts: dict[str, Array] = {}
 
-    def scores(self, nominal: Hypothesis) -> list[HeldOut]:
-        """Held-out scores of all causes outside the table that are larger than ordinary."""
+    def scores(
+        self,
+        nominal: Hypothesis,
+        singles: Sequence[Hypothesis] = (),
+        beside: Hypothesis | None = None,
+    ) -> list[HeldOut]:
+        """Held-out scores of all causes outside the table that are larger than ordinary.
+
+        Parameters
+        ----------
+        nominal : Hypothesis
+            The re-tuned plant without effects.
+        singles : sequence of Hypothesis
+            Fits of single effects of the table, of which some are special cases of these causes.
+        beside : Hypothesis, optional
+            Effects that every good rig has; they are fitted beside the best of these causes.
+        """
         parts = self.fitter.parts
         if parts is None:
             return []
+        causes, background = self._causes(parts)
+        found = []
+        for one in causes:
+            score = self._score(one, self._start(one, nominal, singles), background)
+            if score is not None:
+                found.append((score, one))
+        if found and beside is not None and beside.members:
+            k = min(range(len(found)), key=lambda place: self._level(found[place][0].hypothesis))
+            score, one = found[k]
+            again = self._score(one, (self._amounts[one.name], beside), background)
+            if again is not None and self._level(again.hypothesis) < self._level(score.hypothesis):
+                found[k] = (again, one)
+        return [score for score, _ in found]
+
+    def _level(self, hypothesis: Hypothesis) -> float:
+        return level(hypothesis.mean_square, self.fitter.floor, self.fitter.problem.present)
+
+    def _causes(self, parts: Background) -> tuple[list[Unlisted], Background]:
+        """All causes that are sought, and a background with places for their columns."""
         columns, free = parts.terms.columns, parts.terms.free
         if self.fitter.background is None:  # a rig without a background has none beside the cause
             columns = np.zeros_like(columns)
@@ -132,42 +188,56 @@ class UnlistedFitter:
         # What follows is no part of an ordinary background, and has no column yet.
         first, more = columns.shape[-1], 0
         if self.fitter.problem.present[POSITION]:
-            name = "a lever arm that changes with the angle (an eccentric pulley)"
-            causes.append(Unlisted(name, (first, first + 1, first + 2), _arm, is_one_way=False))
-            more += 3
+            causes.append(_eccentric_pulley(first, self.fitter.rules))
+            more += 4
         stop = end_stop(self.fitter.problem)
         if stop is not None:
             causes.append(_of_stop(stop, first + more))
             more += 1
         columns = np.concatenate([columns, np.zeros((*columns.shape[:-1], more))], axis=-1)
         free, effects = (*free, *[free[-1]] * more), (*effects, *[""] * more)
-        background = Background(effects, LinearTerms(columns, free))
-        found = []
-        for one in causes:
-            score = self._score(one, nominal, background)
-            if score is not None:
-                found.append(score)
-        return found
+        return causes, Background(effects, LinearTerms(columns, free))
 
-    def _score(self, one: Unlisted, nominal: Hypothesis, background: Background) -> HeldOut | None:
-        """Held-out score of one cause; None if its size is ordinary."""
-        amounts = np.zeros(len(one.places))
-        best = nominal
-        own = self.fitter
+    def _score(
+        self, one: Unlisted, start: tuple[Array, Hypothesis], background: Background
+    ) -> HeldOut | None:
+        """Held-out score of one cause; None if its size is ordinary.
+
+        `start` holds the amounts and the hypothesis with which the fit begins; the effects of the
+        latter are fitted beside the cause.
+        """
+        amounts, at = start
+        guess = at.result.jacobian
+        best: tuple[float, HypothesisFitter, Hypothesis] | None = None
         for _ in range(self.rules.unlisted_rounds):
-            own = self._fitter_at(one, amounts, best, background)
-            task = FitTask(
-                (), best.result.values, self.rules.settled_steps, guess=nominal.result.jacobian
-            )
-            best = own.fit_all([task])[0]
-            moved = best.result.amounts[list(one.places)]
+            own = self._fitter_at(one, amounts, at, background)
+            values, steps = at.result.values, self.rules.settled_steps
+            at = own.fit_all([FitTask(at.members, values, steps, guess=guess)])[0]
+            moved = at.result.amounts[list(one.places)]
             amounts = amounts + moved
             if np.abs(amounts).max() <= 1.0:
                 return None
+            left = self._level(at)
+            if best is None or left < best[0]:
+                best = (left, own, at)
+                self._amounts[one.name] = amounts
             if np.abs(moved).max() <= self.rules.unlisted_moved * np.abs(amounts).max():
                 break
-        score = score_all(own, self.folds, [best])[0]
-        return replace(score, unlisted=one.name, free_numbers=len(one.places))
+        assert best is not None
+        score = score_all(best[1], self.folds, [best[2]])[0]
+        numbers = score.free_numbers + len(one.places)
+        return replace(score, unlisted=one.name, free_numbers=numbers)
+
+    def _start(
+        self, one: Unlisted, nominal: Hypothesis, singles: Sequence[Hypothesis]
+    ) -> tuple[Array, Hypothesis]:
+        """Amounts with which the fit of a cause begins, and the numbers of the rig beside them."""
+        amounts = np.zeros(len(one.places))
+        like = next((h for h in singles if h.effects == (one.contains,)), None)
+        if like is None:
+            return amounts, nominal
+        amounts[0] = one.first(float(like.result.values[-1]))
+        return amounts, like.without(0)
 
     def _fitter_at(
         self, one: Unlisted, amounts: Array, at: Hypothesis, background: Background
@@ -180,14 +250,15 @@ class UnlistedFitter:
 
         own = copy(self.fitter)
         own.problem = changed(np.zeros_like(amounts))
-        vector = self.fitter.vector((), at.result.values)[None]
+        vector = self.fitter.vector(at.members, at.result.values)[None]
         base = own.problem.errors(vector)[0]
         columns, free = background.terms.columns.copy(), list(background.terms.free)
         for k, place in enumerate(one.places):
             step = np.zeros_like(amounts)
             step[k] = max(FIRST_STEP, 0.25 * abs(float(amounts[k])))
             columns[..., place] = (changed(step).errors(vector)[0] - base) / step[k]
-            low = -float(amounts[k]) if one.is_one_way else -LARGEST
-            free[place] = replace(free[place], low=low, high=LARGEST, prior=0.0)
+            so_far = float(amounts[k])
+            low = -so_far if one.is_one_way else -one.largest - so_far
+            free[place] = replace(free[place], low=low, high=one.largest - so_far, prior=0.0)
         own.background = Background(background.effects, LinearTerms(columns, tuple(free)))
         return own

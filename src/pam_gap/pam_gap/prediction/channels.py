@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array
+from pam_gap.prediction.lever_arm import ROUND, LeverArm
 from pam_gap.recordings.noise_floor import ChannelNoise, noise_floor
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -49,9 +50,8 @@ class Channels:
         `silent` channels of a recording are known but not compared.
     external : ndarray, shape (N,) or None
         External torque on the joint [N m]; None if it was not recorded.
-    arm : tuple of (float, float, float)
-        Factor on the pulley's radius, and the relative slope [1/rad] and bend [1/rad^2] of the lever
-        arm over the angle; (1, 0, 0) on a round pulley.
+    arm : LeverArm
+        Lever arm of the pulley; by default that of a round one with the stated radius.
     """
 
     recording: Recording
@@ -63,7 +63,7 @@ class Channels:
     has_commands: bool
     votes: npt.NDArray[np.bool_]
     external: Array | None = None
-    arm: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    arm: LeverArm = ROUND
 
 
 def channel_names(rig: Rig, joint: int) -> tuple[str, ...]:

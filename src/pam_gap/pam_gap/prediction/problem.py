@@ -32,9 +32,6 @@ from pam_model.plant.constants import derive_constants
 from pam_model.plant.layout import (
     AGONIST,
     C_AMBIENT,
-    C_ARM_BEND,
-    C_ARM_SLOPE,
-    C_RADIUS,
     C_SUPPLY,
     C_TEMPERATURE,
     M_REGULATOR,
@@ -226,8 +223,7 @@ class PredictionProblem:
         for data in self.data:
             mounted = as_mounted(values, data.recording.mounting)
             constants = np.array([derive_constants(v) for v in mounted])
-            constants[:, C_RADIUS] *= data.arm[0]
-            constants[:, [C_ARM_SLOPE, C_ARM_BEND]] = data.arm[1:]
+            data.arm.apply(constants)
             sensors = np.array([sensor_constants(v) for v in mounted])
             measured = data.measured
             if settings.noise_seed is not None:

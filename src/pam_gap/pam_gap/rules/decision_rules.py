@@ -74,6 +74,15 @@ class DecisionRules:
         trades="As for `ordinary_share`.",
         origin="An eccentricity of 10 um on a ring of 30 mm is 0.3 mrad.",
     )
+    ordinary_arm: float = rule(
+        0.02,
+        unit="radii, 1/rad, 1/rad^2 and rad",
+        decides="Change of a lever arm over the angle up to which a pulley counts as round.",
+        trades="Larger: eccentric pulleys are named as another effect. Smaller: the fit of an arm "
+        "that does not change takes longer.",
+        origin="Turned pulleys run true to 0.02 to 0.05 mm, and a cable lies on them to 0.1 mm: "
+        "0.3 % of a radius of 30 mm.",
+    )
     ordinary_force: float = rule(
         0.002,
         unit="of the pull at 40 % of the supply",

@@ -174,6 +174,30 @@ class SearchRules:
         "speed at rest.",
         origin=NUMERICAL,
     )
+    clean_bases: int = rule(
+        3,
+        unit="-",
+        decides="Number of the best single effects, each of which is paired with every other "
+        "effect in the test for a rig with two causes and no background.",
+        trades="Fewer: two causes on such a rig are missed where neither is among the best alone. "
+        "More: the diagnosis takes longer.",
+        origin="Numerical setting.",
+    )
+    clean_pairs: int = rule(
+        6,
+        unit="-",
+        decides="Largest number of these pairs that are simulated.",
+        trades="Fewer: such pairs are missed. More: the diagnosis takes longer.",
+        origin="Numerical setting.",
+    )
+    clean_reach: float = rule(
+        4.0,
+        unit="of clean_share",
+        decides="What a pair may leave by the slopes of the single fits to be simulated.",
+        trades="Smaller: pairs whose laws are far from linear are missed. Larger: rigs with a "
+        "background take longer to diagnose.",
+        origin="Numerical setting.",
+    )
     unlisted_rounds: int = rule(
         3,
         unit="-",
@@ -182,6 +206,14 @@ class SearchRules:
         trades="Fewer: large causes outside the table are fitted badly. More: the diagnosis takes "
         "longer.",
         origin="Numerical setting; drawn rigs with an eccentric encoder needed two.",
+    )
+    largest_arm: float = rule(
+        1.0,
+        unit="1/rad and 1/rad^2",
+        decides="Largest relative change of a lever arm over the angle that is sought.",
+        trades="Larger: over a small motion the fit of an arm wanders far. Smaller: very eccentric "
+        "pulleys are not recognised.",
+        origin="With an eccentricity of half the radius, an oval pulley has up to 1 per radian.",
     )
     unlisted_moved: float = rule(
         0.05,

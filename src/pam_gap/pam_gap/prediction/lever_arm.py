@@ -1,0 +1,59 @@
+"""A pulley that does not run true: its lever arm changes with the angle.
+
+An eccentric or oval pulley has an arm r + e sin(n q - phase). Over the motion of a joint, this is
+nearly r times a polynomial of the angle, which needs no phase. The cable of such a pulley is also
+wound up further, or less far, where the angle is zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from pam_gap.prediction.fit import Array
+from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
+from pam_model.plant.layout import (
+    AGONIST,
+    ANTAGONIST,
+    C_ARM_BEND,
+    C_ARM_SLOPE,
+    C_RADIUS,
+    M_NEUTRAL,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class LeverArm:
+    """The lever arm r factor (1 + slope q + bend q^2) of a pulley with the stated radius r.
+
+    Attributes
+    ----------
+    factor : float
+        Arm at the angle zero, in stated radii.
+    slope : float
+        Relative change of the arm [1/rad].
+    bend : float
+        [1/rad^2].
+    zero : float
+        Angle [rad] by which the cable is wound up further where the angle is zero.
+    """
+
+    factor: float = 1.0
+    slope: float = 0.0
+    bend: float = 0.0
+    zero: float = 0.0
+
+    def apply(self, constants: Array) -> None:
+        """Change the constants of plants, shape (lanes, N_CONSTANTS), in place."""
+        constants[:, C_RADIUS] *= self.factor
+        constants[:, C_ARM_SLOPE] = self.slope
+        constants[:, C_ARM_BEND] = self.bend
+        for muscle, sign in ((AGONIST, AGONIST_SIGN), (ANTAGONIST, ANTAGONIST_SIGN)):
+            neutral = constants[:, muscle + M_NEUTRAL]
+            constants[:, muscle + M_NEUTRAL] = muscle_length(
+                neutral, sign, constants[:, C_RADIUS], self.zero
+            )
+
+
+ROUND: Final = LeverArm()
+"""The arm of a round pulley with the stated radius."""
