@@ -12,6 +12,7 @@ from pam_gap.inference.decision import Decision, Judge
 from pam_gap.inference.named_effects import named_effects
 from pam_gap.inference.probabilities import agreed, cause_probabilities, probabilities
 from pam_gap.inference.score import Score
+from pam_gap.inference.search import Search
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.lever_arm import LeverArm
 from pam_gap.rules import DEFAULT
@@ -268,6 +269,28 @@ def test_a_background_that_is_fitted_down_to_the_noise_is_still_a_background(
     clean = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
     assert clean.run().effects == ("dead_volume",)
     assert clean.fitter.background is None
+
+
+@needs_numba
+def test_two_causes_on_a_rig_without_a_background_are_both_named(rig: Rig, record: Maker) -> None:
+    """A fitted background imitated the second one, and the search ended with the first."""
+    volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
+    both = volumes | {"position_offset.offset": 8e-3}
+    clean = with_few(JointDiagnosis(rig, 0, [record(both)]))
+    assert set(clean.run().effects) == {"dead_volume", "position_offset"}
+    assert clean.fitter.background is None
+
+
+@needs_numba
+def test_a_background_is_no_pair_of_causes(rig: Rig, record: Maker) -> None:
+    sizes = ordinary_sizes(rig, rig.joints[0])
+    amounts = {path: 0.5 * size for _, paths, size in sizes for path in paths}
+    volumes = {f"{side}.dead_volume": 6e-5 for side in ("agonist", "antagonist")}
+    engine = with_few(JointDiagnosis(rig, 0, [record(amounts | volumes)]))
+    result = Search(engine.fitter, engine.candidates()).singles()
+    assert not engine.has_no_background(result)
+    without = with_few(JointDiagnosis(rig, 0, [record(volumes)]))
+    assert without.has_no_background(Search(without.fitter, without.candidates()).singles())
 
 
 @needs_numba

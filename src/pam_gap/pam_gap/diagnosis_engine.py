@@ -191,7 +191,7 @@ class JointDiagnosis:
         if self.fitter.background is None or not (whole[self.present] > 0.0).all():
             return False
         share = partial(self.judge.share_of, background=whole)
-        return is_clean(self.fitter, result.by_size[0], share)
+        return is_clean(self.fitter, result.nominal, result.by_size[0], share)
 
     def _goes_on(self, search: Search, result: SearchResult) -> bool:
         """Whether one more effect is sought; the decision is kept as evidence."""

@@ -24,11 +24,10 @@ ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class _Pair:
-    """Two effects that together could explain a recording, and where their fit starts."""
+class _Guess:
+    """One effect or two that could explain a recording, and what they would leave."""
 
-    first: Hypothesis
-    second: Hypothesis
+    members: tuple[Hypothesis, ...]
     mean_square: Array
 
 
@@ -72,41 +71,56 @@ class _Columns:
         return np.asarray(mean)
 
 
-def _pairs(
-    fitter: HypothesisFitter,
-    bases: Sequence[Hypothesis],
-    singles: Sequence[Hypothesis],
-) -> list[_Pair]:
-    """Every pair of a base with a single effect, and what it would leave if all were linear."""
-    nominal = fitter.nominal
-    bare = fitter.bare
-    assert nominal is not None and bare is not None
+def _guesses(
+    fitter: HypothesisFitter, nominal: Hypothesis, singles: Sequence[Hypothesis]
+) -> list[_Guess]:
+    """The best single effects, alone and with every other one, as if all laws were linear."""
     at = len(fitter.nuisances)
     scaling = Scaling([nuisance.free for nuisance in fitter.nuisances])
+    bases = singles[: fitter.rules.search.clean_bases]
     start = fitter.simulated_errors(nominal)
-    arrays: list[Slopes] = [base.result.errors[..., None] for base in bases]
+    errors = [fitter.simulated_errors(single) for single in singles]
+    arrays: list[Slopes] = [error[..., None] for error in errors[: len(bases)]]
     arrays += [base.result.jacobian for base in bases]
-    for single in singles:
-        change = (fitter.simulated_errors(single) - start)[..., None]
+    for single, error in zip(singles, errors, strict=True):
+        change = (error - start)[..., None]
         arrays.append(np.concatenate([single.result.jacobian[..., at:], change], axis=-1))
     columns = _Columns(fitter, arrays)
     found = []
     for k, base in enumerate(bases):
         own = columns.places(len(bases) + k)
         offset = scaling.centre - scaling.scaled(base.result.values[:at])
-        for j, single in enumerate(singles):
-            if set(single.effects) & set(base.effects):
-                continue
-            used = np.concatenate([own, columns.places(2 * len(bases) + j)])
+        partners: list[tuple[tuple[Hypothesis, ...], Array]] = [((), own)]
+        partners += [
+            ((single,), np.concatenate([own, columns.places(2 * len(bases) + j)]))
+            for j, single in enumerate(singles)
+            if single.effects != base.effects
+        ]
+        for others, used in partners:
             weight, centre = np.zeros((2, used.size))
             weight[:at], centre[:at] = scaling.weight, offset
             left = columns.left(k, used, (weight, centre), fitter.floor)
-            found.append(_Pair(base, single, left))
+            found.append(_Guess((base, *others), left))
     return found
+
+
+def _task(guess: _Guess, at: int, steps: int) -> FitTask:
+    """The fit of a guess without a background; the first `at` numbers are those of the rig."""
+    first, *others = [one.result for one in guess.members]
+    return FitTask(
+        tuple(member for one in guess.members for member in one.members),
+        np.concatenate([first.values, *(one.values[at:] for one in others)]),
+        steps,
+        guess=np.concatenate(
+            [first.jacobian, *(one.jacobian[..., at:] for one in others)], axis=-1
+        ),
+        is_bare=True,
+    )
 
 
 def is_clean(
     fitter: HypothesisFitter,
+    nominal: Hypothesis,
     singles: Sequence[Hypothesis],
     share: Callable[[Array], float],
 ) -> bool:
@@ -116,38 +130,20 @@ def is_clean(
     ----------
     fitter : HypothesisFitter
         Fitter with an ordinary background.
+    nominal : Hypothesis
+        The re-tuned plant without effects, with this background.
     singles : sequence of Hypothesis
-        The fits of single effects with this background, best first.
+        The fits of single effects with it, best first.
     share : callable
         Takes the mean squares that a hypothesis without a background leaves, shape (channels,), and
         returns the share of a whole ordinary background that they are.
     """
     rules = fitter.rules
-    steps, limit = rules.search.settled_steps, rules.decision.clean_share
-
-    bases = fitter.fit_all(
-        [
-            FitTask(h.members, h.result.values, steps, guess=h.result.jacobian, is_bare=True)
-            for h in singles[: rules.search.clean_bases]
-        ]
-    )
-    if any(share(base.mean_square) < limit for base in bases):
-        return True
-    pairs = sorted(_pairs(fitter, bases, singles), key=lambda pair: share(pair.mean_square))
-    likely = [p for p in pairs if share(p.mean_square) < rules.search.clean_reach * limit]
-    at = len(fitter.nuisances)
-    fits = fitter.fit_all(
-        [
-            FitTask(
-                (*pair.first.members, *pair.second.members),
-                np.concatenate([pair.first.result.values, pair.second.result.values[at:]]),
-                steps,
-                guess=np.concatenate(
-                    [pair.first.result.jacobian, pair.second.result.jacobian[..., at:]], axis=-1
-                ),
-                is_bare=True,
-            )
-            for pair in likely[: rules.search.clean_pairs]
-        ]
-    )
+    limit = rules.decision.clean_share
+    likely: dict[frozenset[str], _Guess] = {}
+    for one in sorted(_guesses(fitter, nominal, singles), key=lambda one: share(one.mean_square)):
+        if share(one.mean_square) < limit and len(likely) < rules.search.clean_pairs:
+            likely.setdefault(frozenset(h.label for h in one.members), one)
+    at, steps = len(fitter.nuisances), rules.search.settled_steps
+    fits = fitter.fit_all([_task(one, at, steps) for one in likely.values()])
     return any(share(one.mean_square) < limit for one in fits)

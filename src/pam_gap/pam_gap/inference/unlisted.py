@@ -156,7 +156,8 @@ class UnlistedFitter:
         singles : sequence of Hypothesis
             Fits of single effects of the table, of which some are special cases of these causes.
         beside : Hypothesis, optional
-            Effects that every good rig has; they are fitted beside the best of these causes.
+            Effects that every good rig has. They are fitted beside the best of these causes, if it
+            explains at least half of what the best single effect does.
         """
         parts = self.fitter.parts
         if parts is None:
@@ -167,12 +168,14 @@ class UnlistedFitter:
             score = self._score(one, self._start(one, nominal, singles), background)
             if score is not None:
                 found.append((score, one))
-        if found and beside is not None and beside.members:
-            k = min(range(len(found)), key=lambda place: self._level(found[place][0].hypothesis))
+        if found and singles and beside is not None and beside.members:
+            left = [self._level(score.hypothesis) for score, _ in found]
+            k = int(np.argmin(left))
             score, one = found[k]
-            again = self._score(one, (self._amounts[one.name], beside), background)
-            if again is not None and self._level(again.hypothesis) < self._level(score.hypothesis):
-                found[k] = (again, one)
+            if left[k] < 0.5 * (self._level(nominal) + self._level(singles[0])):
+                again = self._score(one, (self._amounts[one.name], beside), background)
+                if again is not None and self._level(again.hypothesis) < left[k]:
+                    found[k] = (again, one)
         return [score for score, _ in found]
 
     def _level(self, hypothesis: Hypothesis) -> float:

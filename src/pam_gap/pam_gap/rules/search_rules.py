@@ -184,18 +184,11 @@ class SearchRules:
         origin="Numerical setting.",
     )
     clean_pairs: int = rule(
-        6,
+        4,
         unit="-",
-        decides="Largest number of these pairs that are simulated.",
+        decides="Largest number of these pairs that are simulated; those are which leave little "
+        "by the slopes of the single fits.",
         trades="Fewer: such pairs are missed. More: the diagnosis takes longer.",
-        origin="Numerical setting.",
-    )
-    clean_reach: float = rule(
-        4.0,
-        unit="of clean_share",
-        decides="What a pair may leave by the slopes of the single fits to be simulated.",
-        trades="Smaller: pairs whose laws are far from linear are missed. Larger: rigs with a "
-        "background take longer to diagnose.",
         origin="Numerical setting.",
     )
     unlisted_rounds: int = rule(
