@@ -139,7 +139,7 @@ def is_clean(
         returns the share of a whole ordinary background that they are.
     """
     rules = fitter.rules
-    limit = rules.decision.clean_share
+    limit = rules.search.clean_left
     likely: dict[frozenset[str], _Guess] = {}
     for one in sorted(_guesses(fitter, nominal, singles), key=lambda one: share(one.mean_square)):
         if share(one.mean_square) < limit and len(likely) < rules.search.clean_pairs:
