@@ -4,14 +4,17 @@
 
 RK4 with 0.25 ms; in a diagnosis with 2 ms, and with its corrections and comparisons in each step.
 The batches have 64 parameter vectors, which are simulated one after the other, or side by side in
-the vectors of the processor. Without numba, the figures are those of plain Python.
+the vectors of the processor. Two processes that share nothing show what two threads can reach at
+most on this machine. Without numba, the figures are those of plain Python.
 """
 
 from __future__ import annotations
 
+import multiprocessing
 import sys
 import timeit
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -63,6 +66,20 @@ def diagnosis_batches(
     }
 
 
+def seconds_of(call: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Shortest time of a call [s], without its first one, which compiles."""
+    call()
+    return min(timeit.repeat(call, number=1, repeat=repeats))
+
+
+def seconds_in_two_processes(call: Callable[[], object]) -> float:
+    """The same while another process does the same work [s], mean of both processes."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, mp_context=spawn) as pool:
+        list(pool.map(seconds_of, [call, call]))  # both are started, and their kernels loaded
+        return float(np.mean(list(pool.map(seconds_of, [call, call], [3 * REPEATS] * 2))))
+
+
 def _declare(parser: Parser) -> None:
     """The bench has no options of its own."""
 
@@ -87,9 +104,13 @@ def _run(given: Arguments) -> Outcome:
         calls[name] = (BATCH / STEPS_PER_SAMPLE * RECORDED / SECONDS, options)
     rates = {}
     for name, (lanes, call) in calls.items():
-        call()  # compiles
-        rates[name] = lanes * steps / min(timeit.repeat(call, number=1, repeat=REPEATS))
-        print(f"{name:34s} {1e-6 * rates[name]:7.2f} million steps/s")
+        rates[name] = lanes * steps / seconds_of(call)
+        print(f"{name:34s} {1e-6 * rates[name]:7.2f} million steps/s", flush=True)
+    for name in ("batch", "diagnosis, side by side"):
+        lanes, call = calls[name]
+        both = f"{name}, two processes"
+        rates[both] = 2 * lanes * steps / seconds_in_two_processes(call)
+        print(f"{both:34s} {1e-6 * rates[both]:7.2f} million steps/s", flush=True)
     return Outcome({"steps_per_second": rates})
 
 
