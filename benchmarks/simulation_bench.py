@@ -105,12 +105,12 @@ def _run(given: Arguments) -> Outcome:
     rates = {}
     for name, (lanes, call) in calls.items():
         rates[name] = lanes * steps / seconds_of(call)
-        print(f"{name:34s} {1e-6 * rates[name]:7.2f} million steps/s", flush=True)
+        print(f"{name:40s} {1e-6 * rates[name]:7.2f} million steps/s", flush=True)
     for name in ("batch", "diagnosis, side by side"):
         lanes, call = calls[name]
         both = f"{name}, two processes"
         rates[both] = 2 * lanes * steps / seconds_in_two_processes(call)
-        print(f"{both:34s} {1e-6 * rates[both]:7.2f} million steps/s", flush=True)
+        print(f"{both:40s} {1e-6 * rates[both]:7.2f} million steps/s", flush=True)
     return Outcome({"steps_per_second": rates})
 
 

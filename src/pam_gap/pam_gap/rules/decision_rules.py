@@ -80,8 +80,8 @@ class DecisionRules:
         decides="Change of a lever arm over the angle up to which a pulley counts as round.",
         trades="Larger: eccentric pulleys are named as another effect. Smaller: the fit of an arm "
         "that does not change takes longer.",
-        origin="Turned pulleys run true to 0.02 to 0.05 mm, and a cable lies on them to 0.1 mm: "
-        "0.3 % of a radius of 30 mm.",
+        origin="Set by hand to several times an estimate of what is ordinary: a cable that lies on "
+        "a turned pulley to 0.1 mm changes a radius of 30 mm by 0.3 %.",
     )
     ordinary_force: float = rule(
         0.002,

@@ -191,14 +191,15 @@ class SearchRules:
         "one.",
         trades="Larger: rigs with a small background are `unknown`. Smaller: the second of two "
         "causes on a rig without a background is missed.",
-        origin="Between five rigs without a background, whose causes left 0.01 at most, and 300 "
-        "rigs with one (`blind --background --seed 20261902`), on which pairs left 0.056 at least.",
+        origin="Set by hand between five rigs without a background (`blind --cases 60 --seed "
+        "1097762585`), of which the best pair left 0.009 at most, and four rigs with one (`blind "
+        "--background --seed 20261902`), on which it left 0.056 to 0.067; no fresh check yet.",
     )
     clean_pairs: int = rule(
         4,
         unit="-",
-        decides="Largest number of these pairs that are simulated; those are which leave little "
-        "by the slopes of the single fits.",
+        decides="Largest number of these pairs that are simulated. Only pairs are that would leave "
+        "less than `clean_left` by the slopes of the single fits.",
         trades="Fewer: such pairs are missed. More: the diagnosis takes longer.",
         origin="Numerical setting.",
     )
