@@ -413,6 +413,45 @@ def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, recor
 
 
 @needs_numba
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"creep.ratio": 0.015, "creep.time_constant": 1.0},
+        {"hysteresis.amplitude": 0.012, "hysteresis.presliding_length": 0.0002},
+    ],
+    ids=["a bladder that relaxes within a second", "threads that slide after 0.2 mm"],
+)
+def test_ordinary_creep_and_friction_of_one_muscle_with_shapes_of_their_own_are_fitted(
+    rig: Rig, record: Maker, shape: dict[str, float]
+) -> None:
+    """Neither muscles nor shapes are alike on a good rig; fits of one common shape left a gap."""
+    own = {f"agonist.{name}": value for name, value in shape.items()}
+    engine = JointDiagnosis(rig, 0, [record(own, duration=9.0)])
+    nominal = engine.fitter.fit_nominal()
+    assert engine.fitter.bare is not None
+    before, left = (
+        np.sqrt(fit.mean_square[2] / engine.floor[2]) for fit in (engine.fitter.bare, nominal)
+    )
+    assert before > 8.0
+    assert left < 0.2 * before
+
+
+@needs_numba
+def test_shapes_of_one_effect_share_its_ordinary_size(rig: Rig, record: Maker) -> None:
+    engine = JointDiagnosis(rig, 0, [record(duration=9.0)])
+    engine.fitter.fit_nominal()
+    background = engine.fitter.background
+    assert background is not None
+    of: dict[str, float] = {}
+    for effect, amount in zip(background.effects, background.terms.free, strict=True):
+        of[effect] = of.get(effect, 0.0) + amount.prior**2
+    muscles, share = 2.0, DEFAULT.decision.ordinary_share
+    for effect in ("hysteresis", "creep", "leakage"):
+        assert of[effect] == pytest.approx(muscles * share**2)
+    assert of["coulomb_friction"] == pytest.approx(share**2)
+
+
+@needs_numba
 def test_the_play_of_a_good_spool_is_no_lag_of_the_valve(rig: Rig, record: Maker) -> None:
     recording = record(duration=9.0)
     half = 0.4 * DEFAULT.decision.ordinary_spool

@@ -71,6 +71,22 @@ def test_an_effect_that_the_rig_file_states_gets_no_ordinary_size(rig: Rig, reco
 
 
 @needs_numba
+def test_the_start_of_an_ordinary_size_is_the_mean_of_both_muscles(rig: Rig, record: Maker) -> None:
+    engine = JointDiagnosis(rig, 0, [record(DELAY, duration=9.0)])
+    chosen = chosen_fit(engine, "command_delay").hypothesis
+    background = engine.fitter.background
+    assert background is not None
+    leakage = np.array([0.4 * (effect == "leakage") for effect in background.effects])
+    fit = replace(chosen, result=replace(chosen.result, amounts=leakage))
+    members, starts = ordinary_members(
+        engine.fitter, background, fit, candidates_for(rig, rig.joints[0])
+    )
+    [member] = [m for m in members if m.effect == "leakage"]
+    for start, (neutral, reach) in zip(starts[: len(member.free)], member.ordinary, strict=True):
+        assert start == pytest.approx(neutral + 0.4 * reach)
+
+
+@needs_numba
 def test_no_improved_rig_is_written_that_is_worse_than_the_rig_file(
     rig: Rig, record: Maker
 ) -> None:

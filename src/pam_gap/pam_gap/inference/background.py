@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from pam_gap.prediction.fit import (
 )
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.rules.decision_rules import DecisionRules
 from pam_model.effects import EFFECTS
 from pam_model.plant.layout import MUSCLES
 from pam_model.plant.parameters import INDEX
@@ -138,36 +140,56 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
     """
     rules = problem.rules.decision
     effects: list[str] = []
+    alike: list[int] = []
     lanes: list[Array] = []
     for effect, paths, size in ordinary_sizes(problem.rig, problem.rig.joints[problem.joint]):
-        strokes = (1.0, rules.ordinary_presliding) if effect == "hysteresis" else (1.0,)
-        for factor in strokes:
+        shapes = _shapes(effect, rules)
+        for shape, path in product(shapes, paths):
             lane = vector.copy()
-            lane[[INDEX[path] for path in paths]] += size
-            for side in MUSCLES:
-                lane[INDEX[f"{side}.hysteresis.presliding_length"]] *= factor
+            lane[INDEX[path]] += size
+            for name, factor in shape.items():
+                lane[[INDEX[f"{side}.{effect}.{name}"] for side in MUSCLES]] *= factor
             lanes.append(lane)
             effects.append(effect)
+            alike.append(len(shapes))
     base = problem.errors(vector[None])[0]
     changes = list(problem.errors(np.array(lanes)) - base) if lanes else []
     one_way = [True] * len(changes)  # amounts of these are never negative
-    for part in sensor_parts(problem):
+    spools = _single_spools(problem)
+    for part in (*spools, *sensor_parts(problem)):
         changes.append(part.errors(problem, vector, 1.0) - base)
         one_way.append(part.is_one_way)
     changes += _encoder(problem, base)
     effects += [""] * (len(changes) - len(effects))
+    alike += [1] * (len(changes) - len(alike))
     one_way += [False] * (len(changes) - len(one_way))
+    share = rules.ordinary_share
     free = tuple(
         FreeParameter(
             f"ordinary {effect or 'part'}",
             0.0 if positive else -1.0,
             1.0,
-            rules.ordinary_share,
-            prior=rules.ordinary_share,
+            share,
+            prior=share / np.sqrt(count),
         )
-        for effect, positive in zip(effects, one_way, strict=True)
+        for effect, positive, count in zip(effects, one_way, alike, strict=True)
     )
     return Background(tuple(effects), LinearTerms(np.stack(changes, axis=-1), free))
+
+
+def _shapes(effect: str, rules: DecisionRules) -> list[dict[str, float]]:
+    """Factors of the parameters that shape an effect, of which a background is a mixture.
+
+    Threads begin to slide one after another, and a bladder relaxes within seconds as well as
+    within minutes.
+    """
+    if effect == "hysteresis":
+        reach = rules.ordinary_presliding
+        return [{"presliding_length": factor} for factor in (1.0 / reach, 1.0, reach)]
+    if effect == "creep":
+        step = rules.ordinary_relaxation
+        return [{"time_constant": step**power} for power in (-2, -1, 0, 1)]
+    return [{}]
 
 
 def _supply(problem: PredictionProblem) -> float:
@@ -182,15 +204,41 @@ def has_regulators(problem: PredictionProblem) -> bool:
     return kinds == {"pressure_regulator"}
 
 
+def _single_spools(problem: PredictionProblem) -> list[SensorPart]:
+    """A hysteresis of half the width in either valve; the play of two widths adds to others."""
+    if not problem.has_commands:
+        return []
+    return [
+        SensorPart(
+            f"a hysteresis of the {side}'s valve", partial(_played_half, channel=channel), True
+        )
+        for channel, side in enumerate(MUSCLES)
+    ]
+
+
 def _played(problem: PredictionProblem, data: Channels, amount: float) -> Channels:
     """Commands as valves with an ordinary hysteresis follow them: play of half its width."""
-    rules = problem.rules.decision
-    width = rules.ordinary_spool
-    if has_regulators(problem):
-        width = rules.ordinary_regulator * _supply(problem)
-    half = 0.5 * amount * width
+    half = 0.5 * amount * _play_width(problem)
     spool = [_play(valve, half) for valve in data.commands.T.tolist()]
     return replace(data, commands=np.ascontiguousarray(np.transpose(spool)))
+
+
+def _played_half(
+    problem: PredictionProblem, data: Channels, amount: float, channel: int
+) -> Channels:
+    """Commands as one valve with half of the ordinary hysteresis follows them."""
+    commands = data.commands.copy()
+    half = 0.25 * amount * _play_width(problem)
+    commands[:, channel] = _play(commands[:, channel].tolist(), half)
+    return replace(data, commands=commands)
+
+
+def _play_width(problem: PredictionProblem) -> float:
+    """Width of the ordinary hysteresis of a valve, in the unit of its command."""
+    rules = problem.rules.decision
+    if has_regulators(problem):
+        return rules.ordinary_regulator * _supply(problem)
+    return rules.ordinary_spool
 
 
 def _play(commands: list[float], half: float) -> list[float]:
@@ -309,8 +357,9 @@ def discrepancy(
         Of the squares of each channel.
     """
     columns, free = background.terms.columns, background.terms.free
-    mean = np.array([0.5 * (p.low + p.high) for p in free])
-    spread = np.array([(p.high - p.low) / np.sqrt(12.0) for p in free])
+    share = np.array([p.prior for p in free]) ** 2 / problem.rules.decision.ordinary_share**2
+    mean = np.array([0.5 * (p.low + p.high) for p in free]) * share
+    spread = np.array([(p.high - p.low) / np.sqrt(12.0) for p in free]) * np.sqrt(share)
 
     def left(change: Array) -> Array:
         if jacobian.shape[-1]:

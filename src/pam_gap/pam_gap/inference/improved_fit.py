@@ -18,11 +18,12 @@ from dataclasses import replace
 import numpy as np
 
 from pam_gap.inference.background import Background
-from pam_gap.inference.candidates import Candidate, ordinary_sizes
+from pam_gap.inference.candidates import SIDES, Candidate, ordinary_sizes
 from pam_gap.inference.confidence import pooled_rms
 from pam_gap.inference.held_out import Folds, HeldOut, score_all
 from pam_gap.inference.hypothesis import FitTask, Hypothesis, HypothesisFitter
 from pam_gap.prediction.fit import Array
+from pam_model.effects import EFFECTS
 
 
 def ordinary_members(
@@ -50,7 +51,8 @@ def ordinary_members(
     problem = fitter.problem
     amount: dict[str, float] = {}
     for effect, fitted in zip(background.effects, chosen.result.amounts, strict=True):
-        amount[effect] = amount.get(effect, 0.0) + float(fitted)
+        owners = len(SIDES) if effect and EFFECTS[effect].scope == "muscle" else 1
+        amount[effect] = amount.get(effect, 0.0) + float(fitted) / owners
     sizes = {
         path: (effect, size)
         for effect, paths, size in ordinary_sizes(problem.rig, problem.rig.joints[problem.joint])

@@ -36,6 +36,16 @@ class DecisionRules:
         origin="Published presliding strokes of braided muscles reach from 0.2 to 2 mm; the "
         "default is 0.5 mm.",
     )
+    ordinary_relaxation: float = rule(
+        10.0,
+        unit="-",
+        decides="Factor between the time constants of the creep in an ordinary background: two "
+        "steps below the one assumed to one above it.",
+        trades="As for `ordinary_share`.",
+        origin="Rubber relaxes over many decades of time, which sums of elements a decade apart "
+        "describe (Ferry, Viscoelastic Properties of Polymers, Wiley 1980); a step is followed "
+        "from 0.1 s on, and a recording rarely lasts longer than 100 s.",
+    )
     ordinary_nonlinearity: float = rule(
         0.003,
         unit="of the sensor's range",
