@@ -5,7 +5,8 @@
 RK4 with 0.25 ms; in a diagnosis with 2 ms, and with its corrections and comparisons in each step.
 The batches have 64 parameter vectors, which are simulated one after the other, or side by side in
 the vectors of the processor. Two processes that share nothing show what two threads can reach at
-most on this machine. Without numba, the figures are those of plain Python.
+most on this machine; the constants of a batch are derived in Python, where two threads take turns.
+Without numba, the figures are those of plain Python.
 """
 
 from __future__ import annotations
@@ -111,7 +112,12 @@ def _run(given: Arguments) -> Outcome:
         both = f"{name}, two processes"
         rates[both] = 2 * lanes * steps / seconds_in_two_processes(call)
         print(f"{both:40s} {1e-6 * rates[both]:7.2f} million steps/s", flush=True)
-    return Outcome({"steps_per_second": rates})
+    share = seconds_of(lambda: [derive_constants(v) for v in values]) / seconds_of(
+        calls["batch"][1]
+    )
+    print(f"share of a batch in Python, where threads wait for each other: {share:.0%}")
+    print(f"two threads can therefore reach {2.0 / (1.0 + share):.2f} times one at most")
+    return Outcome({"steps_per_second": rates, "share_of_constants": share})
 
 
 BENCH = Command("simulation", "steps per second of the simulated joint", _declare, _run)

@@ -19,6 +19,7 @@ from pam_gap.inference.candidates import candidates_for
 from pam_gap.inference.decision import Decision
 from pam_gap.inference.evidence import decide_again
 from pam_gap.inference.held_out import score_held_out
+from pam_gap.inference.hypothesis import FitTask
 from pam_gap.inference.named_effects import merged_groups
 from pam_gap.prediction.fit import mean_squares
 from pam_gap.prediction.gap_figures import noise_level
@@ -162,6 +163,26 @@ def test_what_is_reported_is_fitted_from_the_written_numbers(rig: Rig, record: M
     assert engine.judge.level(settled) < engine.judge.level(score) - 1.0
     again = engine.settled(settled)
     assert engine.judge.level(again) <= engine.judge.level(settled)
+
+
+@needs_numba
+@pytest.mark.parametrize("mass", [0.5, 4.0])
+def test_a_light_and_a_heavy_load_are_found_from_the_starts(
+    rig: Rig, record: Maker, mass: float
+) -> None:
+    """A joint swings so much more slowly with a heavy load that a fit from a light one is lost."""
+    hidden = record({"payload.mass": mass, "payload.distance": 0.25}, duration=9.0)
+    engine = JointDiagnosis(rig, 0, [hidden])
+    nominal = engine.fitter.fit_nominal()
+    payload = next(c for c in engine.candidates() if c.effect == "payload")
+    fits = engine.fitter.fit_all(
+        [
+            FitTask((payload,), np.concatenate([nominal.result.values, start]), 10)
+            for start in payload.starts
+        ]
+    )
+    best = min(fits, key=lambda fit: fit.result.objective)
+    assert best.result.values[-2:] == pytest.approx([mass, 0.25], rel=0.02)
 
 
 @needs_numba

@@ -163,16 +163,18 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
     effects += [""] * (len(changes) - len(effects))
     alike += [1] * (len(changes) - len(alike))
     one_way += [False] * (len(changes) - len(one_way))
+    # The squares of the amounts of shapes that are mixed add up to that of one.
+    most = 1.0 / np.sqrt(alike)
     share = rules.ordinary_share
     free = tuple(
         FreeParameter(
             f"ordinary {effect or 'part'}",
-            0.0 if positive else -1.0,
-            1.0,
+            0.0 if positive else -high,
+            high,
             share,
-            prior=share / np.sqrt(count),
+            prior=share * high,
         )
-        for effect, positive, count in zip(effects, one_way, alike, strict=True)
+        for effect, positive, high in zip(effects, one_way, most.tolist(), strict=True)
     )
     return Background(tuple(effects), LinearTerms(np.stack(changes, axis=-1), free))
 
@@ -188,7 +190,7 @@ def _shapes(effect: str, rules: DecisionRules) -> list[dict[str, float]]:
         return [{"presliding_length": factor} for factor in (1.0 / reach, 1.0, reach)]
     if effect == "creep":
         step = rules.ordinary_relaxation
-        return [{"time_constant": step**power} for power in (-2, -1, 0, 1)]
+        return [{"time_constant": step**power} for power in (-1, 0, 1)]
     return [{}]
 
 
@@ -357,9 +359,8 @@ def discrepancy(
         Of the squares of each channel.
     """
     columns, free = background.terms.columns, background.terms.free
-    share = np.array([p.prior for p in free]) ** 2 / problem.rules.decision.ordinary_share**2
-    mean = np.array([0.5 * (p.low + p.high) for p in free]) * share
-    spread = np.array([(p.high - p.low) / np.sqrt(12.0) for p in free]) * np.sqrt(share)
+    mean = np.array([0.5 * (p.low + p.high) for p in free])
+    spread = np.array([(p.high - p.low) / np.sqrt(12.0) for p in free])
 
     def left(change: Array) -> Array:
         if jacobian.shape[-1]:

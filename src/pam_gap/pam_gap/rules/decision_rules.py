@@ -39,12 +39,12 @@ class DecisionRules:
     ordinary_relaxation: float = rule(
         10.0,
         unit="-",
-        decides="Factor between the time constants of the creep in an ordinary background: two "
-        "steps below the one assumed to one above it.",
+        decides="Factor between the time constants of the creep in an ordinary background: one "
+        "step below the one assumed to one above it.",
         trades="As for `ordinary_share`.",
         origin="Rubber relaxes over many decades of time, which sums of elements a decade apart "
-        "describe (Ferry, Viscoelastic Properties of Polymers, Wiley 1980); a step is followed "
-        "from 0.1 s on, and a recording rarely lasts longer than 100 s.",
+        "describe (Ferry, Viscoelastic Properties of Polymers, Wiley 1980). One below, 0.1 s, "
+        "gained hardly anything on drawn rigs.",
     )
     ordinary_nonlinearity: float = rule(
         0.003,

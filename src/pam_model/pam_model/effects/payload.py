@@ -42,7 +42,7 @@ def search_ranges(rig: RigScales) -> dict[str, Range]:
     acts = rig.gravity_torque != 0.0
     starts = (GRAVITY,) if acts else (GRAVITY, 0.0)
     return {
-        "mass": Range(3e-3 * mass, 60.0 * mass, 0.5, (mass,), True),
+        "mass": Range(3e-3 * mass, 60.0 * mass, 0.5, (mass, 4.0 * mass), True),
         "distance": Range(0.7 * radius, 50.0 * radius, 0.5, (10.0 * radius,), True),
         "gravity": Range(GRAVITY if acts else 0.0, GRAVITY, 3.0, starts),
     }
