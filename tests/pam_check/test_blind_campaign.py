@@ -7,11 +7,13 @@ import json
 from pathlib import Path
 
 import pytest
+from matplotlib.axes import Axes
 
 from pam_check.blind import diagnosing_process
 from pam_check.blind.campaign import Drawn, run_campaign
 from pam_check.blind.diagnosing_process import DiagnosingProcess
 from pam_check.blind.score import reliability, reliability_of_causes
+from pam_check.blind.score_plots import draw_reliability
 from pam_model.errors import PamError
 
 CAMPAIGN = "pam_check.blind.campaign"
@@ -92,7 +94,6 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
 
     monkeypatch.setattr(f"{CAMPAIGN}.draw_sealed", draw)
     monkeypatch.setattr(DiagnosingProcess, "diagnose", diagnose)
-    monkeypatch.setattr(f"{CAMPAIGN}.draw_confusion", lambda pairs, path: None)
     with pytest.raises(PamError, match="no campaign to resume"):
         run_campaign(2, 5, tmp_path, 1, resume=True)
     with pytest.raises(RuntimeError, match="went off"):
@@ -104,6 +105,27 @@ def test_an_interrupted_campaign_goes_on_where_it_stopped(
     result = run_campaign(2, 5, tmp_path, 1, resume=True)
     assert begun == ["000", "001", "001"]
     assert result["shares"]["false_name_on_clean"]["of"] == 2
+    for picture in ("confusion.png", "reliability.png"):
+        assert (tmp_path / picture).stat().st_size > 5000
+
+
+def test_the_picture_of_reliability_shows_every_class_that_has_answers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    labels = [label("one", ["creep"], f"{k:03d}") for k in range(4)]
+    stated = {"000": 0.9, "001": 0.9, "002": 0.3, "003": 0.3}
+    answers = {
+        case: {"verdict": "named", "effects": ["creep"], "probabilities": {"creep": p, "none": 0.2}}
+        for case, p in stated.items()
+    }
+    shown: list[str] = []
+    monkeypatch.setattr(Axes, "annotate", lambda _, text, *__, **___: shown.append(text))
+    result = {
+        "reliability": reliability(labels, answers),
+        "reliability_of_causes": reliability_of_causes(labels, answers),
+    }
+    draw_reliability(result, tmp_path / "reliability.png")
+    assert shown == ["2 of 2"] * 4
 
 
 def broken_case(folder: Path, name: str) -> Path:

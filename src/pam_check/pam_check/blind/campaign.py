@@ -23,14 +23,13 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib import pyplot as plt
 
 from pam_check.blind.cases import LABELS
 from pam_check.blind.diagnosing_process import DiagnosingProcess
-from pam_check.blind.draw import KNOWN, OUTSIDE
 from pam_check.blind.experiments import run_experiments
 from pam_check.blind.plants import FIRST
 from pam_check.blind.score import score
+from pam_check.blind.score_plots import draw_confusion, draw_reliability
 from pam_check.blind.untouched import with_untouched
 from pam_check.programs import DRAW_CASES
 from pam_model.command_line import Arguments, Outcome, progress
@@ -162,25 +161,6 @@ def add_untouched(out: Path, answers: dict[str, dict[str, Any]]) -> None:
         answers[name] = with_untouched(answer, out, name, out / "answers" / name)
 
 
-def draw_confusion(pairs: list[tuple[str, str]], path: Path) -> None:
-    """Plot the confusion matrix of single effects: true effect in rows, first name in columns."""
-    truths = ["none", *KNOWN, *OUTSIDE]
-    answers = ["none", *KNOWN, "unknown", "not_identifiable", "crash"]
-    counts = np.zeros((len(truths), len(answers)), dtype=int)
-    for truth, answer in pairs:
-        counts[truths.index(truth), answers.index(answer)] += 1
-    figure, axis = plt.subplots(figsize=(11, 11), layout="constrained")
-    axis.imshow(counts > 0, cmap="Blues", vmin=0, vmax=2)
-    for i, j in zip(*np.nonzero(counts), strict=True):
-        axis.text(float(j), float(i), str(counts[i, j]), ha="center", va="center")
-    axis.set_xticks(range(len(answers)), answers, rotation=90)
-    axis.set_yticks(range(len(truths)), truths)
-    axis.set_xlabel("first effect named in the answer")
-    axis.set_ylabel("hidden effect (at the bottom: effects outside the diagnosis's table)")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
-
-
 def run_campaign(
     cases: int,
     seed: int,
@@ -243,6 +223,7 @@ def run_campaign(
     }
     (out / "score.json").write_text(json.dumps(result, indent=1))
     draw_confusion(result["confusion"], out / "confusion.png")
+    draw_reliability(result, out / "reliability.png")
     return result
 
 
@@ -288,6 +269,6 @@ def run(given: Arguments) -> Outcome:
         f"{'time per case':24s} {result['wall_time_median']:5.1f} s median, "
         f"{result['wall_time_worst']:.1f} s worst"
     )
-    print(f"written: {given.out / 'score.json'}, {given.out / 'confusion.png'}")
+    print(f"written: {given.out}: score.json, confusion.png, reliability.png")
     crashed = result["crashed"]
     return Outcome(result, [f"{crashed} diagnoses crashed"] if crashed else ())
