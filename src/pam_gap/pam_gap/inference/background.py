@@ -188,7 +188,7 @@ def _shapes(effect: str, rules: DecisionRules) -> list[dict[str, float]]:
     """
     if effect == "hysteresis":
         reach = rules.ordinary_presliding
-        return [{"presliding_length": factor} for factor in (1.0 / reach, 1.0, reach)]
+        return [{"presliding_length": factor} for factor in (1.0, reach)]
     if effect == "creep":
         step = rules.ordinary_relaxation
         return [{"time_constant": step**power} for power in (-1, 0, 1)]
