@@ -424,7 +424,7 @@ def test_a_fit_removes_the_background_without_calling_it_a_cause(rig: Rig, recor
 def test_ordinary_creep_and_friction_of_one_muscle_with_shapes_of_their_own_are_fitted(
     rig: Rig, record: Maker, shape: dict[str, float]
 ) -> None:
-    """Neither muscles nor shapes are alike on a good rig; fits of one common shape left a gap."""
+    """Neither muscles nor shapes are alike on a good rig; one common creep left a gap."""
     own = {f"agonist.{name}": value for name, value in shape.items()}
     engine = JointDiagnosis(rig, 0, [record(own, duration=9.0)])
     nominal = engine.fitter.fit_nominal()

@@ -20,8 +20,8 @@ class DecisionRules:
         0.58,
         unit="of the largest ordinary size",
         decides="Amount of each effect in an ordinary background, as a share of the largest "
-        "amount that a good rig has (`ordinary` in the file of the effect); together with the next "
-        "four constants it sets what an ordinary background leaves unexplained.",
+        "amount that a good rig has (`ordinary` in the file of the effect); together with the "
+        "constants `ordinary_...` it sets what an ordinary background leaves unexplained.",
         trades="Larger: effects must be stronger to be named. Smaller: the background of a good "
         "rig counts as a gap.",
         origin="Derived: the root mean square of amounts that are uniformly distributed up to the "
@@ -43,8 +43,8 @@ class DecisionRules:
         "step below the one assumed to one above it.",
         trades="As for `ordinary_share`.",
         origin="Rubber relaxes over many decades of time, which sums of elements a decade apart "
-        "describe (Ferry, Viscoelastic Properties of Polymers, Wiley 1980). One below, 0.1 s, "
-        "gained hardly anything on drawn rigs.",
+        "describe (Ferry, Viscoelastic Properties of Polymers, Wiley 1980). The range of "
+        "three decades is set by hand.",
     )
     ordinary_nonlinearity: float = rule(
         0.003,
