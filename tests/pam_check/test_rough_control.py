@@ -58,6 +58,35 @@ def test_the_plant_sample_by_sample_is_the_plant_of_the_blind_check(rough):
     assert np.abs(plant.truth[:, :2] - whole.true_pressures).max() < 1e-2
 
 
+@pytest.mark.parametrize("effect", ["nothing", "braid_extensibility", "cable_compliance"])
+def test_the_plant_begins_at_rest_with_the_pressures_that_were_asked_for(rough, effect):
+    """What stretches has stretched: else the pressures jump at first, as no valve makes them."""
+    joint, muscles = rough.hidden(effect)
+    sensors = Sensors(pressure_noise=0.0, position_noise=0.0)
+    plant = RunningTruth(
+        joint, muscles, sensors, np.random.default_rng(0), period=PERIOD, count=2, pressure=2e5
+    )
+    plant.advance((0.0, 0.0))
+    plant.advance((0.0, 0.0))
+    assert np.abs(plant.truth[1, :2] - 2e5).max() < 100.0
+
+
+@pytest.mark.parametrize("effect", ["braid_extensibility", "cable_compliance"])
+def test_gas_in_parts_that_stretch_is_known_to_the_pressure_loops(rough, effect):
+    """A rig file that names the effect is as good as one without it on a rig without it."""
+    joint, muscles = rough.hidden(effect)
+    truth, rig = muscles[0], load_rig(ELBOW)
+    threads = truth.thread_length / (2.0 * math.pi * truth.turns**2) * truth.thread_compliance
+    compliance = threads if effect == "braid_extensibility" else truth.cable_compliance
+    for muscle in rig.muscles:
+        rig = rig.with_muscle(replace(muscle, effects={effect: {"compliance": compliance}}))
+    for adaptation in (False, True):
+        told = PositionStiffnessController(rig, TOLD.replace(adaptation=adaptation), rough.designs)
+        for points in rough.motions.values():
+            told.forget_adaptation()
+            assert play(told, joint, muscles, points, 6)[0].rms < 3e-4
+
+
 def test_every_effect_of_the_table_is_hidden_and_changes_the_rig(rough):
     assert set(HIDDEN) == set(KNOWN)
     rig = true_rig(load_rig(ELBOW))

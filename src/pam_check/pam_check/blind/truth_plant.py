@@ -46,6 +46,7 @@ STEP = 5.0e-5  # s
 GAS_CONSTANT = 287.05  # J/(kg K)
 HEAT_CAPACITY = 717.6  # J/(kg K), constant volume
 N_PLAY = 8
+REST_ROUNDS = 10  # Newton steps; one is enough for a small stretch
 N_CREEP = 7
 COMMANDED = 100.0  # Pa, resolution of a regulator's command
 
@@ -222,6 +223,23 @@ class TruthState(NamedTuple):
     q_buffer: Array
 
 
+def length_and_volume_at_rest(
+    muscle: TruthMuscle, pressure: float, path: float
+) -> tuple[float, float]:
+    """Length [m] and gas volume [m^3] when threads and cable have stretched."""
+    b0, area = muscle.thread_length, 4 * math.pi * muscle.turns**2
+    length, b = path, b0
+    for _ in range(REST_ROUNDS):
+        if muscle.thread_compliance > 0.0:
+            strain = b0 * pressure * length / (0.5 * area) * muscle.thread_compliance
+            b = b0 / (1.0 - min(0.2, strain))
+        if muscle.cable_compliance > 0.0:
+            pull = max(0.0, pressure * (3.0 * length * length - b * b) / area)
+            softer = 1.0 + muscle.cable_compliance * pressure * 6.0 * length / area
+            length += (path - length - pull * muscle.cable_compliance) / softer
+    return length, length * (b * b - length**2) / area + muscle.dead_volume
+
+
 def start_state(
     joint: TruthJoint, muscles: tuple[TruthMuscle, TruthMuscle], pressures: tuple[float, float]
 ) -> TruthState:
@@ -251,13 +269,10 @@ def start_state(
     )
     for i in range(2):
         side = -1.0 if i == 0 else 1.0
-        b, turns = muscles[i].thread_length, muscles[i].turns
-        state.length[i] = muscles[i].neutral_length + side * radius * q
         p = pressures[i]
-        state.volume[i] = (
-            state.length[i] * (b * b - state.length[i] ** 2) / (4 * math.pi * turns**2)
-            + muscles[i].dead_volume
-        )
+        path = muscles[i].neutral_length + side * radius * q
+        state.length[i], state.volume[i] = length_and_volume_at_rest(muscles[i], p, path)
+        state.stretch[i] = path - state.length[i]
         state.mass[i] = (p + p_amb) * state.volume[i] / rt
         state.energy[i] = state.mass[i] * HEAT_CAPACITY * joint.temperature
         state.gauge[i] = p
@@ -268,11 +283,6 @@ def start_state(
         state.tube_mass[i] = (p + p_amb) * muscles[i].tube_volume / rt
         for j in range(N_PLAY):
             state.play[i, j] = state.length[i]
-        length_path = state.length[i]
-        if muscles[i].cable_compliance > 0.0:
-            pull = max(0.0, p * (3 * state.length[i] ** 2 - b * b) / (4 * math.pi * turns**2))
-            state.stretch[i] = pull * muscles[i].cable_compliance
-            state.length[i] = length_path - state.stretch[i]
     return state
 
 

@@ -30,6 +30,7 @@ from pam_model.gas import (
     reference_density,
     reference_flow,
 )
+from pam_model.joints.effective_force_model import gas_volume
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.rig import Muscle, Rig
 
@@ -267,8 +268,11 @@ class FlowValveLoop:
         rate = demand.rate + gain * error
         absolute = max(pressure + demand.ahead + self._ambient, self._ambient)
         length = limited(demand.length, *self._lengths)
-        volume = self._model.volume(length) + self._dead_volume
-        volume_rate = self._model.volume_slope(length) * demand.length_rate
+        gas = absolute - self._ambient
+        volume, by_length, by_pressure = gas_volume(self._model, gas, length)
+        # threads and cable that stretch take gas as a larger volume does
+        volume += self._dead_volume + self._exponent * absolute * by_pressure
+        volume_rate = by_length * demand.length_rate
         flow = flow_for_pressure_rate(
             rate,
             absolute,

@@ -43,8 +43,8 @@ EFFECT = Effect(
     },
     slots=(Thread(stretched_thread),),
     control=Included(
-        "included in the muscle force and inverted by iteration; the gas volume remains that of "
-        "the stiff braid"
+        "included in the muscle force and inverted by iteration; included in the gas volume, which "
+        "grows with the pressure"
     ),
     plausibility=Included("included in the muscle force of the torque balance"),
     search=Search(

@@ -23,8 +23,8 @@ EFFECT = Effect(
     parameters={"compliance": EffectParameter("c_c", "m/N", 0.0, 0.0, 1e-3, "stretch per force")},
     slots=(Adjusts("series_compliance", series_compliance),),
     control=Included(
-        "included in the muscle force and inverted by iteration; the gas volume remains that of "
-        "the stiff braid"
+        "included in the muscle force and inverted by iteration; included in the gas volume, which "
+        "grows with the pressure"
     ),
     plausibility=Included("included in the muscle force of the torque balance"),
     search=Search(

@@ -63,6 +63,39 @@ def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
     return model
 
 
+def gas_volume(model: ForceModel, pressure: float, length: float) -> tuple[float, float, float]:
+    """Gas volume of a muscle whose threads or cable may stretch, without the rig's dead volume.
+
+    Parameters
+    ----------
+    model : ForceModel
+        From `effective_force_model`.
+    pressure : float
+        Gauge [Pa].
+    length : float
+        Of the muscle with its cable [m].
+
+    Returns
+    -------
+    volume : float
+        [m^3].
+    by_length : float
+        dV/dL at constant pressure [m^2].
+    by_pressure : float
+        dV/dp at constant length [m^3/Pa]; 0 if nothing stretches.
+    """
+    if isinstance(model, _Wrapper):
+        return model.gas_volume(pressure, length)
+    return float(model.volume(length)), float(model.volume_slope(length)), 0.0
+
+
+def _force_per_pressure(model: ForceModel, pressure: float, length: float) -> float:
+    """dF/dP by finite differences [m^2]."""
+    step = max(_PRESSURE_STEP, 1e-6 * abs(pressure))
+    rise = model.force(pressure + step, length) - model.force(pressure - step, length)
+    return float(rise) / (2.0 * step)
+
+
 class _Wrapper(ClosedChamber):
     """A model based on another one; by default, finite differences give the pressure slope."""
 
@@ -84,15 +117,17 @@ class _Wrapper(ClosedChamber):
 
     def pressure_slope(self, pressure: float, length: float) -> float:
         """dF/dP [m^2]."""
-        step = max(_PRESSURE_STEP, 1e-6 * abs(pressure))
-        rise = self.force(pressure + step, length) - self.force(pressure - step, length)
-        return rise / (2.0 * step)
+        return _force_per_pressure(self, pressure, length)
 
     def volume(self, length: float) -> float:
         return float(self.inner.volume(length))
 
     def volume_slope(self, length: float) -> float:
         return float(self.inner.volume_slope(length))
+
+    def gas_volume(self, pressure: float, length: float) -> tuple[float, float, float]:
+        """As `gas_volume` of this module."""
+        return gas_volume(self.inner, pressure, length)
 
 
 class _Ends(_Wrapper):
@@ -176,6 +211,16 @@ class _ExtensibleBraid(_Wrapper):
         rate = 2.0 * stretched * by_length
         return float(self.inner.stiffness(pressure, length)) - pressure * rate * self._scale
 
+    def gas_volume(self, pressure: float, length: float) -> tuple[float, float, float]:
+        volume, by_length, _ = super().gas_volume(pressure, length)
+        stretched, by_pressure, rate = self._law(pressure, length, self._thread, *self._values)
+        longer = stretched * stretched - self._thread * self._thread
+        return (
+            volume + length * longer * self._scale,
+            by_length + (longer + 2.0 * length * stretched * rate) * self._scale,
+            2.0 * length * stretched * by_pressure * self._scale,
+        )
+
 
 class _SeriesCable(_Wrapper):
     """A muscle in series with a spring: its length is the path minus compliance times force."""
@@ -218,3 +263,13 @@ class _SeriesCable(_Wrapper):
             # slack: the cable has no influence
             return rate
         return rate / max(1e-3, 1.0 + self._compliance * rate)
+
+    def gas_volume(self, pressure: float, length: float) -> tuple[float, float, float]:
+        muscle = self._stretched(pressure, length)
+        volume, by_length, by_pressure = super().gas_volume(pressure, muscle)
+        if muscle >= length:
+            return volume, by_length, by_pressure
+        # the muscle shortens by what the cable stretches
+        softer = max(1e-3, 1.0 + self._compliance * float(self.inner.stiffness(pressure, muscle)))
+        shortened = self._compliance * _force_per_pressure(self.inner, pressure, muscle) / softer
+        return volume, by_length / softer, by_pressure - by_length * shortened
