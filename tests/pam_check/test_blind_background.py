@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from pam_check.blind.background import FULL_SCALE, MAGNITUDES, add_background, area, weaker
-from pam_check.blind.cases import to_table
+from pam_check.blind.cases import to_table, written_rig
 from pam_check.blind.draw import KNOWN, Draw
 from pam_check.blind.rough import WEAKEST, alone, draw_rough_rig, uneven
+from pam_check.blind.strength import channels, gap, strength
 from pam_check.blind.truth_plant import Sensors, SupplyWander, TruthJoint, TruthMuscle, slow_noise
+from pam_check.blind.variety import Variety
 
 JOINT = TruthJoint(0.03, 0.05, 0.25, 4.9, 0.0, -1.0, 1.0, 293.15, 101325.0, 701325.0)
 MUSCLE = TruthMuscle(0.2758, 1.856, 0.24996, 0.225, 2e-5, 4e-9, 0.3, 0.005)
@@ -76,14 +78,34 @@ def test_the_supply_wanders_about_its_mean() -> None:
 
 def test_a_drawn_rig_has_the_strength_of_its_label_and_an_uneven_log() -> None:
     pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
-    random = np.random.default_rng(8)
-    rig = draw_rough_rig((JOINT, (MUSCLE, MUSCLE)), 0.03, ["viscous_friction"], random)
+    random, believed = np.random.default_rng(8), (JOINT, (MUSCLE, MUSCLE))
+    written = written_rig(Variety(), believed, 0.03)
+    rig = draw_rough_rig(believed, written, ["viscous_friction"], random)
     assert WEAKEST <= rig.strength < 45.0
     assert rig.joint.viscous_friction > JOINT.viscous_friction
     log = uneven(to_table(rig.recording, load_cells=False), random)
     assert len(log) <= rig.recording.time.size
     assert (np.diff(log["time"].to_numpy()) > 0.0).all()
-    clean = draw_rough_rig((JOINT, (MUSCLE, MUSCLE)), 0.03, [], np.random.default_rng(8))
+    clean = draw_rough_rig(believed, written, [], np.random.default_rng(8))
     assert clean.strength == 0.0
     assert clean.strengths == ()
     assert rig.strengths == (rig.strength,)
+
+
+def test_a_strength_is_the_change_of_the_gap_that_the_owner_of_the_rig_sees() -> None:
+    """An encoder that is read 0.1 rad too high changes the gap by 0.1 rad."""
+    pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
+    believed = (JOINT, (MUSCLE, MUSCLE))
+    written = written_rig(Variety(), believed, 0.03)
+    rig = draw_rough_rig(believed, written, [], np.random.default_rng(8))
+    logged = channels(rig.recording)
+    usual = gap(written, logged)
+    assert usual.shape[1] == 3
+    assert strength(usual, usual) == 0.0
+    offset, name = 0.1, "joint_states.elbow.position"
+    affected = gap(written, logged | {name: logged[name] + offset})
+    moved = np.nanmean(np.abs(affected - usual)[:, 2]) / np.sqrt(np.nanmean(usual[:, 2] ** 2))
+    assert strength(affected, usual) == pytest.approx(moved, rel=0.3)
+    # the wrong numbers of the rig file are a part of the usual gap
+    exact = written_rig(Variety(), (rig.joint, rig.muscles), 0.03)
+    assert strength(gap(exact, logged | {name: logged[name] + offset}), gap(exact, logged)) > moved

@@ -5,6 +5,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
+from pam_check.blind.cases import written_rig
 from pam_check.blind.draw import KNOWN, OUTSIDE, Draw, draw_excitation
 from pam_check.blind.rough import STRENGTHS, draw_rough_rig
 from pam_check.blind.truth_plant import Sensors, TruthJoint, TruthMuscle, run_truth
@@ -67,7 +68,13 @@ def test_a_regulator_brings_the_commanded_pressure() -> None:
 def test_gravity_acts_on_no_load_of_a_horizontal_joint() -> None:
     kind = Variety(horizontal=True)
     believed = kind.believed(JOINT, MUSCLE)
-    rig = draw_rough_rig(believed, 0.03, ["payload"], np.random.default_rng(3), variety=kind)
+    rig = draw_rough_rig(
+        believed,
+        written_rig(kind, believed, 0.03),
+        ["payload"],
+        np.random.default_rng(3),
+        variety=kind,
+    )
     assert rig.joint.gravity_torque == 0.0
     assert rig.joint.inertia > JOINT.inertia
 
@@ -76,6 +83,8 @@ def test_each_of_two_effects_has_its_own_strength() -> None:
     kind = Variety()
     believed = kind.believed(JOINT, MUSCLE)
     effects = ["viscous_friction", "pressure_lag"]
-    rig = draw_rough_rig(believed, 0.03, effects, np.random.default_rng(3), variety=kind)
+    rig = draw_rough_rig(
+        believed, written_rig(kind, believed, 0.03), effects, np.random.default_rng(3), variety=kind
+    )
     weakest = STRENGTHS["weak"][0]
     assert min(rig.strengths) > 0.8 * weakest

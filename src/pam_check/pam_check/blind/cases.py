@@ -36,6 +36,7 @@ from pam_check.blind.draw import (
 )
 from pam_check.blind.plants import FIRST, PLANTS
 from pam_check.blind.rough import TOLERANCES, BuriedError, draw_rough_rig, uneven
+from pam_check.blind.strength import channels
 from pam_check.blind.truth_plant import (
     Array,
     Sensors,
@@ -46,7 +47,7 @@ from pam_check.blind.truth_plant import (
 from pam_check.blind.variety import Variety, draw_variety
 from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
-from pam_model.rig import rig_from_parameters, save_rig
+from pam_model.rig import Rig, rig_from_parameters, save_rig
 
 MAX_TRIES = 20
 type Write = Callable[[pd.DataFrame, Path], object]
@@ -126,16 +127,20 @@ def rig_parameters(
     }
 
 
+def written_rig(
+    kind: Variety, believed: tuple[TruthJoint, tuple[TruthMuscle, TruthMuscle]], tolerance: float
+) -> Rig:
+    """The rig file of a believed rig with a background, whose lengths are measured better."""
+    first, second = map(kind.muscle, believed[1])
+    stated = rig_parameters(
+        kind.joint(believed[0]), first, tolerance, LENGTHS_BETTER * tolerance, second
+    )
+    return rig_from_parameters(stated)
+
+
 def to_table(recording: TruthRecording, load_cells: bool) -> pd.DataFrame:
     """The channels with the names that a recording uses."""
-    table = {
-        "time": recording.time,
-        "valve_commands.elbow_flexor": recording.commands[:, 0],
-        "valve_commands.elbow_extensor": recording.commands[:, 1],
-        "pressure_states.elbow_flexor": recording.pressures[:, 0],
-        "pressure_states.elbow_extensor": recording.pressures[:, 1],
-        "joint_states.elbow.position": recording.position,
-    }
+    table = channels(recording)
     if load_cells:
         table["muscle_states.elbow_flexor.effort"] = recording.forces[:, 0]
         table["muscle_states.elbow_extensor.effort"] = recording.forces[:, 1]
@@ -271,8 +276,9 @@ def make_rough_case(
         joint, muscle = believed_rig(random)
         tolerance = float(random.choice(TOLERANCES))
         believed = rig.believed(joint, muscle)
+        written = written_rig(rig, believed, tolerance)
         try:
-            drawn = draw_rough_rig(believed, tolerance, effects, random, plant, variety)
+            drawn = draw_rough_rig(believed, written, effects, random, plant, variety)
         except (FloatingPointError, BuriedError):
             continue
         if not _moves_well(drawn.recording, joint):
@@ -280,11 +286,7 @@ def make_rough_case(
         load_cells = bool(random.random() < 0.25)
         target = folder / name
         target.mkdir(parents=True)
-        first, second = map(rig.muscle, believed[1])
-        stated = rig_parameters(
-            rig.joint(believed[0]), first, tolerance, LENGTHS_BETTER * tolerance, second
-        )
-        save_rig(rig_from_parameters(stated), target / "rig.yaml")
+        save_rig(written, target / "rig.yaml")
         for made, place in ((drawn.recording, target), (drawn.check, sealed / name)):
             table = uneven(rig.logged(to_table(made, load_cells)), random)
             write(table, place / "recording.csv.gz")

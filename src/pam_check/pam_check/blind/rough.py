@@ -1,9 +1,4 @@
-"""Draws a rig with an ordinary background, and effects of a drawn strength above it.
-
-The strength of the effects is the RMS change that they make, over the change that the background
-makes (without the wrong numbers of the rig file, which re-tuning corrects), with the same valve
-commands, in the channel where this ratio is largest.
-"""
+"""Draws a rig with an ordinary background, and effects of a drawn strength above it."""
 
 from __future__ import annotations
 
@@ -26,6 +21,7 @@ from pam_check.blind.background import (
 )
 from pam_check.blind.draw import KNOWN, OUTSIDE, Draw, draw_excitation, draw_sensors
 from pam_check.blind.plants import FIRST, PLANTS, RunPlant
+from pam_check.blind.strength import channels, gap, strength
 from pam_check.blind.truth_plant import (
     Array,
     Excitation,
@@ -36,6 +32,7 @@ from pam_check.blind.truth_plant import (
     TruthRecording,
 )
 from pam_check.blind.variety import Variety
+from pam_model.rig import Rig
 
 STRENGTHS = {"weak": (1.0, 3.0), "medium": (3.0, 10.0), "strong": (10.0, 30.0)}
 TOLERANCES = (0.02, 0.03, 0.05)
@@ -94,20 +91,6 @@ def alone(before: Draw, after: Draw, plain: Draw) -> Draw:
     return Draw(plain.random, joint, muscles)
 
 
-def _change(one: TruthRecording, other: TruthRecording) -> Array:
-    """RMS difference of the true channels: both pressures and the position."""
-    pressures = np.sqrt(np.mean((one.true_pressures - other.true_pressures) ** 2, axis=0))
-    position = math.sqrt(float(np.mean((one.true_position - other.true_position) ** 2)))
-    return np.array([*pressures, position])
-
-
-def _seen(one: TruthRecording, other: TruthRecording) -> Array:
-    """RMS difference of the recorded channels, which sensor effects change too."""
-    pressures = np.sqrt(np.mean((one.pressures - other.pressures) ** 2, axis=0))
-    position = math.sqrt(float(np.mean((one.position - other.position) ** 2)))
-    return np.array([*pressures, position])
-
-
 def layered(rigs: Sequence[Draw], plain: Draw) -> Draw:
     """The plain rig with what differs from it in each of several rigs; later ones come first."""
     total = plain
@@ -118,8 +101,21 @@ def layered(rigs: Sequence[Draw], plain: Draw) -> Draw:
 
 @dataclass(frozen=True)
 class Bench:
-    """Runs rigs of one kind through one motion, always with the same noise."""
+    """Runs rigs of one kind through one motion, always with the same noise.
 
+    Attributes
+    ----------
+    written : Rig
+        The rig as its file has it.
+    variety : Variety
+        Their kind.
+    run_plant : callable
+        Their plant.
+    sensors, supply, seed
+        The same for all of them.
+    """
+
+    written: Rig
     variety: Variety
     run_plant: RunPlant
     sensors: Sensors
@@ -131,7 +127,6 @@ class Bench:
         recording: TruthRecording,
         motion: Excitation,
         plain: Draw,
-        exact: Draw,
         lone: Sequence[Draw],
     ) -> tuple[TruthRecording, float, list[float]]:
         """Compare a rig with its parts, which get the same commands and run side by side.
@@ -142,8 +137,8 @@ class Bench:
             Of the rig with all its effects.
         motion : Excitation
             The motion of this recording.
-        plain, exact : Draw
-            The rig without its effects, and without its background as well.
+        plain : Draw
+            The rig without its effects.
         lone : sequence of Draw
             The rig with one of its effects each.
 
@@ -161,39 +156,36 @@ class Bench:
         FloatingPointError
             When the rig without its effects diverges.
         """
-        given = [(plain, False), (exact, True)] if lone else [(plain, False)]
-        if len(lone) > 1:
-            given += [(one, False) for one in lone]
 
-        def run(rig: tuple[Draw, bool]) -> TruthRecording | None:
+        def run(rig: Draw) -> TruthRecording | None:
             with suppress(FloatingPointError):
-                return self.run(rig[0], motion, recording.commands, steady=rig[1])
+                return self.run(rig, motion, recording.commands)
             return None
 
+        given = [plain, *(lone if len(lone) > 1 else [])]
         with ThreadPoolExecutor(len(given)) as pool:
             without, *others = pool.map(run, given)
-        if without is None or (others and others[0] is None):
+        if without is None:
             raise FloatingPointError("the rig diverges without its effects")
-        if not others or others[0] is None:
+        if not lone:
             return without, 0.0, []
-        usual = _change(without, others[0])
+        usual = gap(self.written, channels(without))
 
         def seen(one: TruthRecording) -> float:
-            return float(np.max(_seen(one, without) / usual))
+            return strength(gap(self.written, channels(one)), usual)
 
-        strength = seen(recording)
-        alone_with = others[1:] or [recording]
-        return without, strength, [strength if one is None else seen(one) for one in alone_with]
+        together = seen(recording)
+        if len(lone) == 1:
+            return without, together, [together]
+        return without, together, [together if one is None else seen(one) for one in others]
 
     def run(
         self,
         rig: Draw,
         motion: Excitation,
         commands: Array | None = None,
-        *,
-        steady: bool = False,
     ) -> TruthRecording:
-        """Record a rig; `steady` leaves the wandering of the supply away."""
+        """Record a rig."""
         return self.run_plant(
             self.variety.joint(rig.joint),
             (self.variety.muscle(rig.muscles[0]), self.variety.muscle(rig.muscles[1])),
@@ -201,13 +193,13 @@ class Bench:
             self.sensors,
             np.random.default_rng(self.seed),
             fixed_commands=commands,
-            supply=None if steady else self.supply,
+            supply=self.supply,
         )
 
 
 def draw_rough_rig(
     believed: tuple[TruthJoint, tuple[TruthMuscle, TruthMuscle]],
-    tolerance: float,
+    written: Rig,
     effects: list[str],
     random: np.random.Generator,
     plant: str = FIRST,
@@ -219,8 +211,8 @@ def draw_rough_rig(
     ----------
     believed : tuple
         Joint and muscles as the rig file has them, at the size of an elbow.
-    tolerance : float
-        Largest relative error of the numbers in it.
+    written : Rig
+        The rig file itself; the numbers in it may be wrong within its tolerance.
     effects : list of str
         Hidden effects of `draw.KNOWN` and `draw.OUTSIDE`.
     random : numpy.random.Generator
@@ -241,8 +233,7 @@ def draw_rough_rig(
     joint, muscles = believed
     kind = variety or Variety()
     plain = Draw(random, joint, list(muscles))
-    wrong_numbers(plain, tolerance)
-    exact = Draw(random, plain.joint, list(plain.muscles))
+    wrong_numbers(plain, written.parameter_tolerance)
     add_background(plain)
     full = Draw(random, plain.joint, list(plain.muscles))
     apart: list[Draw] = []  # rigs with one of the effects each
@@ -265,30 +256,30 @@ def draw_rough_rig(
     if variety is not None:
         motions = [variety.motion(motion, random) for motion in motions]
         goals += [_draw_strength(plain) for _ in effects[1:]]
-    bench = Bench(kind, PLANTS[plant], kind.sensors(sensors), supply, seed)
+    bench = Bench(written, kind, PLANTS[plant], kind.sensors(sensors), supply, seed)
     parts = apart if len(goals) > 1 else [full]
-    shares, strengths, rig, strength = [1.0] * len(parts), [0.0] * len(effects), full, 0.0
+    shares, strengths, rig, together = [1.0] * len(parts), [0.0] * len(effects), full, 0.0
     for _ in range(ROUNDS):
         rig = layered([weaker(p, plain, s) for p, s in zip(parts, shares, strict=True)], plain)
         recording = bench.run(rig, motions[0])
         mixed = shares if len(shares) > 1 else shares * len(effects)
         lone = [weaker(one, plain, share) for one, share in zip(apart, mixed, strict=True)]
-        without, strength, strengths = bench.compared(recording, motions[0], plain, exact, lone)
+        without, together, strengths = bench.compared(recording, motions[0], plain, lone)
         if not effects:
             break
-        found = strengths if len(goals) == len(effects) else [strength]
+        found = strengths if len(goals) == len(effects) else [together]
         off = [math.log(max(s, 1e-3) / goal) for s, goal in zip(found, goals, strict=True)]
         if max(map(abs, off)) < CLOSE:
             break
         shares = [
             min(share * math.exp(-o), LARGEST_SHARE) for share, o in zip(shares, off, strict=True)
         ]
-    if effects and strength < WEAKEST:
-        raise BuriedError(f"{', '.join(effects)}: {strength:.2f} times the background")
+    if effects and together < WEAKEST:
+        raise BuriedError(f"{', '.join(effects)}: {together:.2f} times the background")
     check = bench.run(rig, motions[1])
     true = (kind.muscle(rig.muscles[0]), kind.muscle(rig.muscles[1]))
     return DrawnRig(
-        kind.joint(rig.joint), true, bench.sensors, supply, recording, check, without, strength,
+        kind.joint(rig.joint), true, bench.sensors, supply, recording, check, without, together,
         tuple(strengths),
     )  # fmt: skip
 
