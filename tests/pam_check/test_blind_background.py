@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from pam_check.blind.background import FULL_SCALE, MAGNITUDES, add_background, area, weaker
+from pam_check.blind.background import (
+    FULL_SCALE,
+    MAGNITUDES,
+    MOST_ENDS,
+    add_background,
+    area,
+    weaker,
+)
 from pam_check.blind.cases import to_table, written_rig
 from pam_check.blind.draw import KNOWN, Draw
 from pam_check.blind.rough import WEAKEST, alone, draw_rough_rig, uneven
@@ -41,6 +48,8 @@ def test_a_weaker_effect_lies_between_the_background_and_the_drawn_one() -> None
         middle = 0.5 * (small.thread_friction + large.thread_friction)
         assert between.thread_friction == pytest.approx(middle)
         assert between.play_length == large.play_length
+    KNOWN["end_caps"][1](full)
+    assert weaker(full, plain, 9.0).muscles[0].end_factor == MOST_ENDS
     # what an effect makes smaller stays large enough for the rig to run
     KNOWN["exhaust_restriction"][1](full)
     much = weaker(full, plain, 4.0)

@@ -183,13 +183,16 @@ MAGNITUDES = (
 
 
 LEAST_LEFT = 0.3
+MOST_ENDS = 1.4
+"""Contraction over that of a cylinder; the ends of a muscle take 29 % of its length then."""
 
 
 def weaker(draw: Draw, plain: Draw, share: float) -> Draw:
     """The drawn rig with its effects changed to `share` of their size above `plain`.
 
     A number that an effect makes smaller, such as the conductance of the exhaust, keeps at least
-    `LEAST_LEFT` of its value, because beyond that the rig could not run.
+    `LEAST_LEFT` of its value, because beyond that the rig could not run. Ends of a muscle take no
+    more than `MOST_ENDS`.
     """
 
     def between(small: dict[str, float], large: dict[str, float]) -> dict[str, float]:
@@ -198,6 +201,8 @@ def weaker(draw: Draw, plain: Draw, share: float) -> Draw:
             value = small[name] + share * (large[name] - small[name])
             if 0.0 < large[name] < small[name]:
                 value = max(value, LEAST_LEFT * small[name])
+            if name == "end_factor":
+                value = min(value, MOST_ENDS)
             changed[name] = value
         return changed
 
