@@ -89,13 +89,15 @@ def result_of(script: str, *options: str) -> Any:
 def simulation() -> Iterator[Row]:
     """Steps of the plant."""
     rates = result_of("simulation_bench.py")["steps_per_second"]
-    _, each, batch, two, alone, beside, beside_two = (1e-6 * rate for rate in rates.values())
-    unit = "million steps/s"
-    yield Row("batch of 64, one thread", unit, batch, "one after the other", each, 20.0, True)
-    yield Row("batch of 64, two threads", unit, two, "one thread", batch, 1.8, True, True)
-    lanes = "batch of a diagnosis, side by side"
-    yield Row(f"{lanes}, one thread", unit, beside, "one after the other", alone, 20.0, True)
-    yield Row(f"{lanes}, two threads", unit, beside_two, "one thread", beside, 1.8, True, True)
+    unit, threads = "million steps/s", "two threads"
+    for work, name in (
+        ("batch of 64", "batch"),
+        ("batch of a diagnosis, side by side", "diagnosis, side by side"),
+    ):
+        alone = f"{name.removesuffix(', side by side')}, one after the other"
+        each, lanes, both = (1e-6 * rates[key] for key in (alone, name, f"{name}, {threads}"))
+        yield Row(f"{work}, one thread", unit, lanes, "one after the other", each, 20.0, True)
+        yield Row(f"{work}, {threads}", unit, both, "one thread", lanes, 1.8, True, True)
 
 
 def force() -> Iterator[Row]:
