@@ -437,7 +437,9 @@ def test_ordinary_creep_and_friction_of_one_muscle_with_shapes_of_their_own_are_
 
 
 @needs_numba
-def test_shapes_of_one_effect_share_its_ordinary_size(rig: Rig, record: Maker) -> None:
+def test_strokes_share_a_size_and_decades_of_creep_follow_a_power_law(
+    rig: Rig, record: Maker
+) -> None:
     engine = JointDiagnosis(rig, 0, [record(duration=9.0)])
     engine.fitter.fit_nominal()
     background = engine.fitter.background
@@ -446,8 +448,10 @@ def test_shapes_of_one_effect_share_its_ordinary_size(rig: Rig, record: Maker) -
     for effect, amount in zip(background.effects, background.terms.free, strict=True):
         of[effect] = of.get(effect, 0.0) + amount.prior**2
     muscles, share = 2.0, DEFAULT.decision.ordinary_share
-    for effect in ("hysteresis", "creep", "leakage"):
+    for effect in ("hysteresis", "leakage"):
         assert of[effect] == pytest.approx(muscles * share**2)
+    decade = DEFAULT.decision.ordinary_relaxation**-DEFAULT.decision.ordinary_creep_order
+    assert of["creep"] == pytest.approx(muscles * share**2 * (1.0 + decade**2 + decade**4))
     assert of["coulomb_friction"] == pytest.approx(share**2)
 
 

@@ -17,6 +17,7 @@ Barthorpe, Mech. Syst. Signal Process. 143, 2020).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -141,18 +142,17 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
     """
     rules = problem.rules.decision
     effects: list[str] = []
-    alike: list[int] = []
+    largest: list[float] = []
     lanes: list[Array] = []
     for effect, paths, size in ordinary_sizes(problem.rig, problem.rig.joints[problem.joint]):
-        shapes = _shapes(effect, rules)
-        for shape, path in product(shapes, paths):
+        for (shape, most), path in product(_shapes(effect, rules), paths):
             lane = vector.copy()
             lane[INDEX[path]] += size
             for name, factor in shape.items():
                 lane[[INDEX[f"{side}.{effect}.{name}"] for side in MUSCLES]] *= factor
             lanes.append(lane)
             effects.append(effect)
-            alike.append(len(shapes))
+            largest.append(most)
     base = problem.errors(vector[None])[0]
     changes = list(problem.errors(np.array(lanes)) - base) if lanes else []
     one_way = [True] * len(changes)  # amounts of these are never negative
@@ -162,10 +162,8 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
         one_way.append(part.is_one_way)
     changes += _encoder(problem, base)
     effects += [""] * (len(changes) - len(effects))
-    alike += [1] * (len(changes) - len(alike))
+    largest += [1.0] * (len(changes) - len(largest))
     one_way += [False] * (len(changes) - len(one_way))
-    # The squares of the amounts of shapes that are mixed add up to that of one.
-    most = 1.0 / np.sqrt(alike)
     share = rules.ordinary_share
     free = tuple(
         FreeParameter(
@@ -175,24 +173,27 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
             share,
             prior=share * high,
         )
-        for effect, positive, high in zip(effects, one_way, most.tolist(), strict=True)
+        for effect, positive, high in zip(effects, one_way, largest, strict=True)
     )
     return Background(tuple(effects), LinearTerms(np.stack(changes, axis=-1), free))
 
 
-def _shapes(effect: str, rules: DecisionRules) -> list[dict[str, float]]:
-    """Factors of the parameters that shape an effect, of which a background is a mixture.
+def _shapes(effect: str, rules: DecisionRules) -> list[tuple[dict[str, float], float]]:
+    """Factors of the parameters that shape an effect, and the largest amount of each shape.
 
-    Threads begin to slide one after another, and a bladder relaxes within seconds as well as
-    within minutes.
+    A background is a mixture of these shapes. Threads begin to slide one after another: they share
+    the ordinary size, so that the squares of their amounts add up to that of one. A bladder relaxes
+    within seconds as well as within minutes: its pull falls with a small power of time, so that
+    slower decades have less of the ordinary size, but none takes from another.
     """
     if effect == "hysteresis":
         reach = rules.ordinary_presliding
-        return [{"presliding_length": factor} for factor in (1.0, reach)]
+        return [({"presliding_length": factor}, 1.0 / math.sqrt(2.0)) for factor in (1.0, reach)]
     if effect == "creep":
         step = rules.ordinary_relaxation
-        return [{"time_constant": step**power} for power in (-1, 0, 1)]
-    return [{}]
+        decade = step**-rules.ordinary_creep_order
+        return [({"time_constant": step ** (k - 1)}, decade**k) for k in range(3)]
+    return [({}, 1.0)]
 
 
 def _supply(problem: PredictionProblem) -> float:

@@ -46,6 +46,18 @@ class DecisionRules:
         "describe (Ferry, Viscoelastic Properties of Polymers, Wiley 1980). The range of "
         "three decades is set by hand.",
     )
+    ordinary_creep_order: float = rule(
+        0.15,
+        unit="-",
+        decides="Power of time with which the pull of ordinary creep falls: the largest ordinary "
+        "amount of a time constant falls with this power of the time constant.",
+        trades="Larger: slow creep of good rigs counts as a cause. Smaller: creep and "
+        "elasticity of a bladder must be stronger to be named.",
+        origin="Set by hand to the small end of powers of time by which the relaxation of rubber "
+        "is described (Ferry, Viscoelastic Properties of Polymers, Wiley 1980), because the "
+        "largest ordinary amounts are sought. With 0.25, drawn rigs with nothing hidden were "
+        "named as creep.",
+    )
     ordinary_nonlinearity: float = rule(
         0.003,
         unit="of the sensor's range",
