@@ -22,6 +22,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -141,41 +142,43 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
         The plant, re-tuned without effects.
     """
     rules = problem.rules.decision
-    effects: list[str] = []
-    largest: list[float] = []
-    lanes: list[Array] = []
-    for effect, paths, size in ordinary_sizes(problem.rig, problem.rig.joints[problem.joint]):
-        for (shape, most), path in product(_shapes(effect, rules), paths):
-            lane = vector.copy()
-            lane[INDEX[path]] += size
-            for name, factor in shape.items():
-                lane[[INDEX[f"{side}.{effect}.{name}"] for side in MUSCLES]] *= factor
-            lanes.append(lane)
-            effects.append(effect)
-            largest.append(most)
+    sizes = ordinary_sizes(problem.rig, problem.rig.joints[problem.joint])
+    shapes = [
+        (effect, path, size, shape, most)
+        for effect, paths, size in sizes
+        for (shape, most), path in product(_shapes(effect, rules), paths)
+    ]
+    lanes = np.repeat(vector[None], len(shapes), axis=0)
+    for lane, (effect, path, size, shape, _) in zip(lanes, shapes, strict=True):
+        lane[INDEX[path]] += size
+        for name, factor in shape.items():
+            lane[[INDEX[f"{side}.{effect}.{name}"] for side in MUSCLES]] *= factor
     base = problem.errors(vector[None])[0]
-    changes = list(problem.errors(np.array(lanes)) - base) if lanes else []
-    one_way = [True] * len(changes)  # amounts of these are never negative
-    spools = _single_spools(problem)
-    for part in (*spools, *sensor_parts(problem)):
+    changes = list(problem.errors(lanes) - base) if shapes else []
+    parts = [_Part(effect, 0.0, most) for effect, _, _, _, most in shapes]
+    for part in (*_single_spools(problem), *sensor_parts(problem)):
         changes.append(part.errors(problem, vector, 1.0) - base)
-        one_way.append(part.is_one_way)
-    changes += _encoder(problem, base)
-    effects += [""] * (len(changes) - len(effects))
-    largest += [1.0] * (len(changes) - len(largest))
-    one_way += [False] * (len(changes) - len(one_way))
-    share = rules.ordinary_share
-    free = tuple(
-        FreeParameter(
-            f"ordinary {effect or 'part'}",
-            0.0 if positive else -high,
-            high,
-            share,
-            prior=share * high,
-        )
-        for effect, positive, high in zip(effects, one_way, largest, strict=True)
+        parts.append(_Part("", 0.0 if part.is_one_way else -1.0, 1.0))
+    encoder = _encoder(problem, base)
+    changes += encoder
+    parts += [_Part("", -1.0, 1.0)] * len(encoder)
+    return Background(
+        tuple(part.effect for part in parts),
+        LinearTerms(np.stack(changes, axis=-1), tuple(p.free(rules.ordinary_share) for p in parts)),
     )
-    return Background(tuple(effects), LinearTerms(np.stack(changes, axis=-1), free))
+
+
+class _Part(NamedTuple):
+    """One part of the background: an effect of the table or none, and the range of its amount."""
+
+    effect: str
+    low: float
+    high: float
+
+    def free(self, share: float) -> FreeParameter:
+        """Its amount as a number of the fits, with an ordinary share of the largest as prior."""
+        name = f"ordinary {self.effect or 'part'}"
+        return FreeParameter(name, self.low, self.high, share, prior=share * self.high)
 
 
 def _shapes(effect: str, rules: DecisionRules) -> list[tuple[dict[str, float], float]]:
