@@ -137,7 +137,9 @@ def for_another_motion(
 
     The blocks of one recording share its motion, so that resampling them does not show the
     variation between motions. The share that an approximate law leaves differs by a factor from
-    one motion to another, and the relative uncertainty of the noise floor must be included.
+    one motion to another, and the relative uncertainty of the noise floor must be included. Beside
+    an ordinary background this factor is above 1 in most cases: the amounts of the background were
+    fitted to the motion of the recording.
 
     Parameters
     ----------
@@ -155,11 +157,13 @@ def for_another_motion(
         Whether an ordinary background is assumed, of which the rig file holds only a part.
     """
     reach = floor_reach(before, floor, present, rules)
-    spread = rules.background_spread if has_background else rules.motion_spread
-    factor = float(np.exp(NORMAL_90 * spread))
+    growth, spread = 0.0, rules.motion_spread
+    if has_background:
+        growth, spread = rules.background_growth, rules.background_spread
     left, least, most = 1.0 - closed.value, 1.0 - closed.high, 1.0 - closed.low
+    smallest, largest = left * np.exp([growth - NORMAL_90 * spread, growth + NORMAL_90 * spread])
     return Interval(
         closed.value,
-        min(1.0 - most, 1.0 - (left * factor + reach)),
-        min(max(1.0 - least, 1.0 - (left / factor - reach)), 1.0),
+        min(1.0 - most, 1.0 - float(largest + reach)),
+        min(max(1.0 - least, 1.0 - float(smallest - reach)), 1.0),
     )
