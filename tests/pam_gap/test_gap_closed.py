@@ -75,7 +75,7 @@ def test_the_true_rig_closes_the_gap_of_another_motion(tmp_path: Path) -> None:
 
 
 def test_the_interval_of_a_rig_with_a_background_lies_lower() -> None:
-    """A background is fitted to one motion, so that another motion leaves more of the gap."""
+    """Beside a background, another motion leaves more of the gap than the recording does."""
     present, closed = np.ones(5, dtype=bool), Interval(0.9, 0.89, 0.91)
     before, floor = held_out(1000.0), np.ones(5)
     plain = for_another_motion(closed, before, floor, present, RULES)
