@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pam_gap.answer.write_answer import AnswerForm
 from pam_gap.diagnosis_engine import NOT_IMPROVED, JointDiagnosis
 from pam_gap.inference.candidates import candidates_for, ordinary_sizes
 from pam_gap.inference.held_out import HeldOut, score_held_out
@@ -98,3 +99,28 @@ def test_no_improved_rig_is_written_that_is_worse_than_the_rig_file(
     assert improved_fit(fitter, folds, worse, engine.candidates(), written) is None
     assert improved_fit(fitter, folds, better, engine.candidates(), written) is better
     assert "no improved rig file" in NOT_IMPROVED
+
+
+@needs_numba
+def test_the_interval_of_a_parameter_spans_the_fit_with_and_the_fit_without_the_background(
+    rig: Rig, record: Maker
+) -> None:
+    sizes = ordinary_sizes(rig, rig.joints[0])
+    background = {path: SHARE * size for _, paths, size in sizes for path in paths}
+    engine = JointDiagnosis(rig, 0, [record(background | DELAY, duration=9.0)])
+    score = chosen_fit(engine, "command_delay")
+    written = engine.written()
+    improved = improved_fit(engine.fitter, engine.folds, score, engine.candidates(), written)
+    assert improved is not None
+    shown, chosen = improved.hypothesis, score.hypothesis
+    form = AnswerForm(engine.fitter, engine.folds, engine.judge)
+    stated = form.parameters(shown, chosen)["command_delay"]
+    first, second = form.intervals(shown), form.intervals(chosen)
+    assert set(stated) == {"delay.agonist", "delay.antagonist"}
+    for name, parameter in stated.items():
+        one, other = (fit["command_delay", name] for fit in (first, second))
+        assert one.value != other.value
+        found = parameter.interval
+        assert found.value == one.value
+        assert (found.low, found.high) == (min(one.low, other.low), max(one.high, other.high))
+        assert found.low <= DELAY[f"{name.split('.')[1]}.command_delay.delay"] <= found.high

@@ -27,8 +27,9 @@ import numpy as np
 from pam_check.blind.cases import LABELS
 from pam_check.blind.diagnosing_process import DiagnosingProcess
 from pam_check.blind.experiments import run_experiments
+from pam_check.blind.parameter_coverage import as_json, stated_parameters
 from pam_check.blind.plants import FIRST
-from pam_check.blind.score import score
+from pam_check.blind.score import score, share
 from pam_check.blind.score_plots import draw_confusion, draw_reliability
 from pam_check.blind.untouched import with_untouched
 from pam_check.programs import DRAW_CASES
@@ -205,6 +206,10 @@ def run_campaign(
     labels = open_labels(out / "sealed", digest)
     add_untouched(out, answers)
     result = score(labels, answers)
+    parameters = stated_parameters(labels, answers, out / "cases", plant)
+    result["parameters"] = as_json(parameters)
+    covered = share([one.is_covered for one in parameters])
+    result["shares"]["parameter_interval_covers"] = covered.to_json()
     if experiments:
         result["experiments"] = run_experiments(out, labels, answers, workers, plant)
     result |= {

@@ -10,6 +10,7 @@ from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, FoundParameter, Scor
 from pam_gap.answer.improved_rig import improve_rig
 from pam_gap.answer.user_units import percent
 from pam_gap.experiments.next_experiment import Proposal
+from pam_gap.inference.candidates import Candidate
 from pam_gap.inference.confidence import (
     Interval,
     floor_reach,
@@ -87,7 +88,6 @@ class AnswerForm:
         chosen = final
         if is_named and shown is not None:
             final = shown
-        causes = chosen.hypothesis.members
         effects, groups = named_effects(decision, singles)
         stage: str | None = EFFECTS[effects[0]].stage if effects else None
         ranking = self.ranking(nominal, tried)
@@ -104,7 +104,7 @@ class AnswerForm:
             effects=effects,
             candidates=self.judge.weights(decision, singles),
             indistinguishable=groups,
-            parameters=self.parameters(final.hypothesis, len(causes)) if is_named else {},
+            parameters=self.parameters(final.hypothesis, chosen.hypothesis) if is_named else {},
             gap=self.gap(written, final),
             sizes=self.sizes(written, nominal, final),
             material_share=self.rules.material_share,
@@ -182,21 +182,31 @@ class AnswerForm:
         best = min(tried, key=self.judge.level).hypothesis
         return self.fitter.vector(best.members, best.result.values)
 
-    def parameters(self, h: Hypothesis, count: int) -> dict[str, dict[str, FoundParameter]]:
-        """Parameters of the first `count` effects with intervals and units."""
-        intervals = parameter_intervals(self.fitter, self.folds, h)
-        at = len(self.fitter.nuisances)
+    def parameters(
+        self, shown: Hypothesis, chosen: Hypothesis
+    ) -> dict[str, dict[str, FoundParameter]]:
+        """Parameters of the causes with units; values of `shown`, intervals that span both fits.
+
+        Beside an ordinary background the two fits differ: `shown` holds only what a rig file can,
+        and makes up for the rest (a spool's play by a longer delay); `chosen` contains the rest in
+        amounts that compete with the causes. The true value is usually between both.
+        """
+        own = self.intervals(shown)
+        other = own if shown is chosen else self.intervals(chosen)
         found: dict[str, dict[str, FoundParameter]] = {}
-        for member in h.members[:count]:
-            entry: dict[str, FoundParameter] = {}
-            for parameter, targets in zip(member.free, member.targets, strict=True):
-                key = RIG_PLACES[targets[0]].key
-                name = f"{parameter.name}.{member.side}" if member.side else parameter.name
-                unit = EFFECTS[member.effect].parameters[key].unit
-                entry[name] = FoundParameter(intervals[at], unit)
-                at += 1
-            found[member.effect] = entry
+        for member in chosen.members:
+            entry = found.setdefault(member.effect, {})
+            for name, targets in zip(names_of(member), member.targets, strict=True):
+                unit = EFFECTS[member.effect].parameters[RIG_PLACES[targets[0]].key].unit
+                at = (member.effect, name)
+                entry[name] = FoundParameter(own[at].spanning(other[at]), unit)
         return found
+
+    def intervals(self, h: Hypothesis) -> dict[tuple[str, str], Interval]:
+        """Intervals of the effects of a fit, by effect and name of the parameter."""
+        intervals = parameter_intervals(self.fitter, self.folds, h)[len(self.fitter.nuisances) :]
+        names = [(member.effect, name) for member in h.members for name in names_of(member)]
+        return dict(zip(names, intervals, strict=True))
 
     def gap(self, before: HeldOut, after: HeldOut) -> dict[str, ChannelGap]:
         """RMS prediction error of each channel on held-out data."""
@@ -274,6 +284,11 @@ class AnswerForm:
             if nuisance.is_transport:
                 targets[place] = ()
         return improve_rig(self.rig, self.joint, h, targets, factor)
+
+
+def names_of(member: Candidate) -> list[str]:
+    """Names of the parameters of an effect, with the side of the muscle if it has one."""
+    return [f"{free.name}.{member.side}" if member.side else free.name for free in member.free]
 
 
 def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> str:

@@ -33,6 +33,10 @@ class Interval:
     low: float
     high: float
 
+    def spanning(self, other: Interval) -> Interval:
+        """The same value with an interval that contains both."""
+        return Interval(self.value, min(self.low, other.low), max(self.high, other.high))
+
 
 def parameter_intervals(
     fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis, seed: int = 0
