@@ -187,6 +187,8 @@ class AnswerForm:
     ) -> dict[str, dict[str, FoundParameter]]:
         """Parameters of the causes with units; values of `shown`, intervals that span both fits.
 
+        No interval is narrower than the laws are exact (`law_accuracy`).
+
         Beside an ordinary background the two fits differ: `shown` holds only what a rig file can,
         and makes up for the rest (a spool's play by a longer delay); `chosen` contains the rest in
         amounts that compete with the causes. The true value is usually between both.
@@ -197,9 +199,12 @@ class AnswerForm:
         for member in chosen.members:
             entry = found.setdefault(member.effect, {})
             for name, targets in zip(names_of(member), member.targets, strict=True):
-                unit = EFFECTS[member.effect].parameters[RIG_PLACES[targets[0]].key].unit
-                at = (member.effect, name)
-                entry[name] = FoundParameter(own[at].spanning(other[at]), unit)
+                parameter = EFFECTS[member.effect].parameters[RIG_PLACES[targets[0]].key]
+                interval = own[member.effect, name]
+                size = interval.value - (0.0 if parameter.is_shape else parameter.neutral)
+                least = self.rules.law_accuracy * abs(size)
+                spanned = interval.spanning(other[member.effect, name]).reaching(least)
+                entry[name] = FoundParameter(spanned, parameter.unit)
         return found
 
     def intervals(self, h: Hypothesis) -> dict[tuple[str, str], Interval]:

@@ -37,6 +37,10 @@ class Interval:
         """The same value with an interval that contains both."""
         return Interval(self.value, min(self.low, other.low), max(self.high, other.high))
 
+    def reaching(self, least: float) -> Interval:
+        """The same value with an interval that reaches at least this far to either side of it."""
+        return self.spanning(Interval(self.value, self.value - least, self.value + least))
+
 
 def parameter_intervals(
     fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis, seed: int = 0
