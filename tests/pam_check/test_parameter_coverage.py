@@ -9,7 +9,13 @@ import pytest
 
 from pam_check.blind.cases import Label, make_case
 from pam_check.blind.draw import KNOWN
-from pam_check.blind.parameter_coverage import COMPARABLE, as_json, stated_parameters
+from pam_check.blind.parameter_coverage import (
+    COMPARABLE,
+    StatedParameter,
+    as_json,
+    by_parameter,
+    stated_parameters,
+)
 from pam_check.blind.plants import FIRST
 from pam_model.effects import EFFECTS
 from pam_model.rig import load_rig
@@ -98,3 +104,13 @@ def test_wrong_names_and_laws_that_differ_do_not_count(
     assert counted(answer("end_caps", factor=wide), SECOND) == 0
     assert counted(answer("command_delay", delay=wide), SECOND) == 1
     assert stated_parameters([label], {}, tmp_path) == []
+
+
+def test_both_sides_of_a_parameter_are_counted_together() -> None:
+    stated = [
+        StatedParameter("000", "command_delay", f"delay.{side}", low, 0.01, 0.02, 0.012)
+        for side, low in (("agonist", 0.009), ("antagonist", 0.0121))
+    ]
+    stated.append(StatedParameter("001", "coulomb_friction", "torque", 0.1, 0.2, 0.3, 0.2))
+    counts = {name: (one.hits, one.of) for name, one in by_parameter(stated).items()}
+    assert counts == {"command_delay.delay": (1, 2), "coulomb_friction.torque": (1, 1)}

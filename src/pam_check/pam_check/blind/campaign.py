@@ -27,7 +27,7 @@ import numpy as np
 from pam_check.blind.cases import LABELS
 from pam_check.blind.diagnosing_process import DiagnosingProcess
 from pam_check.blind.experiments import run_experiments
-from pam_check.blind.parameter_coverage import as_json, stated_parameters
+from pam_check.blind.parameter_coverage import as_json, by_parameter, stated_parameters
 from pam_check.blind.plants import FIRST
 from pam_check.blind.score import score, share
 from pam_check.blind.score_plots import draw_confusion, draw_reliability
@@ -208,6 +208,9 @@ def run_campaign(
     result = score(labels, answers)
     parameters = stated_parameters(labels, answers, out / "cases", plant)
     result["parameters"] = as_json(parameters)
+    result["parameters_covered"] = {
+        name: covered.to_json() for name, covered in by_parameter(parameters).items()
+    }
     covered = share([one.is_covered for one in parameters])
     result["shares"]["parameter_interval_covers"] = covered.to_json()
     if experiments:
@@ -258,6 +261,8 @@ def run(given: Arguments) -> Outcome:
                 f"{name:24s} {entry['value']:6.1%}  ({entry['hits']}/{entry['of']}; "
                 f"90 % interval {low:.0%} to {high:.0%})"
             )
+    for name, entry in result["parameters_covered"].items():
+        print(f"interval of {name:36s} holds the true value: {entry['hits']}/{entry['of']}")
     for of, key in (("stated", "reliability"), ("a cause", "reliability_of_causes")):
         for entry in result[key]:
             right = entry["right"]

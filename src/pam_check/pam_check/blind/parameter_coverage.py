@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from pam_check.blind.plants import FIRST
+from pam_check.blind.score import Share, share
 from pam_gap.inference.candidates import SIDES
 from pam_model.rig import Joint, Muscle, load_rig
 
@@ -134,6 +135,15 @@ def stated_parameters(
                 low, value, high = (float(interval[k]) for k in ("low", "value", "high"))
                 found.append(StatedParameter(case, effect, name, low, value, high, true))
     return found
+
+
+def by_parameter(parameters: Iterable[StatedParameter]) -> dict[str, Share]:
+    """How often the intervals of each parameter hold the true value, for both sides together."""
+    outcomes: dict[str, list[bool]] = {}
+    for one in parameters:
+        name = f"{one.effect}.{one.parameter.partition('.')[0]}"
+        outcomes.setdefault(name, []).append(one.is_covered)
+    return {name: share(covered) for name, covered in sorted(outcomes.items())}
 
 
 def as_json(parameters: Iterable[StatedParameter]) -> list[dict[str, Any]]:
