@@ -97,20 +97,25 @@ def test_wrong_names_and_laws_that_differ_do_not_count(
     wide = (-9.0, 0.0, 9.0)
 
     def counted(stated: dict[str, object], plant: str) -> int:
-        return len(stated_parameters([label], {"000": stated}, tmp_path, plant))
+        found = stated_parameters([label], {"000": stated}, tmp_path, plant)
+        return sum(one.counts for one in found)
 
     assert counted(answer("position_delay", delay=wide), FIRST) == 0
     assert counted(answer("end_caps", factor=wide), FIRST) == 1
     assert counted(answer("end_caps", factor=wide), SECOND) == 0
     assert counted(answer("command_delay", delay=wide), SECOND) == 1
+    worn = label | {"effects": ["valve_dead_zone"]}  # its edges are rounded in the plants
+    stated = answer("valve_dead_zone", overlap=wide)
+    [one] = stated_parameters([worn], {"000": stated}, tmp_path, FIRST)
+    assert not one.counts
     assert stated_parameters([label], {}, tmp_path) == []
 
 
 def test_both_sides_of_a_parameter_are_counted_together() -> None:
     stated = [
-        StatedParameter("000", "command_delay", f"delay.{side}", low, 0.01, 0.02, 0.012)
+        StatedParameter("000", "command_delay", f"delay.{side}", low, 0.01, 0.02, 0.012, True)
         for side, low in (("agonist", 0.009), ("antagonist", 0.0121))
     ]
-    stated.append(StatedParameter("001", "coulomb_friction", "torque", 0.1, 0.2, 0.3, 0.2))
-    counts = {name: (one.hits, one.of) for name, one in by_parameter(stated).items()}
+    stated.append(StatedParameter("001", "coulomb_friction", "torque", 0.1, 0.2, 0.3, 0.2, True))
+    counts = {name: (one["hits"], one["of"]) for name, one in by_parameter(stated).items()}
     assert counts == {"command_delay.delay": (1, 2), "coulomb_friction.torque": (1, 1)}

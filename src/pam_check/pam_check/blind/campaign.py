@@ -208,10 +208,8 @@ def run_campaign(
     result = score(labels, answers)
     parameters = stated_parameters(labels, answers, out / "cases", plant)
     result["parameters"] = as_json(parameters)
-    result["parameters_covered"] = {
-        name: covered.to_json() for name, covered in by_parameter(parameters).items()
-    }
-    covered = share([one.is_covered for one in parameters])
+    result["parameters_covered"] = by_parameter(parameters)
+    covered = share([one.is_covered for one in parameters if one.counts])
     result["shares"]["parameter_interval_covers"] = covered.to_json()
     if experiments:
         result["experiments"] = run_experiments(out, labels, answers, workers, plant)
@@ -262,7 +260,8 @@ def run(given: Arguments) -> Outcome:
                 f"90 % interval {low:.0%} to {high:.0%})"
             )
     for name, entry in result["parameters_covered"].items():
-        print(f"interval of {name:36s} holds the true value: {entry['hits']}/{entry['of']}")
+        remark = "" if entry["counts"] else " (not counted: the laws differ)"
+        print(f"interval of {name:36s} holds the true value {entry['hits']}/{entry['of']}{remark}")
     for of, key in (("stated", "reliability"), ("a cause", "reliability_of_causes")):
         for entry in result[key]:
             right = entry["right"]

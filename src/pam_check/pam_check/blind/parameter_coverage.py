@@ -1,8 +1,10 @@
 """How often the interval of a parameter holds the true value.
 
-Only parameters count that mean the same in the plant that made the recordings and in the
-simulation that is fitted: a delay, an offset, a torque. Where the laws differ (creep, hysteresis,
-leaks, tubes, heat, stretch of the threads), there is no true value of the fitted parameter.
+Only parameters with a true value are compared: a delay, an offset, a torque. Where the laws differ
+in what the parameter stands for (creep, hysteresis, leaks, tubes, heat, stretch of the threads),
+there is none. Where they only differ in detail, the comparison is made, but it does not count: a
+valve whose edges are rounded opens before the overlap is over, and a second pole of the spool is
+more than a longer first one.
 """
 
 from __future__ import annotations
@@ -12,8 +14,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from pam_check.blind.plants import FIRST
-from pam_check.blind.score import Share, share
+from pam_check.blind.plants import FIRST, PLANTS
+from pam_check.blind.score import share
 from pam_gap.inference.candidates import SIDES
 from pam_model.rig import Joint, Muscle, load_rig
 
@@ -21,13 +23,16 @@ type Numbers = Mapping[str, float]
 """Parameters of a joint or a muscle of the drawn rig (`truth_plant.TruthJoint`, `TruthMuscle`)."""
 
 
+EVERY_PLANT: Final = tuple(PLANTS)
+
+
 @dataclass(frozen=True, slots=True)
 class OfJoint:
     """True value of a parameter of a joint, from the drawn joint and its rig file."""
 
     value: Callable[[Numbers, Joint], float]
-    in_every_plant: bool = True
-    """Whether it means the same in the second plant, too."""
+    counts_in: tuple[str, ...] = EVERY_PLANT
+    """Plants in which the parameter means the same as in the simulation that is fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,29 +40,25 @@ class OfMuscle:
     """True value of a parameter of a muscle, from the drawn muscle and its rig file."""
 
     value: Callable[[Numbers, Muscle], float]
-    in_every_plant: bool = True
-    """Whether it means the same in the second plant, too."""
+    counts_in: tuple[str, ...] = EVERY_PLANT
+    """Plants in which the parameter means the same as in the simulation that is fitted."""
 
 
 COMPARABLE: Final[Mapping[tuple[str, str], OfJoint | OfMuscle]] = {
-    ("valve_dead_zone", "overlap"): OfMuscle(lambda m, _: m["dead_zone"], in_every_plant=False),
+    ("valve_dead_zone", "overlap"): OfMuscle(lambda m, _: m["dead_zone"], counts_in=()),
     # The plants state the command at which the valve is shut, the effect the opening at zero.
     ("valve_null_offset", "offset"): OfMuscle(lambda m, _: -m["null_offset"]),
-    ("valve_lag", "extra_time_constant"): OfMuscle(
-        lambda m, _: m["second_pole"], in_every_plant=False
-    ),
-    ("exhaust_restriction", "ratio"): OfMuscle(
-        lambda m, _: m["exhaust_ratio"], in_every_plant=False
-    ),
-    ("supply_droop", "volume"): OfJoint(lambda j, _: j["reservoir_volume"], in_every_plant=False),
+    ("valve_lag", "extra_time_constant"): OfMuscle(lambda m, _: m["second_pole"], counts_in=()),
+    ("exhaust_restriction", "ratio"): OfMuscle(lambda m, _: m["exhaust_ratio"], counts_in=(FIRST,)),
+    ("supply_droop", "volume"): OfJoint(lambda j, _: j["reservoir_volume"], counts_in=(FIRST,)),
     ("supply_droop", "conductance"): OfJoint(
-        lambda j, _: j["reservoir_conductance"], in_every_plant=False
+        lambda j, _: j["reservoir_conductance"], counts_in=(FIRST,)
     ),
     ("command_delay", "delay"): OfMuscle(lambda m, _: m["command_delay"]),
     ("dead_volume", "extra_volume"): OfMuscle(lambda m, rig: m["dead_volume"] - rig.dead_volume),
-    ("end_caps", "factor"): OfMuscle(lambda m, _: m["end_factor"], in_every_plant=False),
+    ("end_caps", "factor"): OfMuscle(lambda m, _: m["end_factor"], counts_in=(FIRST,)),
     ("cable_compliance", "compliance"): OfMuscle(
-        lambda m, _: m["cable_compliance"], in_every_plant=False
+        lambda m, _: m["cable_compliance"], counts_in=(FIRST,)
     ),
     ("coulomb_friction", "torque"): OfJoint(lambda j, _: j["coulomb_torque"]),
     ("viscous_friction", "extra"): OfJoint(
@@ -68,9 +69,7 @@ COMPARABLE: Final[Mapping[tuple[str, str], OfJoint | OfMuscle]] = {
     ("position_delay", "delay"): OfJoint(lambda j, _: j["position_delay"]),
     ("pressure_gain", "gain"): OfMuscle(lambda m, _: m["pressure_gain"]),
     ("pressure_bias", "bias"): OfMuscle(lambda m, _: m["pressure_bias"]),
-    ("pressure_lag", "time_constant"): OfMuscle(
-        lambda m, _: m["pressure_lag"], in_every_plant=False
-    ),
+    ("pressure_lag", "time_constant"): OfMuscle(lambda m, _: m["pressure_lag"], counts_in=(FIRST,)),
 }
 """Parameters with a true value, by effect and name."""
 
@@ -86,6 +85,8 @@ class StatedParameter:
     value: float
     high: float
     true: float
+    counts: bool
+    """Whether the parameter means the same in both simulations."""
 
     @property
     def is_covered(self) -> bool:
@@ -99,7 +100,7 @@ def stated_parameters(
     cases: Path,
     plant: str = FIRST,
 ) -> list[StatedParameter]:
-    """All comparable parameters of effects that were named rightly.
+    """All parameters of effects that were named rightly for which there is a true value.
 
     The value of a parameter that both muscles share is compared with the mean of the true ones.
 
@@ -124,7 +125,7 @@ def stated_parameters(
             for name, interval in stated[effect].items():
                 key, _, side = name.partition(".")
                 place = COMPARABLE.get((effect, key))
-                if place is None or not (plant == FIRST or place.in_every_plant):
+                if place is None:
                     continue
                 if isinstance(place, OfJoint):
                     true = place.value(label["joint"], rig.joints[0])
@@ -133,17 +134,26 @@ def stated_parameters(
                     values = [place.value(label["muscles"][i], rig.muscles[i]) for i in sides]
                     true = sum(values) / len(values)
                 low, value, high = (float(interval[k]) for k in ("low", "value", "high"))
-                found.append(StatedParameter(case, effect, name, low, value, high, true))
+                counts = plant in place.counts_in
+                found.append(StatedParameter(case, effect, name, low, value, high, true, counts))
     return found
 
 
-def by_parameter(parameters: Iterable[StatedParameter]) -> dict[str, Share]:
-    """How often the intervals of each parameter hold the true value, for both sides together."""
-    outcomes: dict[str, list[bool]] = {}
+def by_parameter(parameters: Iterable[StatedParameter]) -> dict[str, dict[str, Any]]:
+    """How often the intervals of each parameter hold the true value, for both sides together.
+
+    Returns
+    -------
+    dict
+        For each parameter a share for score.json, and `counts` of `StatedParameter`.
+    """
+    grouped: dict[str, list[StatedParameter]] = {}
     for one in parameters:
-        name = f"{one.effect}.{one.parameter.partition('.')[0]}"
-        outcomes.setdefault(name, []).append(one.is_covered)
-    return {name: share(covered) for name, covered in sorted(outcomes.items())}
+        grouped.setdefault(f"{one.effect}.{one.parameter.partition('.')[0]}", []).append(one)
+    return {
+        name: share([one.is_covered for one in stated]).to_json() | {"counts": stated[0].counts}
+        for name, stated in sorted(grouped.items())
+    }
 
 
 def as_json(parameters: Iterable[StatedParameter]) -> list[dict[str, Any]]:

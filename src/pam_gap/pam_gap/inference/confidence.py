@@ -45,14 +45,25 @@ class Interval:
 def parameter_intervals(
     fitter: HypothesisFitter, folds: Folds, hypothesis: Hypothesis, seed: int = 0
 ) -> list[Interval]:
-    """90 % intervals of all fitted parameters, nuisances first."""
+    """90 % intervals of all fitted parameters, nuisances first.
+
+    They include what is not known of an ordinary background beside which they were fitted: its
+    amounts are further parameters, with the priors of the fit.
+    """
     free, _, _ = fitter.problem_parts(hypothesis.members)
     result = hypothesis.result
-    n = len(free)
-    if n == 0:
+    own = len(free)
+    if own == 0:
         return []
+    values, jacobian = result.values, result.jacobian
+    if fitter.background is not None and result.amounts.size:
+        terms = fitter.background.beside(hypothesis.effects)
+        free = [*free, *terms.free]
+        values = np.concatenate([values, result.amounts])
+        jacobian = np.concatenate([jacobian, terms.columns * Scaling(terms.free).size], axis=-1)
+    n = len(free)
     scaling = Scaling(free)
-    at = scaling.scaled(result.values)
+    at = scaling.scaled(values)
     weights = 1.0 / np.maximum(mean_squares(result.errors, fitter.problem.counted), fitter.floor)
     hessians = np.zeros((folds.n_blocks, n, n))
     slopes = np.zeros((folds.n_blocks, n))
@@ -60,7 +71,7 @@ def parameter_intervals(
         rows = folds.score_block == block
         for channel in np.nonzero(fitter.problem.present)[0]:
             e = result.errors[rows, channel]
-            d = result.jacobian[rows, channel].astype(np.float64)
+            d = jacobian[rows, channel].astype(np.float64)
             known = np.isfinite(e) & np.isfinite(d).all(axis=1)
             hessians[block] += weights[channel] * d[known].T @ d[known]
             slopes[block] += weights[channel] * d[known].T @ e[known]
@@ -85,7 +96,7 @@ def parameter_intervals(
     upper = scaling.own(np.clip(at + high, scaling.low, scaling.high))
     return [
         Interval(float(v), float(min(v, a)), float(max(v, b)))
-        for v, a, b in zip(result.values, lower, upper, strict=True)
+        for v, a, b in zip(result.values, lower[:own], upper[:own], strict=True)
     ]
 
 
