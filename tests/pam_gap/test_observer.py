@@ -6,7 +6,7 @@ import numpy as np
 
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, POSITION
 from pam_gap.prediction.fit import mean_squares
-from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.prediction.problem import DIVERGED, PredictionProblem
 from pam_model.plant.parameters import INDEX
 from pam_model.rig import Rig
 
@@ -20,3 +20,16 @@ def test_a_late_encoder_shows_in_the_position_alone(rig: Rig, record) -> None:
     left = np.sqrt(mean_squares(problem.errors(lanes), problem.counted))
     assert (left[:, BOTH_PRESSURES] < 5.0).all()  # in noises; 18 to 62 where it swings
     assert (np.diff(left[:, POSITION]) > 0.0).all()
+
+
+def test_a_simulation_that_diverges_is_far_off_and_never_without_an_error(rig: Rig, record) -> None:
+    """Errors that are no numbers would not be counted, and the worst plant would be perfect."""
+    problem = PredictionProblem(rig, 0, [record()])
+    lanes = np.repeat(problem.base.values[None], 2, axis=0)
+    lanes[1, INDEX["joint.inertia"]] = 1e-7
+    lanes[1, INDEX["joint.viscous_friction"]] = 1e4
+    written, diverged = problem.errors(lanes)
+    assert (np.isfinite(written) == np.isfinite(diverged)).all()
+    assert np.isfinite(diverged[:, problem.present]).all()
+    left = mean_squares(diverged, problem.counted)
+    assert left[POSITION] > (0.9 * DIVERGED) ** 2

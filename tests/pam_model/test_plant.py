@@ -116,6 +116,15 @@ def test_end_stops_hold_without_bouncing(parameters, run):
     assert np.all(result.position[reached:] == 1.0)
 
 
+def test_heavy_damping_takes_shorter_steps(make_rig, run):
+    """A damper whose speed settles within less than a step made the plant diverge."""
+    light = {"inertia": 1e-3, "viscous_friction": 8.0, "gravity_torque": 0.1}
+    parameters = PlantParameters.from_rig(make_rig(joint=light))
+    usual, fine = (run(parameters, step=step).position for step in (2e-3, 5e-5))
+    assert np.ptp(fine) > 0.1
+    np.testing.assert_allclose(usual, fine, atol=1e-5)
+
+
 def test_long_stroke_stays_inside_the_braid(make_rig, run):
     rig = make_rig(joint={"position_limits": (-3.0, 3.0)})
     result = run(PlantParameters.from_rig(rig), commands=np.tile([1.0, -1.0], (1500, 1)))

@@ -50,6 +50,8 @@ from pam_model.plant.parameters import INDEX, PlantParameters
 from pam_model.plant.sensors import K_BIAS, K_GAIN, K_OFFSET, N_MUSCLE_SENSORS, sensor_constants
 from pam_model.rig import Rig
 
+DIVERGED = 1e6
+"""Largest error of a prediction in units of the noise, and that of a simulation that diverges."""
 LOCKED_INERTIA = 1e9  # kg m^2, of a joint that is locked
 LOCKED_DECAY = 100.0  # 1/s, decay of the speed that the correction of the position causes
 
@@ -209,7 +211,8 @@ class PredictionProblem:
         Returns
         -------
         ndarray, shape (lanes, n_rows, N_CHANNELS)
-            In units of the block's noise; NaN where nothing was measured, never infinite.
+            In units of the block's noise; NaN where nothing was measured, and only there. A
+            simulation that diverges is off by `DIVERGED`.
         """
         parts = []
         followed = settings.follow_pressures or not self.has_commands
@@ -260,11 +263,18 @@ class PredictionProblem:
                 catch_bandwidth=rules.catch_bandwidth,
                 threads=self.threads,
             )
-            parts.append(np.where(data.votes, error / data.block_deviation, np.nan))
+            error = error / data.block_deviation
+            error = np.where(np.isfinite(error), np.clip(error, -DIVERGED, DIVERGED), DIVERGED)
+            parts.append(np.where(self._compared(data), error, np.nan))
         self.simulations += len(values)
-        result = np.concatenate(parts, axis=1)
-        clipped: Array = np.clip(result, -1e6, 1e6)
-        return clipped
+        return np.concatenate(parts, axis=1)
+
+    def _compared(self, data: Channels) -> npt.NDArray[np.bool_]:
+        """Whether a row of the errors of one recording compares each channel."""
+        rows = len(data.measured) // self.block
+        known = data.known[: rows * self.block].reshape(rows, self.block, N_CHANNELS).all(axis=1)
+        compared: npt.NDArray[np.bool_] = known & data.votes & np.isfinite(data.block_deviation)
+        return compared
 
     def with_data(self, change: Callable[[Channels], Channels]) -> PredictionProblem:
         """The same problem with other commands or measurements."""

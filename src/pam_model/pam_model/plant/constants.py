@@ -286,14 +286,15 @@ def _limit_stiff_volumes(c: list[float]) -> None:
 
 def _fastest_rate(c: list[float]) -> float:
     """An upper estimate of the fastest rate in the plant [1/s], to choose a stable step."""
-    fastest = 0.0
+    fastest = c[lay.C_VISCOUS] * c[lay.C_PER_INERTIA]
     if c[lay.C_PRESLIDING] > 0.0:
         grip = sum(
             slot.law(0.0, *_given(c, 0, lay.JOINT_EFFECTS[effect.name]))
             for effect, slot in _FRICTIONS
             if c[lay.JOINT_EFFECTS[effect.name].is_on] > 0.0
         )
-        fastest = 3.0 * math.sqrt(grip / (c[lay.C_PRESLIDING] * c[lay.C_INERTIA]))
+        held = 3.0 * math.sqrt(grip / (c[lay.C_PRESLIDING] * c[lay.C_INERTIA]))
+        fastest = max(fastest, held)
     gain = max(c[lay.C_EXPONENT], 1.0) * c[lay.C_RT] * c[lay.C_DENSITY]
     for m in (lay.AGONIST, lay.ANTAGONIST):
         slope = choking_slope(c[m + lay.M_CRITICAL])
