@@ -49,6 +49,7 @@ NO_RULES = {
     "FOLLOW_PRESSURES": "code of a mode",
     "FOLLOW_BOTH": "code of a mode",
     "ONE_STEP_BANDWIDTH": "horizon of a reported figure",
+    "DIVERGED": "stands for infinite",
     "LOCKED_INERTIA": "stands for infinite",
     "LOCKED_DECAY": "stands for at once",
     "SIDE_BY_SIDE": "memory of fits, which changes no result",
