@@ -10,7 +10,8 @@ import pytest
 from pam_check.blind.cases import Label, make_case
 from pam_check.blind.draw import KNOWN
 from pam_check.blind.parameter_coverage import (
-    COMPARABLE,
+    OF_JOINT,
+    OF_MUSCLE,
     StatedParameter,
     as_json,
     by_parameter,
@@ -46,7 +47,7 @@ def as_label(label: Label) -> dict[str, object]:
 
 
 def test_every_comparable_parameter_is_one_of_an_effect_that_is_drawn() -> None:
-    for effect, parameter in COMPARABLE:
+    for effect, parameter in (*OF_JOINT, *OF_MUSCLE):
         assert parameter in EFFECTS[effect].parameters
         assert effect in KNOWN
 

@@ -21,6 +21,12 @@ SHARE = 0.7  # of the largest ordinary size of every effect
 DELAY = {f"{side}.command_delay.delay": 0.01 for side in ("agonist", "antagonist")}
 
 
+def ordinary(rig: Rig) -> dict[str, float]:
+    """A share of the largest ordinary size of every effect."""
+    sizes = ordinary_sizes(rig, rig.joints[0])
+    return {path: SHARE * size for _, paths, size in sizes for path in paths}
+
+
 def chosen_fit(engine: JointDiagnosis, effect: str) -> HeldOut:
     """The fit of one cause beside an ordinary background, with its score."""
     engine.fitter.fit_nominal()
@@ -33,9 +39,7 @@ def chosen_fit(engine: JointDiagnosis, effect: str) -> HeldOut:
 def test_ordinary_effects_that_a_verdict_takes_for_background_stand_in_the_improved_rig(
     rig: Rig, record: Maker
 ) -> None:
-    sizes = ordinary_sizes(rig, rig.joints[0])
-    background = {path: SHARE * size for _, paths, size in sizes for path in paths}
-    engine = JointDiagnosis(rig, 0, [record(background | DELAY, duration=14.0)])
+    engine = JointDiagnosis(rig, 0, [record(ordinary(rig) | DELAY, duration=14.0)])
     chosen = chosen_fit(engine, "command_delay")
     written = engine.written()
     shown = improved_fit(engine.fitter, engine.folds, chosen, engine.candidates(), written)
@@ -105,9 +109,7 @@ def test_no_improved_rig_is_written_that_is_worse_than_the_rig_file(
 def test_the_interval_of_a_parameter_spans_both_fits_and_the_accuracy_of_the_laws(
     rig: Rig, record: Maker
 ) -> None:
-    sizes = ordinary_sizes(rig, rig.joints[0])
-    background = {path: SHARE * size for _, paths, size in sizes for path in paths}
-    engine = JointDiagnosis(rig, 0, [record(background | DELAY, duration=9.0)])
+    engine = JointDiagnosis(rig, 0, [record(ordinary(rig) | DELAY, duration=9.0)])
     score = chosen_fit(engine, "command_delay")
     written = engine.written()
     improved = improved_fit(engine.fitter, engine.folds, score, engine.candidates(), written)

@@ -22,56 +22,46 @@ from pam_model.rig import Joint, Muscle, load_rig
 type Numbers = Mapping[str, float]
 """Parameters of a joint or a muscle of the drawn rig (`truth_plant.TruthJoint`, `TruthMuscle`)."""
 
-
 EVERY_PLANT: Final = tuple(PLANTS)
 
 
 @dataclass(frozen=True, slots=True)
-class OfJoint:
-    """True value of a parameter of a joint, from the drawn joint and its rig file."""
+class TrueValue[Part: (Joint, Muscle)]:
+    """True value of a parameter, from the drawn joint or muscle and its part of the rig file."""
 
-    value: Callable[[Numbers, Joint], float]
+    of: Callable[[Numbers, Part], float]
     counts_in: tuple[str, ...] = EVERY_PLANT
     """Plants in which the parameter means the same as in the simulation that is fitted."""
 
 
-@dataclass(frozen=True, slots=True)
-class OfMuscle:
-    """True value of a parameter of a muscle, from the drawn muscle and its rig file."""
-
-    value: Callable[[Numbers, Muscle], float]
-    counts_in: tuple[str, ...] = EVERY_PLANT
-    """Plants in which the parameter means the same as in the simulation that is fitted."""
-
-
-COMPARABLE: Final[Mapping[tuple[str, str], OfJoint | OfMuscle]] = {
-    ("valve_dead_zone", "overlap"): OfMuscle(lambda m, _: m["dead_zone"], counts_in=()),
-    # The plants state the command at which the valve is shut, the effect the opening at zero.
-    ("valve_null_offset", "offset"): OfMuscle(lambda m, _: -m["null_offset"]),
-    ("valve_lag", "extra_time_constant"): OfMuscle(lambda m, _: m["second_pole"], counts_in=()),
-    ("exhaust_restriction", "ratio"): OfMuscle(lambda m, _: m["exhaust_ratio"], counts_in=(FIRST,)),
-    ("supply_droop", "volume"): OfJoint(lambda j, _: j["reservoir_volume"], counts_in=(FIRST,)),
-    ("supply_droop", "conductance"): OfJoint(
-        lambda j, _: j["reservoir_conductance"], counts_in=(FIRST,)
-    ),
-    ("command_delay", "delay"): OfMuscle(lambda m, _: m["command_delay"]),
-    ("dead_volume", "extra_volume"): OfMuscle(lambda m, rig: m["dead_volume"] - rig.dead_volume),
-    ("end_caps", "factor"): OfMuscle(lambda m, _: m["end_factor"], counts_in=(FIRST,)),
-    ("cable_compliance", "compliance"): OfMuscle(
-        lambda m, _: m["cable_compliance"], counts_in=(FIRST,)
-    ),
-    ("coulomb_friction", "torque"): OfJoint(lambda j, _: j["coulomb_torque"]),
-    ("viscous_friction", "extra"): OfJoint(
+OF_JOINT: Final[Mapping[tuple[str, str], TrueValue[Joint]]] = {
+    ("supply_droop", "volume"): TrueValue(lambda j, _: j["reservoir_volume"], (FIRST,)),
+    ("supply_droop", "conductance"): TrueValue(lambda j, _: j["reservoir_conductance"], (FIRST,)),
+    ("coulomb_friction", "torque"): TrueValue(lambda j, _: j["coulomb_torque"]),
+    ("viscous_friction", "extra"): TrueValue(
         lambda j, rig: j["viscous_friction"] - rig.viscous_friction
     ),
-    ("pulley_radius", "scale"): OfJoint(lambda j, rig: j["pulley_radius"] / rig.pulley_radius),
-    ("position_offset", "offset"): OfJoint(lambda j, _: j["position_offset"]),
-    ("position_delay", "delay"): OfJoint(lambda j, _: j["position_delay"]),
-    ("pressure_gain", "gain"): OfMuscle(lambda m, _: m["pressure_gain"]),
-    ("pressure_bias", "bias"): OfMuscle(lambda m, _: m["pressure_bias"]),
-    ("pressure_lag", "time_constant"): OfMuscle(lambda m, _: m["pressure_lag"], counts_in=(FIRST,)),
+    ("pulley_radius", "scale"): TrueValue(lambda j, rig: j["pulley_radius"] / rig.pulley_radius),
+    ("position_offset", "offset"): TrueValue(lambda j, _: j["position_offset"]),
+    ("position_delay", "delay"): TrueValue(lambda j, _: j["position_delay"]),
 }
-"""Parameters with a true value, by effect and name."""
+"""Parameters of a joint with a true value, by effect and name."""
+
+OF_MUSCLE: Final[Mapping[tuple[str, str], TrueValue[Muscle]]] = {
+    ("valve_dead_zone", "overlap"): TrueValue(lambda m, _: m["dead_zone"], ()),
+    # The plants state the command at which the valve is shut, the effect the opening at zero.
+    ("valve_null_offset", "offset"): TrueValue(lambda m, _: -m["null_offset"]),
+    ("valve_lag", "extra_time_constant"): TrueValue(lambda m, _: m["second_pole"], ()),
+    ("exhaust_restriction", "ratio"): TrueValue(lambda m, _: m["exhaust_ratio"], (FIRST,)),
+    ("command_delay", "delay"): TrueValue(lambda m, _: m["command_delay"]),
+    ("dead_volume", "extra_volume"): TrueValue(lambda m, rig: m["dead_volume"] - rig.dead_volume),
+    ("end_caps", "factor"): TrueValue(lambda m, _: m["end_factor"], (FIRST,)),
+    ("cable_compliance", "compliance"): TrueValue(lambda m, _: m["cable_compliance"], (FIRST,)),
+    ("pressure_gain", "gain"): TrueValue(lambda m, _: m["pressure_gain"]),
+    ("pressure_bias", "bias"): TrueValue(lambda m, _: m["pressure_bias"]),
+    ("pressure_lag", "time_constant"): TrueValue(lambda m, _: m["pressure_lag"], (FIRST,)),
+}
+"""Parameters of a muscle with a true value, by effect and name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,17 +114,18 @@ def stated_parameters(
         for effect in right:
             for name, interval in stated[effect].items():
                 key, _, side = name.partition(".")
-                place = COMPARABLE.get((effect, key))
-                if place is None:
-                    continue
-                if isinstance(place, OfJoint):
-                    true = place.value(label["joint"], rig.joints[0])
-                else:
+                of_joint, of_muscle = OF_JOINT.get((effect, key)), OF_MUSCLE.get((effect, key))
+                if of_joint is not None:
+                    true = of_joint.of(label["joint"], rig.joints[0])
+                    counts = plant in of_joint.counts_in
+                elif of_muscle is not None:
                     sides = [SIDES.index(side)] if side else range(len(SIDES))
-                    values = [place.value(label["muscles"][i], rig.muscles[i]) for i in sides]
+                    values = [of_muscle.of(label["muscles"][i], rig.muscles[i]) for i in sides]
                     true = sum(values) / len(values)
+                    counts = plant in of_muscle.counts_in
+                else:
+                    continue
                 low, value, high = (float(interval[k]) for k in ("low", "value", "high"))
-                counts = plant in place.counts_in
                 found.append(StatedParameter(case, effect, name, low, value, high, true, counts))
     return found
 

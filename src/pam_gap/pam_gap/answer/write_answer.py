@@ -10,7 +10,6 @@ from pam_gap.answer.diagnosis import ChannelGap, Diagnosis, FoundParameter, Scor
 from pam_gap.answer.improved_rig import improve_rig
 from pam_gap.answer.user_units import percent
 from pam_gap.experiments.next_experiment import Proposal
-from pam_gap.inference.candidates import Candidate
 from pam_gap.inference.confidence import (
     Interval,
     floor_reach,
@@ -198,7 +197,7 @@ class AnswerForm:
         found: dict[str, dict[str, FoundParameter]] = {}
         for member in chosen.members:
             entry = found.setdefault(member.effect, {})
-            for name, targets in zip(names_of(member), member.targets, strict=True):
+            for name, targets in zip(member.parameter_names, member.targets, strict=True):
                 parameter = EFFECTS[member.effect].parameters[RIG_PLACES[targets[0]].key]
                 interval = own[member.effect, name]
                 size = interval.value - (0.0 if parameter.is_shape else parameter.neutral)
@@ -210,7 +209,7 @@ class AnswerForm:
     def intervals(self, h: Hypothesis) -> dict[tuple[str, str], Interval]:
         """Intervals of the effects of a fit, by effect and name of the parameter."""
         intervals = parameter_intervals(self.fitter, self.folds, h)[len(self.fitter.nuisances) :]
-        names = [(member.effect, name) for member in h.members for name in names_of(member)]
+        names = [(member.effect, name) for member in h.members for name in member.parameter_names]
         return dict(zip(names, intervals, strict=True))
 
     def gap(self, before: HeldOut, after: HeldOut) -> dict[str, ChannelGap]:
@@ -289,11 +288,6 @@ class AnswerForm:
             if nuisance.is_transport:
                 targets[place] = ()
         return improve_rig(self.rig, self.joint, h, targets, factor)
-
-
-def names_of(member: Candidate) -> list[str]:
-    """Names of the parameters of an effect, with the side of the muscle if it has one."""
-    return [f"{free.name}.{member.side}" if member.side else free.name for free in member.free]
 
 
 def why_preferred(chosen: Sequence[str], ranking: Sequence[ScoredCandidate]) -> str:

@@ -116,12 +116,6 @@ def typical_values(
     return tuple(found)
 
 
-def _name(candidate: Candidate, place: int) -> str:
-    """Name of a parameter, as the diagnosis writes it."""
-    name = candidate.free[place].name
-    return f"{name}.{candidate.side}" if candidate.side else name
-
-
 def _starts(
     members: Sequence[Candidate], typical: Sequence[Mapping[str, float]]
 ) -> list[np.ndarray]:
@@ -131,9 +125,9 @@ def _starts(
         np.concatenate([m.starts[min(k, len(m.starts) - 1)] for m in members]) for k in range(count)
     ]
     known = [
-        values.get(_name(member, k), float(member.starts[0][k]))
+        values.get(name, float(start))
         for member, values in zip(members, typical, strict=True)
-        for k in range(len(member.free))
+        for name, start in zip(member.parameter_names, member.starts[0], strict=True)
     ]
     return [np.array(known), *found]
 
@@ -194,14 +188,14 @@ def follow(task: TrackTask) -> list[dict[str, Any]]:
     improvement = left(nominal.mean_square) - left(best.mean_square)
     rows: list[dict[str, Any]] = []
     for member in members:
-        for place in range(len(member.free)):
+        for name, targets in zip(member.parameter_names, member.targets, strict=True):
             interval = intervals[len(rows)]
-            key = RIG_PLACES[member.targets[place][0]].key
+            key = RIG_PLACES[targets[0]].key
             parameter = EFFECTS[member.effect].parameters[key]
             rows.append(
                 {
                     "effect": member.effect,
-                    "parameter": _name(member, place),
+                    "parameter": name,
                     "value": interval.value,
                     "low": interval.low,
                     "high": interval.high,

@@ -72,6 +72,11 @@ class Candidate:
         """Name of the effect, with the side of a one-sided effect."""
         return f"{self.effect} ({self.side})" if self.side else self.effect
 
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Name of each parameter in an answer, with the side of a one-sided effect."""
+        return tuple(f"{p.name}.{self.side}" if self.side else p.name for p in self.free)
+
 
 def rig_scales(rig: Rig, joint: Joint) -> RigScales:
     """Quantities by which the size of an effect is measured on this rig."""

@@ -178,6 +178,7 @@ class PredictionProblem:
         if not self.has_commands:
             # Without commands the measured pressures are inputs, so they have no prediction error.
             self.present[BOTH_PRESSURES] = False
+        self.compared = tuple(self._compared(data) for data in self.data)
         rows = [len(data.measured) // self.block for data in self.data]
         self.offsets = np.concatenate(([0], np.cumsum(rows)))
         self.row_time = np.concatenate(
@@ -223,7 +224,7 @@ class PredictionProblem:
             window = FOLLOW_BOTH if settings.follow_motion else FOLLOW_PRESSURES
         elif settings.follow_motion:
             window = FOLLOW_MOTION
-        for data in self.data:
+        for data, compared in zip(self.data, self.compared, strict=True):
             mounted = as_mounted(values, data.recording.mounting)
             constants = np.array([derive_constants(v) for v in mounted])
             data.arm.apply(constants)
@@ -265,7 +266,7 @@ class PredictionProblem:
             )
             error = error / data.block_deviation
             error = np.where(np.isfinite(error), np.clip(error, -DIVERGED, DIVERGED), DIVERGED)
-            parts.append(np.where(self._compared(data), error, np.nan))
+            parts.append(np.where(compared, error, np.nan))
         self.simulations += len(values)
         return np.concatenate(parts, axis=1)
 
@@ -280,6 +281,7 @@ class PredictionProblem:
         """The same problem with other commands or measurements."""
         other = copy(self)
         other.data = tuple(change(data) for data in self.data)
+        other.compared = tuple(other._compared(data) for data in other.data)
         return other
 
     def predictor(

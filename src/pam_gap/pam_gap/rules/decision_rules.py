@@ -470,7 +470,7 @@ class DecisionRules:
         origin="Measured on drawn rigs of `blind --background`, each recorded twice: a factor of "
         "1.36 (0.31) on 185 rigs of seed 20261801 and 0.44 on 182 rigs of seed 20262911; between "
         "both. On fresh rigs, the intervals of `closed` held the share under another motion on 85 "
-        "of 98 rigs of seed 20263004.",
+        "of 98 rigs of seed 20263004 and on 69 of 72 of seed 20263019.",
         acts=DECISION,
     )
     background_spread: float = rule(
@@ -496,8 +496,8 @@ class DecisionRules:
         trades="Larger: small changes between two recordings count as noise. Smaller: the "
         "intervals of clean recordings miss the true value, because no law is exact.",
         origin="40 parameters of the 60 clean rigs of `blind --seed 1097762585`, whose plant has "
-        "other laws: intervals without a limit held 27 of the true values. With the limit, 41 of "
-        "48 intervals of 60 fresh clean rigs of seed 20263006.",
+        "other laws: intervals without a limit held 27 of the true values. With the limit, 43 of "
+        "54 intervals of 60 fresh clean rigs of seed 20263006.",
         acts=PROPOSAL,
     )
     leftover_ridge: float = rule(
