@@ -1,6 +1,12 @@
 """What the laws share that keep the mean of a joint's two pressures and command their difference.
 
 The mean pressure determines the stiffness. These laws ignore stiffness commands.
+
+When a law takes over a joint, the mean rises from the measured one to its setting. Two unequal
+muscles, or two equal ones away from the middle of the range, would turn the joint if only the mean
+changed, and a ratio that was measured at low pressures would turn it far. Therefore the difference
+changes with the mean such that the torque stays the same at the position of the take-over. This
+slope is the only thing these laws take from the joint's model while they run.
 """
 
 from __future__ import annotations
@@ -14,6 +20,7 @@ from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import POSITION_SHARES, operating_point
 from pam_control.joint_channel import JointChannel, Pair
+from pam_control.limited import limited
 from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
 
@@ -22,8 +29,10 @@ MEAN_PRESSURE_TIME = 0.5  # s, rise from 0 to the mean pressure
 RATIO_STEPS = 60
 
 
-def ratio_at_rest(channel: JointChannel, position: float, mean: float) -> float | None:
-    """The ratio that holds the joint at rest, by bisection; None if there is none.
+def ratio_for_torque(
+    channel: JointChannel, position: float, mean: float, torque: float
+) -> float | None:
+    """The ratio that gives a torque, by bisection; None if there is none.
 
     Parameters
     ----------
@@ -33,8 +42,9 @@ def ratio_at_rest(channel: JointChannel, position: float, mean: float) -> float 
         [rad].
     mean : float
         Mean of the two pressures, which are mean (1 + ratio) and mean (1 - ratio) [Pa gauge].
+    torque : float
+        [N m].
     """
-    torque = channel.dynamics.gravity(position)
 
     def excess(u: float) -> float:
         pressures = (mean * (1.0 + u), mean * (1.0 - u))
@@ -49,6 +59,11 @@ def ratio_at_rest(channel: JointChannel, position: float, mean: float) -> float 
     return low
 
 
+def ratio_at_rest(channel: JointChannel, position: float, mean: float) -> float | None:
+    """The ratio that holds the joint at rest at this mean pressure [Pa gauge] or None."""
+    return ratio_for_torque(channel, position, mean, channel.dynamics.gravity(position))
+
+
 class MeanPressureLaw(Controller):
     """Base of the laws that keep the mean pressure; it rises or sinks slowly to its setting."""
 
@@ -56,6 +71,8 @@ class MeanPressureLaw(Controller):
         self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
     ) -> None:
         self._mean: list[float] = []
+        # change of half the difference per change of the mean, by which the torque is kept
+        self._balance: list[float] = []
         super().__init__(rig, settings, designs)
 
     @abstractmethod
@@ -77,22 +94,55 @@ class MeanPressureLaw(Controller):
             found.append(LoopCase(point, self.structure(channel, settings)))
         return found
 
-    def begin_mean(self, index: int, pressures: Pair) -> float:
-        """Start from the mean of the measured pressures [Pa]; return it."""
-        mean = max(0.5 * (pressures[0] + pressures[1]), LEAST_MEAN_PRESSURE)
+    def begin_mean(self, index: int, channel: JointChannel, position: float, now: Pair) -> float:
+        """Start from the mean of two pressures at a position.
+
+        Parameters
+        ----------
+        index : int
+            Of the joint.
+        channel : JointChannel
+            Its models.
+        position : float
+            [rad].
+        now : (float, float)
+            Gauge pressures of agonist and antagonist [Pa].
+
+        Returns
+        -------
+        float
+            The mean [Pa gauge].
+        """
+        mean = max(0.5 * (now[0] + now[1]), LEAST_MEAN_PRESSURE)
         if len(self._mean) != len(self.channels):
             self._mean = [mean] * len(self.channels)
+            self._balance = [0.0] * len(self.channels)
         self._mean[index] = mean
+        self._balance[index] = difference_per_mean(
+            channel, position, now, self.settings.mean_pressure
+        )
         return mean
 
-    def next_mean(self, request: PlanRequest) -> float:
-        """The mean pressure of this cycle [Pa]."""
+    def mean(self, index: int) -> float:
+        """The present mean pressure of a joint [Pa gauge]."""
+        return self._mean[index]
+
+    def next_mean(self, request: PlanRequest) -> tuple[float, float]:
+        """The mean pressure of this cycle and the difference's share in its change.
+
+        Returns
+        -------
+        mean : float
+            [Pa gauge].
+        balance : float
+            By how much half the difference has to change in this cycle, so that the change of the
+            mean leaves the torque as it is [Pa].
+        """
         goal = self.settings.mean_pressure
         reach = goal * request.step / MEAN_PRESSURE_TIME
-        mean = self._mean[request.index]
-        mean += max(-reach, min(reach, goal - mean))
-        self._mean[request.index] = mean
-        return mean
+        change = limited(goal - self._mean[request.index], -reach, reach)
+        self._mean[request.index] += change
+        return self._mean[request.index], self._balance[request.index] * change
 
     @staticmethod
     def tell(channel: JointChannel, pressures: Pair, clipped: bool) -> None:
@@ -103,6 +153,39 @@ class MeanPressureLaw(Controller):
             *pressures, position
         )
         telemetry.clipped = ("torque",) if clipped else ()
+
+
+def difference_per_mean(
+    channel: JointChannel, position: float, pressures: Pair, goal: float
+) -> float:
+    """Change of half the difference per change of the mean on a way that keeps the torque.
+
+    It is the secant between the present pressures and those that give the same torque at the new
+    mean: a derivative would be useless at slack muscles, which have no torque to keep.
+
+    Parameters
+    ----------
+    channel : JointChannel
+        Models of the joint.
+    position : float
+        [rad].
+    pressures : (float, float)
+        Gauge pressures of agonist and antagonist [Pa].
+    goal : float
+        The new mean [Pa gauge].
+
+    Returns
+    -------
+    float
+        From -1 to 1; 0 if no difference gives this torque at the new mean.
+    """
+    angle = channel.inside(position)
+    torque = channel.model.torque(*pressures, angle)
+    ratio = ratio_for_torque(channel, angle, goal, torque)
+    rise = goal - 0.5 * (pressures[0] + pressures[1])
+    if ratio is None or rise == 0.0:
+        return 0.0
+    return limited((ratio * goal - 0.5 * (pressures[0] - pressures[1])) / rise, -1.0, 1.0)
 
 
 def widest_difference(channel: JointChannel, mean: float) -> float:

@@ -137,14 +137,14 @@ class PressureDifferencePid(MeanPressureLaw):
         return self._scales[channel.joint.name, self.settings.mean_pressure]
 
     def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
-        self.begin_mean(index, pressures)
+        self.begin_mean(index, channel, position, pressures)
         held = self.feedforward(channel.joint.name).at(JointReference(position))
         difference = 0.5 * (pressures[0] - pressures[1])
         channel.pid.reset((difference - held) / self._scale(channel))
 
     def _continue(self, index: int, channel: JointChannel) -> None:
         gains, telemetry = self.settings.gains[channel.joint.name], channel.telemetry
-        self.begin_mean(index, channel.desired)
+        self.begin_mean(index, channel, channel.position, channel.desired)
         given = self.feedforward(channel.joint.name).at(telemetry.reference)
         difference = 0.5 * (channel.desired[0] - channel.desired[1])
         output = (difference - given) / self._scale(channel)
@@ -153,9 +153,10 @@ class PressureDifferencePid(MeanPressureLaw):
     def _plan(self, request: PlanRequest) -> PressurePlan:
         channel, now, then = request.channel, request.now, request.then
         feedforward, scale = self.feedforward(channel.joint.name), self._scale(channel)
-        mean = self.next_mean(request)
+        mean, balance = self.next_mean(request)
+        channel.pid.integral += balance / scale
         widest = widest_difference(channel, mean)
-        wanted = feedforward.at(now) + scale * request.output
+        wanted = feedforward.at(now) + scale * request.output + balance
         difference = max(-widest, min(widest, wanted))
         pressures = (mean + difference, mean - difference)
         self.tell(channel, pressures, difference != wanted)

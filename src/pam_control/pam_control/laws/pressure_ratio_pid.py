@@ -2,7 +2,7 @@
 
 p_agonist = p0 (1 + u), p_antagonist = p0 (1 - u), u in [-1, 1]; the mean pressure p0 determines the
 stiffness. The law has the same pressure loops, delays and gain design as the model-based law. It
-uses no model of the joint except in the design of its gains.
+uses no model of the joint except in the design of its gains and while the mean pressure changes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class PressureRatioPid(MeanPressureLaw):
         return LoopStructure(settings.pressure_gain or 0.0, (mean, -mean), measured_velocity=True)
 
     def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
-        mean = self.begin_mean(index, pressures)
+        mean = self.begin_mean(index, channel, position, pressures)
         ratio = 0.5 * (pressures[0] - pressures[1]) / mean
         channel.pid.reset(max(-1.0, min(1.0, ratio)))
 
@@ -35,11 +35,15 @@ class PressureRatioPid(MeanPressureLaw):
 
     def _plan(self, request: PlanRequest) -> PressurePlan:
         channel = request.channel
-        mean = self.next_mean(request)
+        before = self.mean(request.index)
+        mean, balance = self.next_mean(request)
+        held = channel.pid.integral
+        channel.pid.integral = (held * before + balance) / mean
+        wanted = request.output + channel.pid.integral - held
         widest = widest_difference(channel, mean) / mean
-        ratio = max(-widest, min(widest, request.output))
+        ratio = max(-widest, min(widest, wanted))
         pressures = (mean * (1.0 + ratio), mean * (1.0 - ratio))
-        self.tell(channel, pressures, ratio != request.output)
+        self.tell(channel, pressures, ratio != wanted)
         still = (0.0, 0.0)
         velocities = (channel.velocity, channel.velocity)
-        return PressurePlan(pressures, still, still, velocities, ratio - request.output)
+        return PressurePlan(pressures, still, still, velocities, ratio - wanted)
