@@ -32,6 +32,7 @@ from typing import Any, Final
 
 from pam_model.argument_types import input_file
 from pam_model.errors import PamError
+from pam_model.linear_algebra_threads import use_one_thread
 from pam_model.program_signals import (
     STOPPED,
     Terminated,
@@ -172,6 +173,7 @@ def run_program(
         _complete(program, commands)
     if arguments is None:  # the program itself, not a caller within another one
         end_at_signals()
+        use_one_thread()
     given = list(sys.argv[1:] if arguments is None else arguments)
     names = [command.name for command in commands]
     of_program = ("-h", "--help", "--version")
@@ -245,6 +247,7 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
     """
     if arguments is None:  # the program itself, not a caller within another one
         end_at_signals()
+        use_one_thread()
     parser = _OneLineParser(
         prog=program,
         description=f"{command.summary[0].upper()}{command.summary[1:]}.",

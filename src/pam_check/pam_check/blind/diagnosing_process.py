@@ -26,6 +26,7 @@ from typing import Any, Self
 
 from pam_check.programs import DIAGNOSE_CASES
 from pam_gap.diagnosis_files import diagnose_files
+from pam_model.linear_algebra_threads import ONE_THREAD
 
 STDERR_SHOWN = 2000  # characters
 
@@ -50,9 +51,7 @@ class DiagnosingProcess:
     ) -> None:
         self._options = {"threads": threads, "keep_evidence": keep_evidence,
                          "answer_only": not experiment}  # fmt: skip
-        self._environment = os.environ | {
-            name: str(threads) for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
-        }
+        self._environment = os.environ | ONE_THREAD
         self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115  (closed in __exit__)
         self._process: subprocess.Popen[str] | None = None
 
