@@ -103,11 +103,6 @@ class ControllerInputs:
         """When the last pressures arrived, wall clock [s]."""
         return self._pressure_topic.arrived
 
-    def destroy(self) -> None:
-        """End the subscriptions."""
-        for topic in self.topics:
-            topic.destroy()
-
     def _on_joint_states(self, data: bytes) -> None:
         with self._rejecting("joint_states"):
             message = _read(self._position_reader, data)

@@ -381,7 +381,6 @@ class ControllerNode(Node):  # type: ignore[misc]
             self.loop.stop(timeout=5.0)
         finally:
             self._design_process.close()
-            self._inputs.destroy()
             super().destroy_node()
 
 

@@ -31,6 +31,7 @@ from rosbags.typesys import Stores, TypesysError, get_typestore
 from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
+from pam_ros.node_end import end_node
 from pam_ros.periodic import take_priority
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
@@ -121,8 +122,7 @@ def record(out: Path) -> None:
             if time.monotonic() - looked > LOOK_EVERY:
                 node.join_new_topics()
                 looked = time.monotonic()
-        executor.shutdown()
-        node.destroy_node()
+        end_node(node, executor)
     rclpy.try_shutdown()
 
 

@@ -50,6 +50,7 @@ from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.joint_state_bytes import JointStateReader, MalformedMessageError
 from pam_ros.lifecycle import refuse_impossible_transitions
+from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.parameters import NodeParameters
 from pam_ros.periodic import PeriodicLoop
@@ -425,10 +426,7 @@ def main(arguments: list[str] | None = None) -> int:
         finally:
             if node is not None:
                 node.close()
-            if executor is not None:  # else the middleware's threads may call what is gone
-                executor.shutdown()
-            if node is not None:
-                node.destroy_node()
+            end_node(node, executor)
             rclpy.try_shutdown()
     return 0
 

@@ -14,6 +14,7 @@ from rclpy.experimental import EventsExecutor
 
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
+from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
@@ -70,9 +71,6 @@ def spin_node(
             tell_mistake(error)
             return MISTAKE
         finally:
-            if executor is not None:  # else the middleware's threads may call what is gone
-                executor.shutdown()
-            if node is not None:
-                node.destroy_node()
+            end_node(node, executor)
             rclpy.try_shutdown()
     return 0

@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray
 
 from pam_bringup.viewer.robot_view import TOPICS, RobotView
 from pam_ros.end_signals import EndSignals
+from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 
@@ -54,6 +55,5 @@ def show_robot(namespace: str, view: RobotView) -> None:
         except ExternalShutdownException:
             pass
         finally:
-            executor.shutdown()
-            node.destroy_node()
+            end_node(node, executor)
             rclpy.try_shutdown()

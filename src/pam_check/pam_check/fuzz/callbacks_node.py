@@ -32,6 +32,7 @@ from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
+from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
 
 CHANNEL: Final = "fuzz"
@@ -153,7 +154,7 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
             if hasattr(node, "close"):
                 node.close()
             node.get_logger().set_level(LoggingSeverity.UNSET)  # levels outlive the node
-            node.destroy_node()
+            end_node(node)
         rclpy.try_shutdown()
 
 

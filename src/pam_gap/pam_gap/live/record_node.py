@@ -28,6 +28,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from pam_gap.live.recording_advice import RecordingAdvice
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 
@@ -162,8 +163,7 @@ def record(
                         still = "; ".join(missing) or "nothing is missing, Ctrl-C ends it"
                         tell(f"{advice.duration:.0f} s. still missing: {still}")
                     said = missing
-            executor.shutdown()
-            node.destroy_node()
+            end_node(node, executor)
     finally:
         rclpy.try_shutdown()
         for number, handler in before.items():
