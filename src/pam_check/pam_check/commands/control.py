@@ -3,8 +3,25 @@
 from __future__ import annotations
 
 from pam_check.commands.common_arguments import add_seed
-from pam_model.argument_types import count, number, output_file
+from pam_model.argument_types import count, number, output_file, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
+
+
+def _add_tuned_pid(parser: Parser, tries: int, least: int, effect: str) -> None:
+    parser.add_argument(
+        "--tries",
+        type=count(least),
+        default=tries,
+        metavar="N",
+        help=f"gains that the search for the PID tries on each rig{effect} (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--tuned",
+        type=output_file,
+        default="out/rough_control/tuned_pid.json",
+        metavar="FILE",
+        help="file with the gains of earlier searches, read and extended (default: %(default)s)",
+    )
 
 
 def _declare_rough_control(parser: Parser) -> None:
@@ -30,25 +47,11 @@ def _declare_rough_control(parser: Parser) -> None:
         help="how often the controller plays each motion; it learns meanwhile, and its last time "
         "is judged, as that of a PID that was tuned in the same motions (default: %(default)s)",
     )
-    parser.add_argument(
-        "--tries",
-        type=count(0),
-        default=30,
-        metavar="N",
-        help="gains that the search for the PID tries on each rig; 0: no PID (default: "
-        "%(default)s, which takes a minute per effect)",
-    )
+    _add_tuned_pid(parser, 30, 0, ", a minute per effect; 0: no PID")
     parser.add_argument(
         "--tune-pressure-loops",
         action="store_true",
         help="search for the gain of the PID's pressure loops as well",
-    )
-    parser.add_argument(
-        "--tuned",
-        type=output_file,
-        default="out/rough_control/tuned_pid.json",
-        metavar="FILE",
-        help="file with the gains of earlier searches, read and extended (default: %(default)s)",
     )
 
 
@@ -133,6 +136,28 @@ def _improved_rig(given: Arguments) -> Outcome:
     return run(given)
 
 
+def _declare_rough_rig(parser: Parser) -> None:
+    add_rig(parser)
+    add_seed(parser, 1)
+    _add_tuned_pid(parser, 30, 1, "")
+    parser.add_argument(
+        "--repetitions",
+        type=count(2),
+        default=5,
+        metavar="N",
+        help="how often the motion is played to learn it (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--out", type=output_folder, default="out/rough_rig", help="folder (default: %(default)s)"
+    )
+
+
+def _rough_rig(given: Arguments) -> Outcome:
+    from pam_check.control.rough_rig import run  # noqa: PLC0415  (scipy, numba, matplotlib)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "rough-control",
@@ -179,5 +204,14 @@ COMMANDS = (
         _improved_rig,
         bad_news="if an error above 1 mrad is more than half of that before, or an error grows",
         examples=("python -m pam_check improved-rig --effects hysteresis payload",),
+    ),
+    Command(
+        "rough-rig",
+        "play a motion on a rough rig and on a clean one: a tuned PID, the controller, after a "
+        "diagnosis, and after learning",
+        _declare_rough_rig,
+        _rough_rig,
+        bad_news="if the controller is worse than the PID, or worse after the diagnosis or after "
+        "learning",
     ),
 )

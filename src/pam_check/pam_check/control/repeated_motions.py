@@ -18,11 +18,14 @@ from pam_check.control.closed_loop import (
     MOTIONS_BEGIN_AT,
     TOLD,
     Muscles,
+    Played,
+    Trace,
     play,
     true_rig,
 )
 from pam_check.control.hidden_sizes import HIDDEN
 from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.errors import PamError
@@ -102,22 +105,39 @@ def from_start(points: Sequence[TrajectoryPoint]) -> list[TrajectoryPoint]:
     ]
 
 
-def repeat(rough: RoughControl, hidden: str, repetitions: int, seed: int) -> Repetitions:
-    """Repeat the motion with what is hidden, from a controller that has learnt nothing."""
-    controller = rough.controller
+def learnt(
+    controller: PositionStiffnessController,
+    joint: TruthJoint,
+    muscles: Muscles,
+    points: Sequence[TrajectoryPoint],
+    repetitions: int,
+    seed: int,
+) -> tuple[list[Played], Trace]:
+    """Repeat a motion of `from_start`; return the figures, and what happened at the last time.
+
+    The controller forgets what it knew before. Its settings name a motion to learn.
+    """
     controller.forget_adaptation()
     for name in ("", MOTION):  # a motion that is named anew begins anew
         controller.change(controller.prepared.asked.replace(learning_motion=name))
     learner = controller.channels[0].learner
     assert learner is not None
-    joint, muscles = hide(rough.rig, hidden)
-    errors = []
-    points = from_start(rough.motions[MOTION])
+    every = []
     for index in range(repetitions):
-        played, _ = play(controller, joint, muscles, points, seed + index, goes_to=None)
+        played, trace = play(controller, joint, muscles, points, seed + index, goes_to=None)
         learner.wait()
-        errors.append(played.rms)
-    return Repetitions(hidden, errors, learner.motion.ended)
+        every.append(played)
+    return every, trace
+
+
+def repeat(rough: RoughControl, hidden: str, repetitions: int, seed: int) -> Repetitions:
+    """Repeat the motion with what is hidden, from a controller that has learnt nothing."""
+    joint, muscles = hide(rough.rig, hidden)
+    points = from_start(rough.motions[MOTION])
+    played, _ = learnt(rough.controller, joint, muscles, points, repetitions, seed)
+    learner = rough.controller.channels[0].learner
+    assert learner is not None
+    return Repetitions(hidden, [each.rms for each in played], learner.motion.ended)
 
 
 def _row(result: Repetitions) -> str:

@@ -182,11 +182,17 @@ class RoughControl:
             results.append(RoughResult(effect, name, played[-1], played[0], None, seconds))
         if baselines is None:
             return results
-        bench = Bench(self.rig, joint, muscles, self.motions, self._seed, self.designs)
-        key = self._key(joint, muscles, tries)
-        tuned = baselines.get(key, lambda: tune(bench, tries, self._pressure_loops))
+        bench, tuned = self.tuned_pid(joint, muscles, baselines, tries)
         runs = bench.play(tuned)
         return [dataclasses.replace(each, pid=runs[each.motion][0]) for each in results]
+
+    def tuned_pid(
+        self, joint: TruthJoint, muscles: Muscles, baselines: Baselines, tries: int
+    ) -> tuple[Bench, TunedPid]:
+        """A true rig with the PID that was tuned on it, in these motions."""
+        bench = Bench(self.rig, joint, muscles, self.motions, self._seed, self.designs)
+        key = self._key(joint, muscles, tries)
+        return bench, baselines.get(key, lambda: tune(bench, tries, self._pressure_loops))
 
     def _key(self, joint: TruthJoint, muscles: Muscles, tries: int) -> str:
         parts = [self.rig.to_parameters(), joint, muscles, self.motions, self._seed, tries]

@@ -1,0 +1,64 @@
+"""The picture of `rough-rig`: angle and error of each law, a clean and a rough rig side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from pam_check.control.closed_loop import PERIOD
+
+if TYPE_CHECKING:
+    from pam_check.control.rough_rig import Way
+
+ASKED: Final = "#1d2433"
+COLOURS: Final = ("#8e5bb5", "#d9822b", "#1f5fbf", "#1a7f4b")
+LOOK: Final[Any] = {  # matplotlib's own type lists every key
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.edgecolor": "#9aa3b2",
+    "grid.color": "#eceef2",
+    "legend.frameon": False,
+    "font.size": 9.5,
+    "lines.linewidth": 1.4,
+}
+
+
+def draw(path: Path, rigs: Mapping[str, Sequence[Way]]) -> None:
+    """Draw the laws of every rig, by the rig's name, in one column each.
+
+    Parameters
+    ----------
+    path : Path
+        PNG file to write.
+    rigs : mapping of str to sequence of Way
+        At least one way for each rig; the same law has the same colour in all columns.
+    """
+    names = list(dict.fromkeys(way.name for ways in rigs.values() for way in ways))
+    colours = dict(zip(names, COLOURS, strict=False))
+    with mpl.rc_context(LOOK):
+        figure = Figure(figsize=(11.0, 5.2), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(
+            2, len(rigs), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 3)
+        )
+        for (words, ways), angle, error in zip(rigs.items(), *axes, strict=True):
+            for way in ways:
+                times = PERIOD * np.arange(way.position.size)
+                angle.plot(times, way.position, color=colours[way.name])
+                label = f"{way.name}: {1e3 * way.rms:.2f} mrad RMS"
+                error.plot(times, 1e3 * way.error, color=colours[way.name], label=label)
+            angle.plot(times, ways[0].reference, "--", color=ASKED, label="reference")
+            angle.set_title(words, loc="left", fontweight="bold")
+            angle.legend(loc="lower left")
+            error.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
+            error.set_xlabel("time [s]")
+        axes[0, 0].set_ylabel("true angle [rad]")
+        axes[1, 0].set_ylabel("error of the true angle [mrad]")
+        figure.savefig(path, dpi=110)
