@@ -13,8 +13,8 @@ from pam_check.control.closed_loop import SETTLED, TOLD, play, true_rig
 from pam_check.control.motions import MOTIONS
 from pam_check.control.repeated_motions import from_start
 from pam_check.control.rough_control import Baselines
-from pam_check.control.rough_rig import RoughRig, Way, problems, rough_truth
-from pam_check.control.rough_rig_picture import draw
+from pam_check.control.rough_rig import RoughRig, problems, rough_truth
+from pam_check.control.rough_rig_picture import Way, draw
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_model.rig import load_rig
 
@@ -37,18 +37,29 @@ def test_the_rough_rig_is_another_rig_in_all_that_it_claims():
         assert real.thread_friction > clean.thread_friction
 
 
+CLEAN = [way("pid", 2e-3), way("controller", 1e-3)]
+
+
 def test_a_law_that_is_worse_than_the_one_before_it_is_named():
-    clean = [way("pid", 2e-3), way("controller", 1e-3)]
-    assert problems(clean, [way("pid", 4e-3), way("a", 3e-3), way("b", 1e-3)]) == []
-    (found,) = problems(clean, [way("pid", 4e-3), way("a", 3e-3), way("b", 3.5e-3)])
-    assert "rough rig, b: 3.50 mrad, where a has 3.00 mrad" in found
-    assert len(problems([way("pid", 1e-3), way("controller", 2e-3)], clean)) == 1
+    assert problems(CLEAN, [way("pid", 4e-3), way("a", 3e-3), way("b", 1e-3)]) == []
+    (found,) = problems(CLEAN, [way("pid", 4e-3), way("a", 3e-3), way("b", 3.5e-3)])
+    assert "b: 3.50 mrad, where a has 3.00 mrad" in found
+    (found,) = problems(CLEAN[::-1], [way("pid", 4e-3), way("a", 3e-3)])
+    assert "pid: 2.00 mrad, where controller has 1.00 mrad" in found
+
+
+def test_only_with_what_was_diagnosed_a_law_has_to_beat_the_pid_of_the_rough_rig():
+    """The PID was tuned in the motion that the controller plays for the first time."""
+    pid, before = way("pid", 4e-3), way("before", 6e-3)
+    assert problems(CLEAN, [pid, before, way("after", 3e-3)]) == []
+    (found,) = problems(CLEAN, [pid, before, way("after", 5e-3)])
+    assert "after: 5.00 mrad, where pid has 4.00 mrad" in found
 
 
 def test_a_law_that_stopped_is_worse_than_any_that_did_not():
     stopped = way("controller", 1e-3, "loop_too_slow")
     assert math.isinf(stopped.rms)
-    assert len(problems([way("pid", 0.1), stopped], [way("pid", 0.1)])) == 1
+    assert len(problems([way("pid", 0.1), stopped], CLEAN)) == 1
 
 
 def test_the_motion_that_is_learnt_is_compared_with_the_same_reference(tmp_path):

@@ -211,7 +211,7 @@ COMMANDS = (
         "diagnosis, and after learning",
         _declare_rough_rig,
         _rough_rig,
-        bad_news="if the controller is worse than the PID, or worse after the diagnosis or after "
-        "learning",
+        bad_news="if the controller is worse than before after the diagnosis or after learning, or "
+        "then worse than the PID",
     ),
 )

@@ -11,13 +11,9 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
-
-import numpy as np
-import numpy.typing as npt
 
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import (
@@ -34,7 +30,7 @@ from pam_check.control.hidden_sizes import HiddenSize
 from pam_check.control.improved_rigs import NOT_WORSE, OTHER_NOISE, recorded
 from pam_check.control.repeated_motions import MOTION, from_start, learnt
 from pam_check.control.rough_control import WORST_RATIO, Baselines, RoughControl
-from pam_check.control.rough_rig_picture import draw
+from pam_check.control.rough_rig_picture import Way, draw
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_gap import diagnose
 from pam_model.argument_types import make_parents
@@ -58,36 +54,6 @@ PID, WRITTEN, IMPROVED, LEARNT = (
     "controller, after the diagnosis",
     "controller, after {} repetitions",
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Way:
-    """How one law played the arm's motion.
-
-    Attributes
-    ----------
-    name : str
-        Of the law.
-    position, reference : (n,) array
-        True and asked angle [rad], every `PERIOD` of the motion.
-    stopped : str
-        Why the controller stopped; empty if it did not.
-    """
-
-    name: str
-    position: npt.NDArray[np.float64]
-    reference: npt.NDArray[np.float64]
-    stopped: str = ""
-
-    @property
-    def error(self) -> npt.NDArray[np.float64]:
-        """Asked minus true angle [rad]."""
-        return self.reference - self.position
-
-    @property
-    def rms(self) -> float:
-        """Of the error [rad]; infinite if the controller stopped."""
-        return float("inf") if self.stopped else float(np.sqrt(np.mean(self.error**2)))
 
 
 def rough_truth(rig: Rig) -> tuple[TruthJoint, Muscles]:
@@ -160,23 +126,25 @@ class RoughRig:
 
 
 def problems(clean: Sequence[Way], rough: Sequence[Way]) -> list[str]:
-    """What is not as it should be: a law that is worse than the one before it.
+    """What is not as it should be.
+
+    On the rough rig, the controller with the rig file as written plays the motion for the first
+    time, while the PID was tuned in it. That it is better is asked of it after the diagnosis alone.
 
     Parameters
     ----------
     clean, rough : sequence of Way
         The PID, then the controller with more and more knowledge.
     """
-    found = []
-    for words, ways in (("rig that is its rig file", clean), ("rough rig", rough)):
-        for index, (before, after) in enumerate(pairwise(ways)):
-            most = WORST_RATIO if index == 0 else NOT_WORSE
-            if not after.rms <= most * before.rms:
-                found.append(
-                    f"{words}, {after.name}: {1e3 * after.rms:.2f} mrad, where {before.name} has "
-                    f"{1e3 * before.rms:.2f} mrad"
-                )
-    return found
+    compared = [(clean[0], clean[1], WORST_RATIO)]
+    compared += [(rough[0], better, WORST_RATIO) for better in rough[2:]]
+    compared += [(before, after, NOT_WORSE) for before, after in pairwise(rough[1:])]
+    return [
+        f"{after.name}: {1e3 * after.rms:.2f} mrad, where {before.name} has "
+        f"{1e3 * before.rms:.2f} mrad"
+        for before, after, most in compared
+        if not after.rms <= most * before.rms
+    ]
 
 
 def run(given: Arguments) -> Outcome:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+import numpy.typing as npt
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pam_check.control.closed_loop import PERIOD
-
-if TYPE_CHECKING:
-    from pam_check.control.rough_rig import Way
 
 ASKED: Final = "#1d2433"
 COLOURS: Final = ("#8e5bb5", "#d9822b", "#1f5fbf", "#1a7f4b")
@@ -28,6 +27,36 @@ LOOK: Final[Any] = {  # matplotlib's own type lists every key
     "font.size": 9.5,
     "lines.linewidth": 1.4,
 }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """How one law played the arm's motion.
+
+    Attributes
+    ----------
+    name : str
+        Of the law.
+    position, reference : (n,) array
+        True and asked angle [rad], every `PERIOD` of the motion.
+    stopped : str
+        Why the controller stopped; empty if it did not.
+    """
+
+    name: str
+    position: npt.NDArray[np.float64]
+    reference: npt.NDArray[np.float64]
+    stopped: str = ""
+
+    @property
+    def error(self) -> npt.NDArray[np.float64]:
+        """Asked minus true angle [rad]."""
+        return self.reference - self.position
+
+    @property
+    def rms(self) -> float:
+        """Of the error [rad]; infinite if the controller stopped."""
+        return float("inf") if self.stopped else float(np.sqrt(np.mean(self.error**2)))
 
 
 def draw(path: Path, rigs: Mapping[str, Sequence[Way]]) -> None:
