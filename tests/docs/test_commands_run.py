@@ -22,6 +22,7 @@ NOT_RUN = {
     r"(\w+=\S+ )?rosdep |colcon |source |export |ros2 ": "needs a ROS installation; tests/system",
     r"make |.*pam_model compare |.*pytest |.*benchmarks/|.*pam_demo ": "takes minutes",
     r".*pam_check (blind|sensitivity) ": "takes hours",
+    r".*pam_check rough-rig": "takes minutes; tests/pam_check runs its parts",
     r".*examples/": "tests/examples runs it",
     r".*pam_gap (diagnose|fleet|import|compare) ": "needs recordings; tests/pam_gap runs it",
     r".*pam_gap record ": "needs a running robot; tests/pam_gap runs it",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib.image
 import numpy as np
 import pytest
 
+from pam_check.__main__ import main
 from pam_check.control.closed_loop import SETTLED, TOLD, play, true_rig
 from pam_check.control.motions import MOTIONS
 from pam_check.control.repeated_motions import from_start
@@ -78,6 +81,23 @@ def test_the_motion_that_is_learnt_is_compared_with_the_same_reference(tmp_path)
     played, _ = play(law, *true_rig(rig), points, 103)
     assert once.rms == pytest.approx(played.rms, rel=1e-6)
     assert from_start(points)[-1].time_from_start > points[-1].time_from_start > SETTLED
+
+
+def test_without_an_improved_rig_file_the_rest_is_shown_and_the_command_says_so(
+    tmp_path, monkeypatch, capsys
+):
+    pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
+    unknown = SimpleNamespace(improved=None, sentence="Nothing explains it.", to_json=dict)
+    monkeypatch.setattr(RoughRig, "diagnosis", lambda *_: unknown)
+    given = ["rough-rig", "--tries", "1", "--repetitions", "2", "--out", str(tmp_path)]
+    given += ["--tuned", str(tmp_path / "tuned.json"), "--json", "--check"]
+    assert main(given) == 1
+    shown = capsys.readouterr()
+    assert "the diagnosis has written no improved rig file" in shown.err
+    laws = json.loads(shown.out)["rms"]
+    assert [len(each) for each in laws.values()] == [2, 3]
+    assert all(0.0 < rms < 0.1 for each in laws.values() for rms in each.values())
+    assert (tmp_path / "rough_rig.png").stat().st_size > 10_000
 
 
 def test_the_picture_shows_every_law_in_its_colour(tmp_path):
