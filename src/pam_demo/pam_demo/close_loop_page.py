@@ -14,18 +14,11 @@ from matplotlib.figure import Figure
 
 from pam_demo.tracking import ClosedLoopFigure, TrackedMotion
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.page_style import STYLE
+from pam_gap.answer.page_style import PLOT_LOOK, STYLE
 from pam_gap.answer.user_units import spoken
 
 ASKED, BEFORE, AFTER = "#1d2433", "#d1495b", "#00798c"
-LOOK: Any = {  # matplotlib's own type lists every key
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.edgecolor": "#9aa3b2",
-    "grid.color": "#eceef2",
-    "legend.frameon": False,
-    "font.size": 9.5,
+LOOK: Any = PLOT_LOOK | {  # matplotlib's own type lists every key
     "lines.linewidth": 1.1,
     "svg.hashsalt": "close-loop",
 }

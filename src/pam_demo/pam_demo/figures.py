@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.table import Table
 from scipy.interpolate import BPoly
 
@@ -372,8 +372,10 @@ def target_text(figure: Figure) -> str:
 def show(results: Results, console: Console) -> None:
     """Print the table of figures."""
     table = Table(title="Results of the demo")
-    for name, justify in (("", "left"), ("value", "right"), ("target", "left")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    columns: tuple[tuple[str, JustifyMethod], ...]
+    columns = ("", "left"), ("value", "right"), ("target", "left")
+    for name, justify in columns:
+        table.add_column(name, justify=justify)
     for figure in results.figures:
         style = {None: "", True: "green", False: "red"}[figure.met]
         table.add_row(

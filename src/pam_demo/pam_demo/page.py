@@ -26,6 +26,7 @@ from pam_demo.figures import (
     target_text,
 )
 from pam_demo.recording import Array
+from pam_gap.answer.page_style import PLOT_LOOK
 from pam_gap.answer.user_units import told
 from pam_ros.valve_command import FLOW
 
@@ -33,18 +34,11 @@ COLOURS = {"full": "#1f5fbf", "no_feedforward": "#d9822b", "pressure_ratio_pid":
 ASKED = "#1d2433"
 PAIR = ("#c2452d", "#2d8a8a")
 POINTS = 1500  # per line: more than the page has pixels
-STYLE: Any = {  # matplotlib's own type lists every key
+STYLE: Any = PLOT_LOOK | {  # matplotlib's own type lists every key
     "font.family": "sans-serif",
-    "font.size": 9.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#9aa3b2",
     "axes.labelcolor": "#5d6778",
     "xtick.color": "#5d6778",
     "ytick.color": "#5d6778",
-    "axes.grid": True,
-    "grid.color": "#eceef2",
-    "legend.frameon": False,
     "lines.linewidth": 1.2,
     "svg.fonttype": "path",
     "svg.hashsalt": "demo",
@@ -216,7 +210,7 @@ def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str
     plots = []
     for motion in dict.fromkeys(play.motion.name for play in results.plays):
         plays = [play for play in results.plays if play.motion.name == motion]
-        svg = _svg(lambda plays=plays: _motion_plot(plays, muscles))  # type: ignore[misc]
+        svg = _svg(partial(_motion_plot, plays, muscles))
         title = plays[0].motion.title
         plots.append({"title": title, "alt": _alt(plays), "svg": svg})
     title = "Period of the controller loop"

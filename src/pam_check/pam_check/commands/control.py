@@ -7,13 +7,14 @@ from pam_model.argument_types import count, number, output_file, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
 
 
-def _add_tuned_pid(parser: Parser, tries: int, least: int, effect: str) -> None:
+def _add_tuned_pid(parser: Parser, least: int, zero: str = "") -> None:
     parser.add_argument(
         "--tries",
         type=count(least),
-        default=tries,
+        default=30,
         metavar="N",
-        help=f"gains that the search for the PID tries on each rig{effect} (default: %(default)s)",
+        help=f"gains that the search for the PID tries on each rig{zero} (default: %(default)s, "
+        "which takes a minute for each)",
     )
     parser.add_argument(
         "--tuned",
@@ -47,7 +48,7 @@ def _declare_rough_control(parser: Parser) -> None:
         help="how often the controller plays each motion; it learns meanwhile, and its last time "
         "is judged, as that of a PID that was tuned in the same motions (default: %(default)s)",
     )
-    _add_tuned_pid(parser, 30, 0, ", a minute per effect; 0: no PID")
+    _add_tuned_pid(parser, 0, "; 0: no PID")
     parser.add_argument(
         "--tune-pressure-loops",
         action="store_true",
@@ -139,7 +140,7 @@ def _improved_rig(given: Arguments) -> Outcome:
 def _declare_rough_rig(parser: Parser) -> None:
     add_rig(parser)
     add_seed(parser, 1)
-    _add_tuned_pid(parser, 30, 1, "")
+    _add_tuned_pid(parser, 1)
     parser.add_argument(
         "--repetitions",
         type=count(2),

@@ -18,13 +18,15 @@ from typing import Final
 
 import pandas as pd
 
-from pam_check.control.closed_loop import PERIOD, TOLD, Trace, play
+from pam_check.blind.truth_plant import TruthJoint
+from pam_check.control.closed_loop import PERIOD, TOLD, Muscles, Trace, play
 from pam_check.control.rough_control import NOTHING, RoughControl, chosen_effects
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_gap import Recording, diagnose, import_recording
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
 
+ADAPTING: Final = TOLD.replace(adaptation=True)
 OTHER_NOISE: Final = 100  # added to the seed of the runs that are compared
 WORTH: Final = 1e-3  # rad; a smaller error need not become smaller
 ENOUGH: Final = 0.5  # of the error before, where that is worth it
@@ -79,27 +81,33 @@ def recorded(trace: Trace, rig: Rig, path: Path) -> Recording:
     return import_recording(path)
 
 
+def recordings(
+    rough: RoughControl, joint: TruthJoint, muscles: Muscles, seed: int, folder: Path
+) -> list[Recording]:
+    """What a log shows of all motions, played with the rig file as written by a law that adapts."""
+    law = PositionStiffnessController(rough.rig, ADAPTING, rough.designs)
+    logs = []
+    for name, points in rough.motions.items():
+        law.forget_adaptation()
+        _, trace = play(law, joint, muscles, points, seed)
+        logs.append(recorded(trace, rough.rig, folder / f"{name}.csv"))
+    return logs
+
+
 def run_effect(rough: RoughControl, effect: str, seed: int, folder: Path) -> ImprovedResult:
     """Play, diagnose, play again."""
     joint, muscles = rough.hidden(effect)
-    ways = {way: TOLD.replace(adaptation=way == "adapting") for way in ("fixed", "adapting")}
-    traces: list[Trace] = []
+    ways = {"fixed": TOLD.replace(adaptation=False), "adapting": ADAPTING}
 
     def errors(rig: Rig, way: str, seed: int) -> dict[str, float]:
         law = PositionStiffnessController(rig, ways[way], rough.designs)
         found = {}
         for name, points in rough.motions.items():
             law.forget_adaptation()
-            played, trace = play(law, joint, muscles, points, seed)
-            found[name] = played.rms
-            traces.append(trace)
+            found[name] = play(law, joint, muscles, points, seed)[0].rms
         return found
 
-    errors(rough.rig, "adapting", seed)
-    logs = [
-        recorded(trace, rough.rig, folder / f"{effect}_{number}.csv")
-        for number, trace in enumerate(traces)
-    ]
+    logs = recordings(rough, joint, muscles, seed, folder)
     before = {way: errors(rough.rig, way, seed + OTHER_NOISE) for way in ways}
     (answer,) = diagnose(logs, rough.rig)
     named = "+".join(answer.effects) or answer.verdict

@@ -112,8 +112,8 @@ def learnt(
     points: Sequence[TrajectoryPoint],
     repetitions: int,
     seed: int,
-) -> tuple[list[Played], Trace]:
-    """Repeat a motion of `from_start`; return the figures, and what happened at the last time.
+) -> tuple[list[Played], Trace, str]:
+    """Repeat a motion of `from_start`; return all figures, the last trace, and why learning ended.
 
     The controller forgets what it knew before. Its settings name a motion to learn.
     """
@@ -127,17 +127,15 @@ def learnt(
         played, trace = play(controller, joint, muscles, points, seed + index, goes_to=None)
         learner.wait()
         every.append(played)
-    return every, trace
+    return every, trace, learner.motion.ended
 
 
 def repeat(rough: RoughControl, hidden: str, repetitions: int, seed: int) -> Repetitions:
     """Repeat the motion with what is hidden, from a controller that has learnt nothing."""
     joint, muscles = hide(rough.rig, hidden)
     points = from_start(rough.motions[MOTION])
-    played, _ = learnt(rough.controller, joint, muscles, points, repetitions, seed)
-    learner = rough.controller.channels[0].learner
-    assert learner is not None
-    return Repetitions(hidden, [each.rms for each in played], learner.motion.ended)
+    played, _, ended = learnt(rough.controller, joint, muscles, points, repetitions, seed)
+    return Repetitions(hidden, [each.rms for each in played], ended)
 
 
 def _row(result: Repetitions) -> str:

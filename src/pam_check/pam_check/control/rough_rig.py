@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import (
@@ -27,12 +27,13 @@ from pam_check.control.closed_loop import (
     true_rig,
 )
 from pam_check.control.hidden_sizes import HiddenSize
-from pam_check.control.improved_rigs import NOT_WORSE, OTHER_NOISE, recorded
+from pam_check.control.improved_rigs import ADAPTING, NOT_WORSE, OTHER_NOISE, recordings
 from pam_check.control.repeated_motions import MOTION, from_start, learnt
 from pam_check.control.rough_control import WORST_RATIO, Baselines, RoughControl
 from pam_check.control.rough_rig_picture import Way, draw
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_gap import diagnose
+from pam_gap.answer.diagnosis import Diagnosis
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
@@ -40,7 +41,7 @@ from pam_model.rig import Rig, load_rig
 PICTURE: Final = "rough_rig.png"
 _MUSCLE: Final = {"thread_friction": 0.003, "play_length": 1e-3, "command_delay": 0.01}
 ROUGH: Final = HiddenSize(
-    "half of the thread friction, of the dry friction and of the delay that `HIDDEN` has for each "
+    "about half of the thread friction, the dry friction and the delay that `HIDDEN` has for each "
     "alone, and a cable that lies 2 % higher",
     muscles=(_MUSCLE, _MUSCLE),
     joint={"coulomb_torque": 0.27, "static_torque": 0.27},
@@ -97,29 +98,24 @@ class RoughRig:
 
     def controller(self, name: str, rig: Rig, joint: TruthJoint, muscles: Muscles) -> Way:
         """The controller with a rig file, which plays the motion for the first time."""
-        law = PositionStiffnessController(rig, TOLD, self._rough.designs)
+        law = PositionStiffnessController(rig, ADAPTING, self._rough.designs)
         played, trace = play(law, joint, muscles, self._points, self._seed + OTHER_NOISE)
         return _way(name, played.stopped, trace, self._motion)
 
-    def diagnosis(self, joint: TruthJoint, muscles: Muscles, folder: Path) -> Any:
+    def diagnosis(self, joint: TruthJoint, muscles: Muscles, folder: Path) -> Diagnosis:
         """What the diagnosis says of both motions, played with the rig file as written."""
-        law = PositionStiffnessController(self._rough.rig, TOLD, self._rough.designs)
-        logs = []
-        for name, points in self._rough.motions.items():
-            law.forget_adaptation()
-            _, trace = play(law, joint, muscles, points, self._seed)
-            logs.append(recorded(trace, self._rough.rig, folder / f"{name}.csv"))
+        logs = recordings(self._rough, joint, muscles, self._seed, folder)
         (answer,) = diagnose(logs, self._rough.rig)
         return answer
 
     def repeated(self, rig: Rig, joint: TruthJoint, muscles: Muscles, repetitions: int) -> Way:
         """The controller with a rig file at the last of so many repetitions."""
         law = PositionStiffnessController(
-            rig, TOLD.replace(learning_motion=MOTION), self._rough.designs
+            rig, ADAPTING.replace(learning_motion=MOTION), self._rough.designs
         )
         points = from_start(self._points)
         seed = self._seed + OTHER_NOISE
-        played, trace = learnt(law, joint, muscles, points, repetitions, seed)
+        played, trace, _ = learnt(law, joint, muscles, points, repetitions, seed)
         begin = SETTLED + APPROACH[1]
         name = LEARNT.format(repetitions)
         return _way(name, played[-1].stopped, trace, self._motion, begin)

@@ -14,19 +14,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pam_check.control.closed_loop import PERIOD
+from pam_gap.answer.page_style import PLOT_LOOK
 
 ASKED: Final = "#1d2433"
 COLOURS: Final = ("#8e5bb5", "#d9822b", "#1f5fbf", "#1a7f4b")
-LOOK: Final[Any] = {  # matplotlib's own type lists every key
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.edgecolor": "#9aa3b2",
-    "grid.color": "#eceef2",
-    "legend.frameon": False,
-    "font.size": 9.5,
-    "lines.linewidth": 1.4,
-}
+LOOK: Final[Any] = PLOT_LOOK | {"lines.linewidth": 1.4}  # matplotlib's type lists every key
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +73,8 @@ def draw(path: Path, rigs: Mapping[str, Sequence[Way]]) -> None:
             for way in ways:
                 times = PERIOD * np.arange(way.position.size)
                 angle.plot(times, way.position, color=colours[way.name])
-                label = f"{way.name}: {1e3 * way.rms:.2f} mrad RMS"
+                rms = f"{1e3 * way.rms:.2f} mrad RMS"
+                label = f"{way.name}: {f'stopped ({way.stopped})' if way.stopped else rms}"
                 error.plot(times, 1e3 * way.error, color=colours[way.name], label=label)
             angle.plot(times, ways[0].reference, "--", color=ASKED, label="reference")
             angle.set_title(words, loc="left", fontweight="bold")

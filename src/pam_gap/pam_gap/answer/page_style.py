@@ -2,6 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any, Final
+
+PLOT_LOOK: Final[dict[str, Any]] = {
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9aa3b2",
+    "axes.grid": True,
+    "grid.color": "#eceef2",
+    "legend.frameon": False,
+}
+"""The same for plots by matplotlib, as its rcParams."""
+
 STYLE = """
  :root { color-scheme: light dark; --ink: #1c1c1c; --quiet: #555; --paper: #fff; --box: #f4f4f4;
          --line: #ccc; }
