@@ -18,6 +18,8 @@ from pam_driver.can_bus.bus_opening import BusError
 from pam_model.errors import PamError
 from support.rigs import ELBOW
 
+pytestmark = pytest.mark.system
+
 
 def test_boards_vent_by_themselves_when_their_host_is_killed(rig):
     vented, _ = kill_once(rig, 0.05)

@@ -22,6 +22,8 @@ from pam_sim.boards.sensors import SensorQuality
 from pam_sim.simulated_rig import SimulatedRig
 from support.rigs import CONFIG, ELBOW
 
+pytestmark = pytest.mark.system
+
 BAD_NEWS = 1
 
 

@@ -31,6 +31,8 @@ from pam_sim.boards.protocol import BoardSettings
 from pam_sim.boards.register import twin_called
 from support.canopen_device import ELBOW_CANOPEN, ELBOW_REGULATOR, io_module
 
+pytestmark = pytest.mark.system
+
 DEADLINE = 20.0  # s, for a loaded machine; every wait ends as soon as its condition holds
 
 

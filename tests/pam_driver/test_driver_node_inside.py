@@ -44,6 +44,8 @@ from pam_ros.errors import ParameterError
 from .fake_board import FakeBoard
 from .node_bench import ELBOW, NAMES, PATIENCE
 
+pytestmark = pytest.mark.system
+
 TIMEOUT = 30.0
 PARAMETERS = {
     "bus.interface": "virtual",

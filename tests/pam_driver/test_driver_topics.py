@@ -22,6 +22,8 @@ from pam_ros.joint_state_bytes import JointStateReader
 from pam_ros.periodic import LoopStatistics
 from support.rigs import ELBOW
 
+pytestmark = pytest.mark.system
+
 TWO_JOINTS = ELBOW.with_name("two_joints.yaml")
 
 

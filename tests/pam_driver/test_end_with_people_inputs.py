@@ -20,6 +20,8 @@ from support.reruns import HOST_STALLS
 from .node_bench import NAMES
 from .test_driver_node_inside import Inside
 
+pytestmark = pytest.mark.system
+
 LOWERING = 1.0  # s, several times the deadline
 DEADLINE = 0.25  # s
 

@@ -19,6 +19,8 @@ from pam_sim.simulated_rig import SimulatedRig
 from support.canopen_device import ELBOW_CANOPEN
 from support.rigs import ELBOW
 
+pytestmark = pytest.mark.system
+
 VALVES = {ELBOW: ("0", "0"), ELBOW_CANOPEN: ("outputs", "flexor")}
 
 

@@ -11,6 +11,8 @@ import pytest
 
 from pam_ros.periodic import PeriodicLoop, take_priority
 
+pytestmark = pytest.mark.system
+
 WAIT = 10.0
 
 

@@ -22,6 +22,8 @@ from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import Parameter
 from pam_ros.spin import spin_node
 
+pytestmark = pytest.mark.system
+
 HELP = NodeHelp(
     program="ros2 run drawing reader",
     purpose="Reads drawings.",

@@ -14,6 +14,8 @@ from pam_gap.experiments.play_node import PlayNode
 from pam_ros import steady_timers
 from pam_ros.steady_timers import TURN, SteadyTimers, turns
 
+pytestmark = pytest.mark.system
+
 
 class Clock:
     """Stands for the module `time` of the timers."""

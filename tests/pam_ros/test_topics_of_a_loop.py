@@ -22,6 +22,8 @@ from pam_ros.joint_state_bytes import JointStateReader
 from pam_ros.joint_state_publisher import JointStatePublisher, nanoseconds_of
 from pam_ros.polled_topic import PolledTopic
 
+pytestmark = pytest.mark.system
+
 PATIENCE = 30.0
 
 
