@@ -35,6 +35,7 @@ from pam_ros.node_end import end_node
 from pam_ros.periodic import take_priority
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
+from pam_ros.subscriptions import subscribe
 
 NOT_RECORDED = ("/parameter_events",)
 LOOK_EVERY = 0.2  # s
@@ -63,8 +64,9 @@ class Recorder(Node):  # type: ignore[misc]
                 self.get_logger().warning(f"{topic}: type {types[0]} is not known, not recorded")
                 self._topics[topic] = None
                 continue
-            self._topics[topic] = self.create_subscription(
-                message, topic, partial(self._write, connection), self._qos(topic), raw=True
+            write, qos = partial(self._write, connection), self._qos(topic)
+            self._topics[topic] = subscribe(
+                self, message, topic, write, qos, raw=True, most_bytes=None
             )
 
     def keep(self) -> None:
