@@ -9,6 +9,7 @@ happened; `/diagnostics` says it once a second from then on, in the status "<nod
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
@@ -152,8 +153,11 @@ class MalformedMessages:
     def status(self, found: list[GuardedTopic]) -> Any:
         """The status about topics that had malformed messages."""
         newest = max(topic.last[1] for topic in found)
-        told = ", ".join(f"{topic.count} on {topic.topic}" for topic in found)
-        values = {f"malformed on {topic.topic}": topic.count for topic in found}
+        counts: Counter[str] = Counter()
+        for topic in found:  # a node may hear a topic more than once
+            counts[topic.topic] += topic.count
+        told = ", ".join(f"{count} on {name}" for name, count in counts.items())
+        values = {f"malformed on {name}": count for name, count in counts.items()}
         reasons = {f"last malformed on {topic.topic}": topic.last[0] for topic in found}
         level = WARN if time.monotonic() - newest < _WARNED else OK
         text = f"malformed messages, not used: {told}"
