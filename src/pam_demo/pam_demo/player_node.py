@@ -24,6 +24,7 @@ from pam_check.chain import set_environment
 from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
 from pam_demo.player import TAIL, NotPlayedError, VentedError
 from pam_model.errors import PamError
+from pam_ros.foreign_text import SENTENCE, plain
 from pam_ros.start import start_ros
 from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
 
@@ -57,7 +58,8 @@ class PlayerNode(Node):  # type: ignore[misc]
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             if status.name == "pam_driver: safety":
-                self._fault = status.message if status.level == DiagnosticStatus.ERROR else ""
+                faulty = status.level == DiagnosticStatus.ERROR
+                self._fault = plain(status.message, SENTENCE) if faulty else ""
             elif status.name == "pam_controller: commands":
                 values = {pair.key: pair.value for pair in status.values}
                 told = values.get("rejected messages", "")
@@ -65,7 +67,7 @@ class PlayerNode(Node):  # type: ignore[misc]
                     continue  # of another node
                 refusals = int(told)
                 if refusals > self._refusals:
-                    self._refused = values.get("last rejection", "")
+                    self._refused = plain(values.get("last rejection", ""), SENTENCE)
                 self._refusals = refusals  # another controller counts anew
 
     def wait_for_controller(self, timeout: float, check: Callable[[], None]) -> None:

@@ -16,6 +16,8 @@ from typing import Any, Final
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from pam_ros.foreign_text import SENTENCE, plain
+
 LATCHED: Final = QoSProfile(
     depth=1,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -69,7 +71,7 @@ def reason_against_commands(message: Any) -> str:
         The message.
     """
     values = _values(message)
-    state, reason = values.get("state", ""), values.get("reason", "")
+    state, reason = plain(values.get("state", "")), plain(values.get("reason", ""), SENTENCE)
     if state in COMMANDABLE:
         return ""
     return f"the driver is {state or 'in an unknown state'}" + (f" ({reason})" if reason else "")

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from pam_driver.boards.protocol import Address
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.foreign_text import shown
 from pam_sim import device_fault_injection
 from pam_sim.fault_stage import FOR_EVER, Injection, Stage, Values
 from pam_sim.faults import rig_faults
@@ -213,7 +214,7 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
     """
     name, *pairs = text.split()[:16] or [""]
     if name not in INJECTIONS:
-        raise PamError(f"fault {name[:64]!r}: expected one of {', '.join(INJECTIONS)}")
+        raise PamError(f"fault {shown(name)}: expected one of {', '.join(INJECTIONS)}")
     kind = next(kind for kind in ALL_KINDS if kind.name == name)
     values = {key: 0.5 * (low + high) for key, (low, high) in ranges_on(kind, rig).items()}
     for pair in pairs:
@@ -224,7 +225,7 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
             value = math.nan
         if key not in values or not math.isfinite(value):
             raise PamError(
-                f"fault {name}: {pair[:64]!r}: expected "
+                f"fault {name}: {shown(pair)}: expected "
                 f"{' or '.join(f'{key}=NUMBER' for key in values) or 'no value'}"
             )
         values[key] = value

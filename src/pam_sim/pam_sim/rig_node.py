@@ -182,7 +182,7 @@ class RigNode(Node):  # type: ignore[misc]
         try:
             self._loop.inject(message.data)
         except PamError as error:
-            self.get_logger().warning(f"inject_fault refused: {error}")
+            self.get_logger().warning(f"inject_fault refused: {error}", throttle_duration_sec=1.0)
         else:
             self.get_logger().info(f"fault injected: {shown(message.data)}")
 

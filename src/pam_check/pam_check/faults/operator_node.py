@@ -28,6 +28,7 @@ from pam_driver.boards.pam_board.codec import (
 )
 from pam_driver.can_bus.bus import CanPort
 from pam_model.errors import PamError
+from pam_ros.foreign_text import SENTENCE, plain
 from pam_ros.start import start_ros
 from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
 
@@ -201,9 +202,9 @@ class FaultOperator(Node):  # type: ignore[misc]
         for status in message.status:
             if status.name == "pam_driver: safety":
                 if status.level == DiagnosticStatus.ERROR:
-                    self.fault = status.message
+                    self.fault = plain(status.message, SENTENCE)
                 elif "suspected" in status.message:
-                    self.suspicion = status.message
+                    self.suspicion = plain(status.message, SENTENCE)
 
 
 @contextlib.contextmanager
