@@ -42,12 +42,35 @@ FOREIGN = frozenset(
     {"message", "messages", "request", "requested", "goal", "names", "source", "command", "status"}
 )
 PASSES_ON = frozenset(
-    {
-        "list", "tuple", "set", "dict", "frozenset", "sorted", "reversed", "zip", "enumerate", "str",
-        "repr", "next", "iter", "get", "items", "keys", "values", "split", "partition", "strip",
-        "replace", "decode", "lower", "upper", "join", "format",
-    }
-)  # fmt: skip
+    [
+        "list",
+        "tuple",
+        "set",
+        "dict",
+        "frozenset",
+        "sorted",
+        "reversed",
+        "zip",
+        "enumerate",
+        "str",
+        "repr",
+        "next",
+        "iter",
+        "get",
+        "items",
+        "keys",
+        "values",
+        "split",
+        "partition",
+        "strip",
+        "replace",
+        "decode",
+        "lower",
+        "upper",
+        "join",
+        "format",
+    ]
+)
 CHECKED_BEFORE = {"_check_point": "check_trajectory has refused names that are unknown"}
 """Functions whose only caller has checked the names."""
 LOGS = frozenset({"debug", "info", "warning", "error", "fatal", "log", "print"})
@@ -68,28 +91,27 @@ class Function(ast.NodeVisitor):
 
     def is_foreign(self, node: ast.AST) -> bool:
         """Whether an expression gives foreign text."""
+        parts: list[ast.expr] = []
         match node:
             case ast.Name(id=name):
                 return name in self.foreign
-            case ast.Attribute(value=value) | ast.Starred(value=value):
-                return self.is_foreign(value)
-            case ast.Subscript(value=value):
-                return self.is_foreign(value)
-            case ast.Call(func=ast.Name(id=name), args=arguments):
-                return name in PASSES_ON and any(map(self.is_foreign, arguments))
-            case ast.Call(func=ast.Attribute(attr=name, value=value), args=arguments):
-                return name in PASSES_ON and any(map(self.is_foreign, (value, *arguments)))
-            case ast.BoolOp(values=values):
-                return any(map(self.is_foreign, values))
-            case ast.IfExp(body=body, orelse=orelse):
-                return self.is_foreign(body) or self.is_foreign(orelse)
-            case ast.BinOp(left=left, right=right, op=ast.Add() | ast.Mod()):
-                return self.is_foreign(left) or self.is_foreign(right)
-            case ast.List(elts=parts) | ast.Tuple(elts=parts) | ast.Set(elts=parts):
-                return any(map(self.is_foreign, parts))
             case ast.ListComp() | ast.SetComp() | ast.GeneratorExp():
                 return self._comprehension(node)
-        return False
+            case ast.Attribute() | ast.Starred() | ast.Subscript():
+                parts = [node.value]
+            case ast.Call(func=ast.Name(id=name)) if name in PASSES_ON:
+                parts = node.args
+            case ast.Call(func=ast.Attribute(attr=name, value=value)) if name in PASSES_ON:
+                parts = [value, *node.args]
+            case ast.BoolOp():
+                parts = node.values
+            case ast.IfExp():
+                parts = [node.body, node.orelse]
+            case ast.BinOp(op=ast.Add() | ast.Mod()):
+                parts = [node.left, node.right]
+            case ast.List() | ast.Tuple() | ast.Set():
+                parts = node.elts
+        return any(map(self.is_foreign, parts))
 
     def _comprehension(self, node: ast.ListComp | ast.SetComp | ast.GeneratorExp) -> bool:
         before = set(self.foreign)
@@ -122,12 +144,9 @@ class Function(ast.NodeVisitor):
 
     def visit_For(self, node: ast.For) -> None:
         self._assign(node.target, node.iter)
-        # `enumerate` gives a number first
-        match node:
-            case ast.For(
-                iter=ast.Call(func=ast.Name(id="enumerate")), target=ast.Tuple(elts=parts)
-            ):
-                self.foreign -= bound(parts[0])
+        match node.iter, node.target:
+            case ast.Call(func=ast.Name(id="enumerate")), ast.Tuple(elts=parts):
+                self.foreign -= bound(parts[0])  # a number
         self.generic_visit(node)
         if isinstance(node.iter, ast.Name) and bound(node.target) & refused(node.body):
             self.foreign -= {node.iter.id}
@@ -170,7 +189,11 @@ class Function(ast.NodeVisitor):
     def visit_ListComp(self, node: ast.ListComp) -> None:
         self._in_comprehension(node)
 
-    visit_SetComp = visit_GeneratorExp = visit_ListComp  # type: ignore[assignment]
+    def visit_SetComp(self, node: ast.SetComp) -> None:
+        self._in_comprehension(node)
+
+    def visit_GeneratorExp(self, node: ast.GeneratorExp) -> None:
+        self._in_comprehension(node)
 
     def _in_comprehension(self, node: ast.ListComp | ast.SetComp | ast.GeneratorExp) -> None:
         before = set(self.foreign)
@@ -282,8 +305,8 @@ def test_the_rule_finds(line: str) -> None:
         "print(f'unknown joint {shown(message.name[0])}')",
         "print(f'{len(message.name)} names, {message.position[0]:g} rad')",
         "raise ValueError(all_shown(message.name))",
-        "for name in names:\n        if name not in known:\n            raise ValueError(shown(name))"
-        "\n        print(f'{name} is known')",
+        "for name in names:\n        if name not in known:\n            raise ValueError()\n"
+        "        print(f'{name} is known')",
         "for name in [one for one in names if one in known]:\n        print(name)",
     ],
 )
