@@ -42,35 +42,12 @@ FOREIGN = frozenset(
     {"message", "messages", "request", "requested", "goal", "names", "source", "command", "status"}
 )
 PASSES_ON = frozenset(
-    [
-        "list",
-        "tuple",
-        "set",
-        "dict",
-        "frozenset",
-        "sorted",
-        "reversed",
-        "zip",
-        "enumerate",
-        "str",
-        "repr",
-        "next",
-        "iter",
-        "get",
-        "items",
-        "keys",
-        "values",
-        "split",
-        "partition",
-        "strip",
-        "replace",
-        "decode",
-        "lower",
-        "upper",
-        "join",
-        "format",
-    ]
-)
+    {
+        "list", "tuple", "set", "dict", "frozenset", "sorted", "reversed", "zip", "enumerate",
+        "str", "repr", "next", "iter", "get", "items", "keys", "values", "split", "partition",
+        "strip", "replace", "decode", "lower", "upper", "join", "format",
+    }
+)  # fmt: skip
 CHECKED_BEFORE = {"_check_point": "check_trajectory has refused names that are unknown"}
 """Functions whose only caller has checked the names."""
 LOGS = frozenset({"debug", "info", "warning", "error", "fatal", "log", "print"})

@@ -40,6 +40,7 @@ from pam_ros.driver_state import (
     reason_against_commands,
 )
 from pam_ros.errors import ParameterError
+from pam_ros.subscriptions import malformed_messages
 
 from .fake_board import FakeBoard
 from .node_bench import ELBOW, NAMES, PATIENCE
@@ -378,6 +379,41 @@ def test_a_topic_of_the_emergency_stop_stops_the_node(
         node._on_people(EMERGENCY_STOP, Bool(data=False))
         inside.answer(lambda: driver.state is SafetyState.FAULT)
         assert "emergency stop is pressed" in str(driver.faults[0])
+    finally:
+        inside.close()
+
+
+@pytest.mark.parametrize("malformed", [b"\0\1\0\0", b"", b"\0\1\0\0\7", b"\0\7\0\0\1"])
+def test_what_cannot_be_read_permits_people_nothing(
+    monkeypatch: pytest.MonkeyPatch, codec: BoardCodec, malformed: bytes
+) -> None:
+    """Four bytes on the topic of the emergency stop ended the driver in motion."""
+    inputs = ("emergency_stop", "enabling_switch", "full_speed")
+    wanted = [(f"people.{name}_topic", "true") for name in inputs]
+    inside = Inside(monkeypatch, codec, *wanted, ("people.deadline", 5.0))
+    try:
+        node = inside.node
+        assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        driver = node._driver
+        assert driver is not None
+        hear = {one.subscription.topic_name.rpartition("/")[2]: one for one in node.polled_topics}
+        people = [one.subscription.callback for name, one in hear.items() if name[0] in "ef"]
+        assert len(people) == len(inputs)
+        now = time.monotonic()
+        for one in people:
+            one(b"\0\1\0\0\1")
+        assert not driver.people.pressed(now)
+        assert not driver.people.not_enabled(now)
+        assert not driver.people.reduced_speed(now)
+        for one in people:
+            one(malformed)
+        assert driver.people.pressed(now)
+        assert "released" in driver.people.not_enabled(now)
+        assert driver.people.reduced_speed(time.monotonic())
+        inside.answer(lambda: driver.state is SafetyState.FAULT)
+        assert "emergency stop is pressed" in str(driver.faults[0])
+        assert malformed_messages(node).count == len(inputs)
+        node.check()
     finally:
         inside.close()
 
