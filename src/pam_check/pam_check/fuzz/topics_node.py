@@ -46,6 +46,10 @@ MOVE_WITHIN: Final = 6.0  # s
 ROUND: Final = 3.0  # s of attack, before the arm is made to move again
 BURST: Final = 20  # messages between two looks at the arm
 PAUSE: Final = 0.01  # s between two bursts
+# Messages that are kept for each topic, and the share of new ones: to draw one takes longer than
+# to send it.
+KEPT: Final = 100
+NEW: Final = 0.1
 # What the first asks for really happens in the simulated rig, and by the others the arm is watched.
 _MALFORMED_ALONE: Final = ("/inject_fault", "/ground_truth/")
 _NOT_ATTACKED: Final = ("/rosout", "/parameter_events")
@@ -98,6 +102,7 @@ class TopicAttacker(Node):  # type: ignore[misc]
         self._messages = Messages(rig, self._draw)
         self._attack = attack
         self._aimed: dict[str, tuple[Any, Any]] = {}
+        self._drawn: dict[tuple[str, bool], list[tuple[bytes, bool]]] = {}
         subscribe(self, JointState, "ground_truth/joint_states", self._on_joints, 10)
         subscribe(self, JointState, "ground_truth/pressure_states", self._on_pressures, 10)
 
@@ -131,15 +136,26 @@ class TopicAttacker(Node):  # type: ignore[misc]
         """Publish one message on one topic."""
         topic = self._draw.choice(sorted(self._aimed))
         kind, publisher = self._aimed[topic]
-        data = self._messages.data(kind)
-        bad = _is_malformed(data, kind)
         spared = any(part in topic for part in _MALFORMED_ALONE)
-        while (malformed_alone or spared) and not bad:
-            data = self._messages.data(kind)
-            bad = _is_malformed(data, kind)
+        data, bad = self._data(topic, kind, malformed_alone=malformed_alone or spared)
         self._attack.sent[topic] += 1
         self._attack.malformed += bad
         publisher.publish(data)
+
+    def _data(self, topic: str, kind: Any, *, malformed_alone: bool) -> tuple[bytes, bool]:
+        """The bytes of a message, and whether they are malformed; most were sent before."""
+        kept = self._drawn.setdefault((topic, malformed_alone), [])
+        if len(kept) >= KEPT and self._draw.random() > NEW:
+            return self._draw.choice(kept)
+        while True:
+            data = self._messages.data(kind)
+            bad = _is_malformed(data, kind)
+            if bad or not malformed_alone:
+                break
+        if len(kept) >= KEPT:
+            kept.pop(self._draw.randrange(KEPT))
+        kept.append((data, bad))
+        return data, bad
 
 
 def _is_malformed(data: bytes, kind: Any) -> bool:
@@ -216,7 +232,7 @@ def _attack(
             while time.monotonic() < until:
                 for _ in range(BURST):
                     attacker.send(malformed_alone=malformed_alone)
-                    rclpy.spin_once(attacker, timeout_sec=0.0)
+                rclpy.spin_once(attacker, timeout_sec=0.0)
                 operator.run(PAUSE)
                 chain.check()
             if malformed_alone and moves:
