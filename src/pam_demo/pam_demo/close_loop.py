@@ -1,4 +1,4 @@
-"""`python -m pam_demo close-loop`: diagnose a hidden effect and compare tracking before and after.
+"""`pam demo close-loop`: diagnose a hidden effect and compare tracking before and after.
 
 The demo runs on a simulated rig with an effect that its rig file does not contain. The recording is
 diagnosed. Then the demo runs again on the same simulated rig, and every node uses the improved rig

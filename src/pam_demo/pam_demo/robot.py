@@ -1,4 +1,4 @@
-"""`python -m pam_demo robot`: the simulated robot, for nodes of one's own, without `ros2 launch`.
+"""`pam demo robot`: the simulated robot, for nodes of one's own, without `ros2 launch`.
 
 Simulated rig, driver, model and controller run in the ROS domain of the terminal until Ctrl-C.
 """

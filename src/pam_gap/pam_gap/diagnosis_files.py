@@ -1,4 +1,4 @@
-"""`python -m pam_gap diagnose RECORDING... --rig RIG --out DIR`: a diagnosis from files to files.
+"""`pam gap diagnose RECORDING... --rig RIG --out DIR`: a diagnosis from files to files.
 
 It writes diagnosis.json, report.html and, where an effect was found, rig_improved.yaml, which
 simulation, model node and controller can read in place of the rig file. For a verdict of `unknown`

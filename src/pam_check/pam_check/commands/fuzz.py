@@ -53,7 +53,7 @@ COMMANDS = (
         _declare_fuzz,
         _fuzz,
         bad_news="if anything failed",
-        examples=("python -m pam_check fuzz frames --count 10000000",),
+        examples=("pam check fuzz frames --count 10000000",),
     ),
     Command(
         "fuzz-callbacks",

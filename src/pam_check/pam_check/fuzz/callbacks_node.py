@@ -1,6 +1,6 @@
 """Calls the callbacks of the nodes with random and mutated messages.
 
-`python -m pam_check fuzz-callbacks --count 1000000` creates the nodes in this process, calls the
+`pam check fuzz-callbacks --count 1000000` creates the nodes in this process, calls the
 callback of each subscription with that many messages of its type, and calls the timers in between.
 No exception may escape, and a driver that was not activated must not allow air flow. Names, sizes,
 numbers and stamps are random; types are correct, because ROS checks them.

@@ -16,6 +16,7 @@ from pam_model.argument_types import (
     one_of,
 )
 from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_ros.program_name import PROGRAM
 
 FLOW, REGULATOR = "flow", "pressure_regulator"
 
@@ -126,7 +127,7 @@ def _run(chosen: Arguments) -> Outcome:
     text = NewRig(braid=BraidFromDatasheet.measured(*size), **answers).text()
     make_parents(chosen.output).write_text(text, encoding="utf-8")
     rig = load_rig(chosen.output)
-    print(f"written: {chosen.output}; check it: python -m pam_driver check-rig {chosen.output}")
+    print(f"written: {chosen.output}; check it: {PROGRAM} driver check-rig {chosen.output}")
     return Outcome({"file": chosen.output, "joints": rig.joint_names, "muscles": rig.muscle_names})
 
 
@@ -137,8 +138,8 @@ COMMANDS = (
         _declare,
         _run,
         examples=(
-            "python -m pam_model new-rig my_robot.yaml",
-            "python -m pam_model new-rig arm.yaml --joints shoulder,elbow --length 0.3 --defaults",
+            "pam model new-rig my_robot.yaml",
+            "pam model new-rig arm.yaml --joints shoulder,elbow --length 0.3 --defaults",
         ),
     ),
 )

@@ -106,13 +106,13 @@ COMMANDS = (
         "write the muscle section of a rig file from a data sheet",
         _declare_braid,
         _braid,
-        examples=("python -m pam_model braid --diameter 20e-3 --length 0.3 --angle 23",),
+        examples=("pam model braid --diameter 20e-3 --length 0.3 --angle 23",),
     ),
     Command(
         "urdf",
         "write the joints of a rig as URDF",
         _declare_urdf,
         _urdf,
-        examples=("python -m pam_model urdf --rig config/elbow.yaml --output elbow.urdf",),
+        examples=("pam model urdf --rig config/elbow.yaml --output elbow.urdf",),
     ),
 )

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.errors import RigError
+from pam_ros.program_name import PROGRAM
 
 Quantity = float | npt.NDArray[np.float64]
 
@@ -130,7 +131,7 @@ Factory = Callable[[MuscleGeometry, Mapping[str, float]], ForceModel]
 
 @dataclass(frozen=True, slots=True)
 class RegisteredModel:
-    """A model's class, its factory, and its line in `python -m pam_model list`."""
+    """A model's class, its factory, and its line in `pam model list`."""
 
     name: str
     factory: Factory
@@ -185,7 +186,7 @@ def unknown_model(name: object) -> str:
     of_row = [entry.name for entry in models.values() if entry.row == name]
     if of_row:
         return (
-            f"unknown force model {name!r}: that is a row of `python -m pam_model list`, whose "
+            f"unknown force model {name!r}: that is a row of `{PROGRAM} model list`, whose "
             f"model for a rig file is {', '.join(of_row)}"
         )
     close = get_close_matches(str(name), models, 1)

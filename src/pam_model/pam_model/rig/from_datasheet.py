@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from pam_model.errors import PamError
 from pam_model.muscles.braid import NEUTRAL_ANGLE, ThinCylinder, require_positive
+from pam_ros.program_name import PROGRAM
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +114,7 @@ class BraidFromDatasheet:
         return "\n".join(
             [
                 f"    {name}:",
-                "      model: chou_hannaford         # ideal braid; python -m pam_model list",
+                f"      model: chou_hannaford         # ideal braid; {PROGRAM} model list",
                 f"      thread_length: {self.thread_length:<14.6g} # m",
                 f"      turns: {self.turns:<22.6g} # -",
                 f"      wall_thickness: {self.wall_thickness:<13.6g} # m",
