@@ -98,6 +98,7 @@ def wrong_values(kind: str, folder: Path) -> list[str]:
         "number": ["nan", "many", ""],
         "names": ["Elbow", "a,a", "1st", ""],
         "one_of": ["none of them", ""],
+        "muscle_size": ["DMSP-15", "20", ""],
         "named_number": ["x=abc", "x"],
         "input_path": [str(missing)],
         "input_file": [str(missing), str(folder)],
