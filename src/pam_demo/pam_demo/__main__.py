@@ -12,7 +12,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 
-from pam_model.argument_types import count, input_file, output_folder
+from pam_model.argument_types import count, input_file, number, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, Tool, add_rig
 
 DEFAULT_EFFECT = "coulomb_friction.torque=0.5"
@@ -29,6 +29,7 @@ def _demo(given: Arguments) -> Outcome:
 def _declare_demo(parser: Parser) -> None:
     add_rig(parser)
     _add_can(parser)
+    _add_rate(parser, "the highest of 500, 250 and 125 that this computer holds")
     parser.add_argument(
         "--joint", default="", metavar="NAME", help="the joint that moves (default: the first)"
     )
@@ -100,6 +101,7 @@ def _robot(given: Arguments) -> Outcome:
 def _declare_robot(parser: Parser) -> None:
     add_rig(parser)
     _add_can(parser)
+    _add_rate(parser, "500; fewer on a slow computer")
     parser.add_argument(
         "--true-effects",
         nargs="+",
@@ -109,6 +111,15 @@ def _declare_robot(parser: Parser) -> None:
     )
     parser.add_argument(
         "--out", type=output_folder, default="out/robot", help="folder (default: %(default)s)"
+    )
+
+
+def _add_rate(parser: Parser, default: str) -> None:
+    parser.add_argument(
+        "--rate",
+        type=number("Hz", least=50.0, most=1000.0),
+        metavar="HZ",
+        help=f"rate of the loops of driver and controller [Hz] (default: {default})",
     )
 
 
