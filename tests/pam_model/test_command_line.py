@@ -114,7 +114,7 @@ def test_a_full_disk_is_one_line_that_says_what_is_left(capsys):
     ("arguments", "told"),
     [
         ((), "COMMAND"),
-        (("acts",), "unknown command 'acts', did you mean 'act'; there are: act, watch"),
+        (("acts",), "unknown command 'acts'; did you mean act? Known: act, watch"),
         (("--times",), "COMMAND"),
         (("act", "--tim", "3"), "--tim"),
         (("act", "--times", "0"), "0: expected a whole number from 1 to 9"),

@@ -37,6 +37,7 @@ from pam_demo.programs import RECORDER
 from pam_gap.answer.user_units import told
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
+from pam_model.names import unknown
 from pam_model.rig import Rig, load_rig
 from pam_ros.periodic import LOWEST_PRIORITY
 from pam_sim.rig import parse_effects
@@ -216,7 +217,7 @@ def chosen_joint(rig: Rig, name: str) -> str:
         If the rig has no such joint.
     """
     if name and name not in rig.joint_names:
-        raise PamError(f"--joint {name}: the rig has the joints {', '.join(rig.joint_names)}")
+        raise PamError(f"--joint: {unknown('joint', name, rig.joint_names)}")
     return name or rig.joint_names[0]
 
 

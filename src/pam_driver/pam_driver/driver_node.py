@@ -16,7 +16,7 @@ import gc
 import logging
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -394,7 +394,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         )
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; returns the exit code."""
     ended = HELP.answer(arguments)
     if ended is not None:

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from typing import Final, Never, TypeVar
 
+from pam_model.errors import UnknownNameError
 from pam_ros.foreign_text import shown
+
+MOST_LISTED: Final = 40
+"""Names that are all listed; of more, only those that are near are."""
+_Entry = TypeVar("_Entry")
 
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> str:
@@ -22,7 +28,21 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> str:
     """
     names = list(known)
     folded = {one.casefold(): one for one in names}
-    close = get_close_matches(str(name).casefold(), folded, 1, 0.6)
-    meant = f", did you mean {folded[close[0]]!r}" if close else ""
-    there = ", ".join(names) or "none"
-    return f"unknown {kind} {shown(str(name))}{meant}; there are: {there}"
+    close = get_close_matches(str(name).casefold(), folded, 1 if len(names) <= MOST_LISTED else 5)
+    text = f"unknown {kind} {shown(str(name))}"
+    if close:
+        text += f"; did you mean {' or '.join(folded[one] for one in close)}?"
+    if len(names) <= MOST_LISTED:
+        text += f"{' Known' if close else '; known'}: {', '.join(names) or 'none'}"
+    return text
+
+
+class Named(dict[str, _Entry]):
+    """A mapping by name in which a name that is missing is told with those that are near."""
+
+    def __init__(self, kind: str, entries: Iterable[tuple[str, _Entry]]) -> None:
+        super().__init__(entries)
+        self._kind = kind
+
+    def __missing__(self, name: object) -> Never:
+        raise UnknownNameError(unknown(self._kind, name, self))

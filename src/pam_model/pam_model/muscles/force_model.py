@@ -17,7 +17,9 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.errors import RigError
+from pam_model.bounds import within
+from pam_model.errors import DomainError, RigError
+from pam_model.names import Named
 from pam_ros.program_name import PROGRAM
 
 Quantity = float | npt.NDArray[np.float64]
@@ -64,12 +66,23 @@ class MuscleGeometry:
         Unpressurised braid length [m].
     wall_thickness : float
         t_k, bladder and sheath [m].
+
+    Raises
+    ------
+    DomainError
+        For a value that is not finite and above 0, or a wall thickness below 0.
     """
 
     thread_length: float
     turns: float
     rest_length: float
     wall_thickness: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no length or number of turns."""
+        for name, unit in (("thread_length", "m"), ("turns", "-"), ("rest_length", "m")):
+            within(name, getattr(self, name), unit=unit, above=0.0, error=DomainError)
+        within("wall_thickness", self.wall_thickness, 0.0, unit="m", error=DomainError)
 
 
 @runtime_checkable
@@ -177,7 +190,7 @@ def register(
 
 def registered_models() -> Mapping[str, RegisteredModel]:
     """Every length-force model by the name a rig file uses, in alphabetical order."""
-    return dict(sorted(_REGISTER.items()))
+    return Named("force model", sorted(_REGISTER.items()))
 
 
 def unknown_model(name: object) -> str:
