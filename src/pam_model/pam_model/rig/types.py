@@ -5,6 +5,7 @@ Pressures are gauge unless a field is named or described as absolute. `file.py` 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -300,8 +301,9 @@ class Plausibility:
     supply_high_share: float = 1.3
 
     def __post_init__(self) -> None:
-        """Check the numbers as a rig file's."""
-        _check(self, "plausibility", "plausibility")
+        """Refuse what is no limit; a study may have sharper or wider ones than a rig file."""
+        limits = {name: (0.0, math.inf, key.unit) for name, key in NUMBERS["plausibility"].items()}
+        check_numbers(self, "plausibility", limits, error=RigError)
 
 
 @dataclass(frozen=True)
