@@ -9,6 +9,7 @@ extensors do push; the joint model enforces that other muscles cannot push.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -80,9 +81,12 @@ class MuscleGeometry:
 
     def __post_init__(self) -> None:
         """Refuse what is no length or number of turns."""
-        for name, unit in (("thread_length", "m"), ("turns", "-"), ("rest_length", "m")):
-            within(name, getattr(self, name), unit=unit, above=0.0, error=DomainError)
-        within("wall_thickness", self.wall_thickness, 0.0, unit="m", error=DomainError)
+        least = {"thread_length": 0.0, "turns": 0.0, "rest_length": 0.0, "wall_thickness": None}
+        for name, above in least.items():
+            value, unit = getattr(self, name), "-" if name == "turns" else "m"
+            if isinstance(value, float | int | str | None):  # a fit takes slopes by dual numbers
+                low = -math.inf if above is not None else 0.0
+                within(name, value, low, unit=unit, above=above, error=DomainError)
 
 
 @runtime_checkable
