@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +15,9 @@ from pam_gap.fleet.recording_time import read_date
 from pam_gap.recordings.import_csv import TABLES, is_table
 from pam_gap.recordings.import_recording import is_bag
 from pam_model.errors import PamError
+from pam_model.reading import read_text, reading
 from pam_model.rig import load_rig
+from pam_ros.foreign_text import all_shown
 
 COLUMNS = ("recording", "rig", "robot", "time")
 
@@ -107,16 +111,14 @@ def many_rigs(folder: Path, table: Path) -> list[Job]:
     PamError
         For a table, recording or rig file that cannot be used.
     """
-    try:
-        rows = pd.read_csv(table, dtype=str, comment="#", skipinitialspace=True)
-    except (ValueError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())
-        raise PamError(f"{table}: not a readable CSV table ({reason})") from None
+    with reading(table, "a readable CSV table"):
+        text = io.StringIO(read_text(table))
+        rows = pd.read_csv(text, dtype=str, comment="#", skipinitialspace=True)
     rows.columns = [str(name).strip() for name in rows.columns]
     for column in ("recording", "rig"):
         if column not in rows.columns:
             raise PamError(
-                f"{table}: no column {column!r}; found {', '.join(rows.columns)}; expected "
+                f"{table}: no column {column!r}; found {all_shown(rows.columns)}; expected "
                 f"{', '.join(COLUMNS)}, of which robot and time may be left out"
             )
     jobs: list[Job] = []
@@ -144,8 +146,7 @@ def many_rigs(folder: Path, table: Path) -> list[Job]:
         )
     if not jobs:
         raise PamError(f"{table}: no recording in this table")
-    names = [job.name for job in jobs]
-    for name in names:
-        if names.count(name) > 1:
+    for name, count in Counter(job.name for job in jobs).items():
+        if count > 1:
             raise PamError(f"{table}: recording {name} stands in several lines; expected one")
     return jobs
