@@ -1,7 +1,7 @@
 """Text that others wrote, made fit for a message: short, quoted, and on one line.
 
 A name in a message, a cell of a table or a line of a maker's file can be of any length and contain
-any character. Whoever shows such a text passes it through `shown`, and formats nothing of it before.
+any character. Whoever shows one passes it through `shown`, and formats nothing of it before.
 """
 
 from __future__ import annotations

@@ -128,10 +128,7 @@ def read_experiment(folder: Path) -> Excitation:
     PamError
         When a file is missing or does not have the expected content.
     """
-    expected = (
-        f"a proposed experiment; expected {DETAILS} and {COMMANDS} as a diagnosis writes them"
-    )
-    with reading(folder, expected):
+    with reading(folder, f"a proposed experiment of a diagnosis, {DETAILS} and {COMMANDS}"):
         details = json.loads(read_text(folder / DETAILS))
         table = pd.read_csv(io.StringIO(read_text(folder / COMMANDS)))
         # `commands_table` writes the agonist's pressure before the antagonist's.

@@ -45,21 +45,32 @@ def _nested(name: str, value: Any, depth: int = 0) -> Named:
         for key in value._fieldnames:
             yield from _nested(f"{inside}{key}", getattr(value, key), depth + 1)
     elif isinstance(value, Sequence) and value and isinstance(value[0], Mapping):
-        rows = [dict(_leaves("", row)) for row in value if isinstance(row, Mapping)]
-        keys = dict.fromkeys(key for row in rows for key in row)
-        Allowance().take((len(rows), len(keys)), 8, "a list of objects with different names")
-        for key in keys:
-            yield f"{inside}{key}", _numbers([row.get(key) for row in rows])
-    elif isinstance(value, np.ndarray) and value.dtype.names:  # a table with named fields
-        for key in value.dtype.names:
-            yield f"{inside}{key}", value[key]
-    elif isinstance(value, np.ndarray) and value.dtype == object:  # cells, or several structures
-        for place, part in enumerate(value.ravel()[:_MOST_CELLS]):
-            yield from _nested(f"{inside}{place}", part, depth + 1)
+        yield from _of_rows(inside, value)
     elif isinstance(value, np.ndarray):
-        yield name, value
+        yield from _of_array(name, inside, value, depth)
     elif isinstance(value, Sequence) and not isinstance(value, str):
         yield name, _numbers(value)
+
+
+def _of_rows(inside: str, value: Sequence[Any]) -> Named:
+    """The columns of a list of objects."""
+    rows = [dict(_leaves("", row)) for row in value if isinstance(row, Mapping)]
+    keys = dict.fromkeys(key for row in rows for key in row)
+    Allowance().take((len(rows), len(keys)), 8, "a list of objects with different names")
+    for key in keys:
+        yield f"{inside}{key}", _numbers([row.get(key) for row in rows])
+
+
+def _of_array(name: str, inside: str, value: Any, depth: int) -> Named:
+    """The arrays in an array: itself, its named fields, or what its cells hold."""
+    if value.dtype.names:
+        for key in value.dtype.names:
+            yield f"{inside}{key}", value[key]
+    elif value.dtype == object:  # cells, or several structures
+        for place, part in enumerate(value.ravel()[:_MOST_CELLS]):
+            yield from _nested(f"{inside}{place}", part, depth + 1)
+    else:
+        yield name, value
 
 
 def _leaves(name: str, value: Any) -> Named:

@@ -2,7 +2,7 @@
 
 An array is described by its dimensions and, apart from them, by the bytes of its elements. Each
 element needs at least one byte, so that dimensions whose product exceeds the bytes are damage; of
-cells and structures, scipy would allocate them first. Source: MAT-File Format, MathWorks, chapter 1.
+cells and structures, scipy would allocate them first. Source: MAT-File Format, MathWorks.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def refuse_impossible_sizes(path: Path) -> None:
 
 
 def _refuse_version_4(content: bytes) -> None:
-    """Five numbers of 4 bytes describe each matrix: type, rows, columns, complex, length of name."""
+    """Five numbers of 4 bytes describe a matrix: type, rows, columns, complex, length of name."""
     if len(content) < 20:
         raise ValueError("no MAT file")
     for order in "<>":

@@ -1,4 +1,4 @@
-"""Where the columns of a table of text stand: metadata, names, units, numbers, and what lies between.
+"""Where names, units and numbers stand in a table of text, and what separates its columns.
 
 Instruments write their settings before the table and the units below the names; numpy writes the
 names behind a `#`; some programs separate by blanks. The numbers are therefore found first: the
@@ -95,13 +95,14 @@ def _first_row(rows: Rows) -> tuple[int, float]:
         # a line of the metadata may look like a row, but not the lines below it
         if is_row and all(good[place : place + 3]):
             fitting = [share for share in shares[place:] if share >= 0.5]
-            return place, len(fitting) * (sum(fitting) / len(fitting)) ** 2
+            alone = 0.5 if width == 1 else 1.0  # "1,2" is one number only where nothing else fits
+            return place, alone * len(fitting) * (sum(fitting) / len(fitting)) ** 2
     return -1, 0.0
 
 
 def unit_spelt(text: str) -> str | None:
     """The unit that a text is, with or without brackets; None for another text."""
-    return UNIT_SPELLINGS.get(text.strip(" []()").lower())
+    return UNIT_SPELLINGS.get(text.strip(" []()").lower().removeprefix("in "))
 
 
 def _are_units(cells: Sequence[str]) -> bool:
@@ -158,8 +159,8 @@ def find_layout(lines: Sequence[str]) -> TableLayout:
 def _fitted(names: list[str], cells: list[str], line: str) -> list[str]:
     """The names if they fit the cells of the first row; empty if they do not."""
     apart = [part.strip() for part in re.split(r"\s{2,}|\t", line.strip()) if part.strip()]
-    for found in (names, apart):
-        found = list(found)
+    for tried in (names, apart):
+        found = list(tried)
         while len(found) > len(cells) and not found[-1]:
             found.pop()
         if _share(found) >= 0.5 or not any(found):

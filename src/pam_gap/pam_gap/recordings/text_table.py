@@ -1,4 +1,4 @@
-"""Reads tables of text as laboratory programs write them: CSV with any usual separator, packed or not.
+"""Reads tables of text as laboratory programs write them, with any usual separator, packed or not.
 
 The first lines tell the layout. A column of text may hold numbers with their sign apart, dates,
 which become seconds since 1970 (UTC where no zone is given), or times of day, which become seconds
