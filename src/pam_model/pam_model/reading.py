@@ -58,16 +58,21 @@ def _reason(error: Exception) -> str:
     return in_one_line(str(error)) or type(error).__name__
 
 
-def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
-    """The text of a file in UTF-8 with or without byte order mark, if it is not too large.
+def read_limited(path: Path, largest: int = LARGEST_TEXT) -> bytes:
+    """The content of a file that is not too large.
 
     Raises
     ------
     ValueError, OSError
-        For a larger file, other text, or one that cannot be read; for a caller within `reading`.
+        For a larger file, or one that cannot be read; for a caller within `reading`.
     """
     with path.open("rb") as file:
         content = file.read(largest + 1)
     if len(content) > largest:
         raise ValueError(f"larger than {largest} bytes")
-    return content.decode("utf-8-sig")
+    return content
+
+
+def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
+    """The text of a file in UTF-8 with or without byte order mark; errors as `read_limited`."""
+    return read_limited(path, largest).decode("utf-8-sig")

@@ -17,7 +17,7 @@ from pam_gap.recordings.import_recording import is_bag
 from pam_model.errors import PamError
 from pam_model.reading import read_text, reading
 from pam_model.rig import load_rig
-from pam_ros.foreign_text import all_shown
+from pam_ros.foreign_text import all_shown, shown
 
 COLUMNS = ("recording", "rig", "robot", "time")
 
@@ -112,8 +112,12 @@ def many_rigs(folder: Path, table: Path) -> list[Job]:
         For a table, recording or rig file that cannot be used.
     """
     with reading(table, "a readable CSV table"):
-        text = io.StringIO(read_text(table))
-        rows = pd.read_csv(text, dtype=str, comment="#", skipinitialspace=True)
+        return _many_rigs(folder, table)
+
+
+def _many_rigs(folder: Path, table: Path) -> list[Job]:
+    text = io.StringIO(read_text(table))
+    rows = pd.read_csv(text, dtype=str, comment="#", skipinitialspace=True)
     rows.columns = [str(name).strip() for name in rows.columns]
     for column in ("recording", "rig"):
         if column not in rows.columns:
@@ -128,9 +132,11 @@ def many_rigs(folder: Path, table: Path) -> list[Job]:
         entry = {str(key): str(value).strip() for key, value in row.items()}
         recording, rig = folder / entry["recording"], table.parent / entry["rig"]
         if not entry["recording"] or not recording.exists():
-            raise PamError(f"{where}: recording {recording}: there is no such file or folder")
+            raise PamError(
+                f"{where}: recording {shown(str(recording))}: there is no such file or folder"
+            )
         if not rig.is_file():
-            raise PamError(f"{where}: rig {rig}: there is no such file")
+            raise PamError(f"{where}: rig {shown(str(rig))}: there is no such file")
         if rig not in checked:
             load_rig(rig)
             checked.add(rig)
@@ -148,5 +154,7 @@ def many_rigs(folder: Path, table: Path) -> list[Job]:
         raise PamError(f"{table}: no recording in this table")
     for name, count in Counter(job.name for job in jobs).items():
         if count > 1:
-            raise PamError(f"{table}: recording {name} stands in several lines; expected one")
+            raise PamError(
+                f"{table}: recording {shown(name)} stands in several lines; expected one"
+            )
     return jobs

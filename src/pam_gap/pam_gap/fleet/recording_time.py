@@ -14,6 +14,7 @@ from pam_gap.recordings.broken_bag import read_bag
 from pam_gap.recordings.import_csv import is_table, read_columns
 from pam_gap.recordings.import_recording import is_bag
 from pam_model.errors import PamError
+from pam_ros.foreign_text import shown
 
 EARLIEST = datetime(2000, 1, 1, tzinfo=UTC).timestamp()
 """A stamp before this is no date but the time since some start [s]."""
@@ -48,7 +49,9 @@ def read_date(text: str, where: str) -> float:
     try:
         found = datetime.fromisoformat(text.strip())
     except ValueError:
-        raise PamError(f"{where}: {text!r} is no date; expected ISO 8601, as 2026-03-31") from None
+        raise PamError(
+            f"{where}: {shown(text)} is no date; expected ISO 8601, as 2026-03-31"
+        ) from None
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
