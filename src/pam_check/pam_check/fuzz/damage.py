@@ -23,7 +23,7 @@ _NUMBERS: Final = (
     -(2**63),
 )
 _TOKENS: Final = (
-    b"nan", b"1e999", b"-1e308", b"9" * 400, b"[" * 3000, b'"', b"\0", b"\xff\xfe", "é".encode() * 300,
+    b"nan", b"1e999", b"-1e308", b"9" * 400, b"[" * 3000, b'"', b"\0", b"\xff", "é".encode() * 99,
     b"2024-13-45", b"99:99:99", b",,,,,", b";", b"\t", b"\n", b"\r", b"#", b"{", b"*a", b"&a [*a]",
     b"+ 1", b"null", b"true", b"1_0", b"0x7f", b"-", b"1e-320", b"12345678901234567890",
 )  # fmt: skip
@@ -47,7 +47,7 @@ def _overwrite(draw: random.Random, data: bytearray) -> bytearray:
 
 
 def _claim(draw: random.Random, data: bytearray) -> bytearray:
-    """Write an extreme number where a size may stand: near the beginning or the end, or anywhere."""
+    """Write an extreme number where a size may stand: near an end of the file, or anywhere."""
     size = draw.choice((1, 2, 4, 8))
     number = draw.choice(_NUMBERS) & (2 ** (8 * size) - 1)
     value = struct.pack("<Q", number)[:size]

@@ -83,7 +83,7 @@ def _other_files(rig: Rig, folder: Path) -> dict[str, tuple[dict[str, bytes], st
     return {
         "map": ({"map.yaml": _map_text(log).encode()}, "map.yaml", load_column_map),
         "points": ({"points.csv": points.encode()}, "points.csv", load_measurements),
-        "rig": ({"rig.yaml": (folder / "rig.yaml").read_bytes()}, "rig.yaml", load_rig),
+        "rig": ({"spoilt.yaml": (folder / "rig.yaml").read_bytes()}, "spoilt.yaml", load_rig),
         "fleet": (
             {"rigs.csv": b"recording,rig,robot,time\nrecording.csv,rig.yaml,a,2026-01-02\n"},
             "rigs.csv",

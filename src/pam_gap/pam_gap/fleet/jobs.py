@@ -132,11 +132,10 @@ def _many_rigs(folder: Path, table: Path) -> list[Job]:
         entry = {str(key): str(value).strip() for key, value in row.items()}
         recording, rig = folder / entry["recording"], table.parent / entry["rig"]
         if not entry["recording"] or not recording.exists():
-            raise PamError(
-                f"{where}: recording {shown(str(recording))}: there is no such file or folder"
-            )
+            name = shown(entry["recording"])
+            raise PamError(f"{where}: recording {name}: there is no such file or folder")
         if not rig.is_file():
-            raise PamError(f"{where}: rig {shown(str(rig))}: there is no such file")
+            raise PamError(f"{where}: rig {shown(entry['rig'])}: there is no such file")
         if rig not in checked:
             load_rig(rig)
             checked.add(rig)
@@ -154,7 +153,6 @@ def _many_rigs(folder: Path, table: Path) -> list[Job]:
         raise PamError(f"{table}: no recording in this table")
     for name, count in Counter(job.name for job in jobs).items():
         if count > 1:
-            raise PamError(
-                f"{table}: recording {shown(name)} stands in several lines; expected one"
-            )
+            told = f"recording {shown(name)} stands in several lines; expected one"
+            raise PamError(f"{table}: {told}")
     return jobs

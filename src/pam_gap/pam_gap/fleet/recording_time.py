@@ -49,9 +49,8 @@ def read_date(text: str, where: str) -> float:
     try:
         found = datetime.fromisoformat(text.strip())
     except ValueError:
-        raise PamError(
-            f"{where}: {shown(text)} is no date; expected ISO 8601, as 2026-03-31"
-        ) from None
+        expected = "expected ISO 8601, as 2026-03-31"
+        raise PamError(f"{where}: {shown(text)} is no date; {expected}") from None
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 

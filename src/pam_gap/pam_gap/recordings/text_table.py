@@ -25,8 +25,10 @@ from pam_ros.foreign_text import shown
 
 _LINES: Final = 60
 """Lines that are looked at."""
-_MOST_HEAD: Final = 1 << 26
-"""Bytes in which these lines must end."""
+_FEWEST_LINES, _ENOUGH = 4, 1 << 20
+"""So many suffice if they have so many bytes, as with 100,000 columns."""
+_LONGEST_LINE: Final = 1 << 24
+"""Bytes in which a line must end."""
 _TIME_OF_DAY: Final = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)"
 _DAY: Final = 86400.0
 
@@ -79,8 +81,13 @@ class Table:
         """The columns of a data frame; of two with one name, ValueError is raised."""
         names = [str(name).strip() for name in frame.columns]
         refuse_doubled(names)
-        table = cls({})
-        for place, name in enumerate(names):
+        table = cls(dict.fromkeys(names, np.zeros(0)))
+        plain = [isinstance(kind, np.dtype) and kind.kind in "biuf" for kind in frame.dtypes]
+        numeric = frame if all(plain) else frame.loc[:, plain]
+        values = numeric.to_numpy(dtype=np.float64)  # at once: there may be 100,000
+        table.columns |= dict(zip(np.array(names, dtype=object)[plain], values.T, strict=True))
+        for place in np.flatnonzero(~np.array(plain, dtype=np.bool_)):
+            name = names[place]
             table.columns[name], text = _numbers(frame.iloc[:, place], decimal)
             if text is not None:
                 table.texts[name] = text
@@ -97,12 +104,12 @@ def _head(path: Path) -> tuple[list[str], str]:
     """
     with open_unpacked(path) as file:
         start = bytearray()
-        for _ in range(_LINES):
-            line = file.readline(_MOST_HEAD - len(start))
+        for number in range(_LINES):
+            line = file.readline(_LONGEST_LINE)
+            if len(line) == _LONGEST_LINE:
+                raise ValueError(f"line {number + 1} has no end within {_LONGEST_LINE} bytes")
             start += line
-            if len(start) >= _MOST_HEAD:
-                raise ValueError(f"its first {_LINES} lines are longer than {_MOST_HEAD} bytes")
-            if not line:
+            if not line or (number > _FEWEST_LINES and len(start) > _ENOUGH):
                 break
     encoding = encoding_of(bytes(start))
     text = codecs.getincrementaldecoder(encoding)(errors="replace").decode(bytes(start))
@@ -137,7 +144,8 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
             index_col=False, on_bad_lines="warn", low_memory=False,
         )  # fmt: skip
     # a column without a name is used by nobody
-    frame = frame.loc[:, [bool(name) for name in layout.names]]
+    if not all(layout.names):
+        frame = frame.loc[:, [bool(name) for name in layout.names]]
     frame.columns = [name for name in layout.names if name]
     table = Table.of_frame(frame, layout.decimal)
     table.units = layout.units

@@ -293,9 +293,8 @@ def load_staircase(
         if len(row) <= max(muscles, default=_FIRST_DISPLACEMENT):
             raise PamError(f"{path}: line {line} is short, expected {len(header)} columns")
         if row[1] not in ("0", "1"):
-            raise PamError(
-                f"{path}: line {line}, dir = {shown(row[1])}, expected 0 (up) or 1 (down)"
-            )
+            found = shown(row[1])
+            raise PamError(f"{path}: line {line}, dir = {found}, expected 0 (up) or 1 (down)")
         stop = stops.setdefault((row[0], row[1], row[2]), len(stops))
         for muscle in muscles:
             where = f"{path}: line {line}, {shown(header[muscle])}"
