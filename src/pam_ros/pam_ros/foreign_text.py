@@ -1,7 +1,7 @@
 """Text that others wrote, made fit for a message: short, quoted, and on one line.
 
 A name in a message, a cell of a table or a line of a maker's file can be of any length and contain
-any character. Whoever shows such a text passes it through `shown`, and formats nothing of it before.
+any character. Whoever shows one passes it through `shown`, and formats nothing of it before.
 """
 
 from __future__ import annotations
@@ -54,3 +54,23 @@ def all_shown(texts: Iterable[str]) -> str:
         else:
             left_out += 1
     return ", ".join(kept) + (f" and {left_out} more" if left_out else "")
+
+
+def in_one_line(text: str, longest: int = 160) -> str:
+    """What a library says of a foreign file, for the brackets of a message: one line, cut.
+
+    Parameters
+    ----------
+    text : str
+        Message of an exception; it may quote the file.
+    longest : int
+        Characters that are shown.
+
+    Returns
+    -------
+    str
+        The text without line breaks, control characters escaped.
+    """
+    line = " ".join(text[: 4 * longest].split())
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
+    return line if len(line) <= longest else f"{line[:longest]}..."

@@ -11,7 +11,7 @@ def _declare_fuzz(parser: Parser) -> None:
     parser.add_argument(
         "target",
         metavar="TARGET",
-        help="frames, driver, board, commands, references, measurements, injections or all",
+        help="frames, driver, board, commands, references, measurements, injections, files or all",
     )
     add_rig(parser)
     add_inputs(parser)
