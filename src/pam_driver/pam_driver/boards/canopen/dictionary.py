@@ -110,10 +110,10 @@ class Dictionary:
         content = _load(path, _changed_at(path), node)
         self._objects, self._lines, self._flaws = content
         self._used: set[ObjectName] = set()
-        self.vendor = self.default(ObjectName(0x1018, 1), used=False) or 0
+        self.vendor = self.certain(ObjectName(0x1018, 1)) or 0
         if 0x1000 not in self._objects:
             self.doubts.append("it has no object 0x1000, so the device profile is not checked")
-        self.product = self.default(ObjectName(0x1018, 2), used=False) or 0
+        self.product = self.certain(ObjectName(0x1018, 2)) or 0
 
     def line(self, name: ObjectName) -> int:
         """The line of the file in which an object begins; 0 if it has none."""
@@ -182,6 +182,12 @@ class Dictionary:
             return None
         value = entry.value if entry.value is not None else entry.default
         return value if isinstance(value, int) else None
+
+    def certain(self, name: ObjectName) -> int | None:
+        """The default of an object that can be done without; None if anything is wrong with it."""
+        if any(flaw.concerns(name.index, name.sub) for flaw in self._flaws):
+            return None
+        return self.default(name, used=False)
 
     def numbers(self, first: int) -> list[int]:
         """The numbers of the PDOs whose communication parameters begin at an index."""

@@ -29,6 +29,7 @@ _BYTES: Final = frozenset({datatypes.OCTET_STRING, datatypes.DOMAIN})
 _LARGEST_STANDARD_TYPE: Final = 0x1B
 _VAR, _DOMAIN, _ARRAY, _RECORD = 7, 2, 8, 9
 _DEFTYPE, _DEFSTRUCT = 5, 6
+_KINDS: Final = frozenset({_VAR, _DOMAIN, _ARRAY, _RECORD, _DEFTYPE, _DEFSTRUCT})
 _ACCESS: Final = ("ro", "wo", "rw", "rwr", "rww", "const")
 _DEVICE_NUMBER: Final = re.compile(
     r"(vendor|product|revision)number|baudrate_\d+|nrof[rt]xpdo|granularity|lss_supported"
@@ -276,6 +277,11 @@ class _Objects:
         if kind is None:
             return
         yield from (f"[{name}]", "ParameterName=-", f"ObjectType=0x{_VAR:X}", f"DataType={kind}")
+        own = section.get("objecttype")
+        if "sub" in section.name and own and eds_number(own) not in _KINDS:
+            # a sub-index is a variable, whatever it says
+            text = f"[{section.name}] ObjectType = {shown(own)} is no type"
+            self._flaws.append(Flaw(section.line_of("objecttype"), text))
         access = section.get("accesstype").lower()
         if access not in _ACCESS:
             self._wrong(section, "AccessType", index, sub, f"must be {', '.join(_ACCESS)}")

@@ -99,7 +99,7 @@ class DeviceReader:
         self.doubts += [f"{prefix}{doubt}" for doubt in dictionary.doubts]
         elsewhere = dictionary.flaws(used=False)
         self.doubts += [
-            f"{prefix}{flaw}; nothing in the rig file uses it" for flaw in elsewhere[:_MOST]
+            f"{prefix}{flaw}; the device can be used all the same" for flaw in elsewhere[:_MOST]
         ]
         if len(elsewhere) > _MOST:
             self.doubts.append(f"{prefix}{len(elsewhere) - _MOST} more such lines")
@@ -255,7 +255,7 @@ class DeviceReader:
         """Device type and identity; those of a maker's EDS file are checked as well."""
         where = self._top.section("identity")
         own = {"vendor": dictionary.vendor, "product": dictionary.product}
-        device_type = dictionary.default(ObjectName(0x1000), used=False) or 0
+        device_type = dictionary.certain(ObjectName(0x1000)) or 0
         if device_type & 0xFFFF:
             why = f"device profile by {dictionary.file}"
             yield Check(ObjectName(0x1000), device_type & 0xFFFF, why, 0xFFFF)
