@@ -23,12 +23,14 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from pam_check.chain import set_environment
 from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
 from pam_demo.player import TAIL, NotPlayedError, VentedError
+from pam_demo.recording import LOOP_COUNTS
 from pam_model.errors import PamError
 from pam_ros.foreign_text import SENTENCE, plain
 from pam_ros.start import start_ros
 from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
 
 Progress = Callable[[float], None]
+LOOPS = ("pam_driver: loop", "pam_controller: loop")
 ANSWER_TIMEOUT = 10.0  # s, for the driver's services
 RETRY_AFTER = 0.3  # s
 TURN = 0.1  # s; a signal is seen between two turns
@@ -50,6 +52,7 @@ class PlayerNode(Node):  # type: ignore[misc]
 
         self._fault = self._refused = ""
         self._refusals = 0
+        self._counts: dict[str, list[tuple[float, float]]] = {}
         subscribe(
             self, DiagnosticArray, "/diagnostics", self._on_diagnostics, 10,
             most_bytes=MOST_BYTES_OF_DIAGNOSTICS,
@@ -69,6 +72,25 @@ class PlayerNode(Node):  # type: ignore[misc]
                 if refusals > self._refusals:
                     self._refused = plain(values.get("last rejection", ""), SENTENCE)
                 self._refusals = refusals  # another controller counts anew
+            elif status.name in LOOPS:
+                counted = {pair.key: pair.value for pair in status.values}
+                cycles, late, skipped = (float(counted[key]) for key in LOOP_COUNTS)
+                self._counts.setdefault(status.name, []).append((cycles, late + skipped))
+
+    def start_counting(self) -> None:
+        """Count late cycles of the loops of driver and controller from now on."""
+        self._counts = {}
+
+    def late_share(self) -> float:
+        """Share of late and skipped cycles since then, of the loop that has more; 1 if unknown."""
+        shares = []
+        for name in LOOPS:
+            counts = self._counts.get(name, [])
+            if len(counts) < 2:  # its diagnostics come once a second
+                return 1.0
+            (cycles_before, late_before), (cycles, late) = counts[0], counts[-1]
+            shares.append((late - late_before) / max(cycles - cycles_before, 1.0))
+        return max(shares)
 
     def wait_for_controller(self, timeout: float, check: Callable[[], None]) -> None:
         """Wait until a controller is connected and follows a reference.

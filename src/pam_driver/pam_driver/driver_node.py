@@ -16,7 +16,7 @@ import gc
 import logging
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -152,7 +152,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             made = assemble_driver(self._rig, self._values)
         except PamError as error:
             return self._fail(str(error))
-        self._driver, self._ports, self._diagnostics = made
+        self._driver, self._ports, self._diagnostics, doubts = made
         self._loop = PeriodicLoop(
             partial(self._cycle, made.driver),
             1.0 / self._values.number("rate"),
@@ -163,6 +163,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._loop.start()
         names = ", ".join(port.name for port in made.ports.values())
         self.get_logger().info(f"measuring on {names}, valves vented")
+        for line in doubts:
+            self.get_logger().warning(line)
         for board in made.driver.boards.values():
             for line in weaker_promises(board):
                 self.get_logger().warning(f"{board.name}: {line}")
@@ -398,7 +400,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         )
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; returns the exit code."""
     ended = HELP.answer(arguments)
     if ended is not None:

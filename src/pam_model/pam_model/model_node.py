@@ -1,6 +1,6 @@
 """Node that estimates and publishes muscle forces, joint torques and stiffness.
 
-`ros2 run pam_model model_node --ros-args --params-file config/elbow.yaml`
+`pam model node --ros-args --params-file config/elbow.yaml`
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanosec
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.polled_topic import PolledTopic
+from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
 
 PARAMETERS = (
@@ -141,7 +142,7 @@ class ModelNode(Node):  # type: ignore[misc]
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_model model_node",
+    program=f"{PROGRAM} model node",
     purpose="Estimates muscle lengths and forces, joint torques and stiffness from the measured "
     "pressures and angles.",
     parameters=PARAMETERS,

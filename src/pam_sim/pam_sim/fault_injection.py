@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 
 from pam_driver.boards.protocol import Address
 from pam_model.errors import PamError
+from pam_model.names import unknown
 from pam_model.rig import Rig
 from pam_ros.foreign_text import shown
 from pam_sim import device_fault_injection
@@ -214,7 +215,7 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
     """
     name, *pairs = text.split()[:16] or [""]
     if name not in INJECTIONS:
-        raise PamError(f"fault {shown(name)}: expected one of {', '.join(INJECTIONS)}")
+        raise PamError(unknown("fault", name, INJECTIONS))
     kind = next(kind for kind in ALL_KINDS if kind.name == name)
     values = {key: 0.5 * (low + high) for key, (low, high) in ranges_on(kind, rig).items()}
     for pair in pairs:
@@ -233,7 +234,7 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
 
 
 def inject(stage: Stage, name: str, values: Values, draw: random.Random) -> None:
-    """Inject a fault now; KeyError for a fault that is not one of the rig."""
+    """Inject a fault now; UnknownNameError for a fault that is not one of the rig."""
     INJECTIONS[name](stage, values, draw)
 
 

@@ -1,6 +1,6 @@
 """A simulated rig on a CAN bus as a ROS node, which also publishes the true state on topics.
 
-`ros2 run pam_sim rig --ros-args --params-file config/elbow.yaml -p bus.interface:=udp_multicast
+`pam sim node --ros-args --params-file config/elbow.yaml -p bus.interface:=udp_multicast
 -p bus.channel:=239.74.163.2`
 """
 
@@ -33,6 +33,7 @@ from pam_ros.foreign_text import shown
 from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
 from pam_ros.subscriptions import subscribe
@@ -222,7 +223,7 @@ def _make_node() -> RigNode:
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_sim rig",
+    program=f"{PROGRAM} sim node",
     purpose="Simulates a rig and its valve boards in real time on a CAN bus. The boards send their "
     "measurements over the bus, and the node publishes the true state on topics.",
     parameters=PARAMETERS,

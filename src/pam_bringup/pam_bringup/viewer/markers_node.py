@@ -1,6 +1,6 @@
 """Publishes the muscles as markers, for RViz and Foxglove beside the model of the robot.
 
-`ros2 run pam_bringup markers --ros-args --params-file config/elbow.yaml`
+`pam bringup markers --ros-args --params-file config/elbow.yaml`
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from pam_model.errors import PamError
 from pam_model.rig import rig_of_node
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
 from pam_ros.subscriptions import subscribe
 
@@ -83,7 +84,7 @@ class MarkersNode(Node):  # type: ignore[misc]
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_bringup markers",
+    program=f"{PROGRAM} bringup markers",
     purpose="Publishes the muscles as markers, with their length and, as colour, their pressure.",
     parameters=PARAMETERS,
     other_keys="the keys of the rig file, which docs/rig_file.md describes",

@@ -11,7 +11,7 @@ def _declare_fuzz(parser: Parser) -> None:
     parser.add_argument(
         "target",
         metavar="TARGET",
-        help="frames, driver, board, commands, references, measurements, injections or all",
+        help="frames, driver, board, commands, references, measurements, injections, files or all",
     )
     add_rig(parser)
     add_inputs(parser)
@@ -70,7 +70,7 @@ COMMANDS = (
         _declare_fuzz,
         _fuzz,
         bad_news="if anything failed",
-        examples=("python -m pam_check fuzz frames --count 10000000",),
+        examples=("pam check fuzz frames --count 10000000",),
     ),
     Command(
         "fuzz-callbacks",

@@ -1,6 +1,6 @@
 """Calls the callbacks of the nodes with random and mutated messages.
 
-`python -m pam_check fuzz-callbacks --count 1000000` creates the nodes in this process, calls the
+`pam check fuzz-callbacks --count 1000000` creates the nodes in this process, calls the
 callback of each subscription with that many messages, and calls the timers in between. No exception
 may escape, and a driver that was not activated must not allow air flow. One half are messages of
 the topic's type with random names, sizes, numbers and stamps; the other half are their bytes,

@@ -1,6 +1,6 @@
 """Records the topics that a diagnosis needs to a rosbag2, and says what is still missing.
 
-`python -m pam_gap record --rig RIG --out BAG` needs no command line of ROS. Messages are received
+`pam gap record --rig RIG --out BAG` needs no command line of ROS. Messages are received
 and written as bytes; one in 20 ms of a topic is read for the advice. What was received is written
 to the file every second.
 """
