@@ -58,9 +58,10 @@ def _declare_fuzz_topics(parser: Parser) -> None:
 
 
 def _fuzz_topics(given: Arguments) -> Outcome:
-    from pam_check.fuzz.topics_node import run  # noqa: PLC0415  (rclpy)
+    from pam_check.faults.operator_node import open_operator  # noqa: PLC0415  (rclpy)
+    from pam_check.fuzz.topics_node import run  # noqa: PLC0415
 
-    return run(given)
+    return run(given, open_operator)
 
 
 COMMANDS = (

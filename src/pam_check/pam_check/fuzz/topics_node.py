@@ -10,13 +10,11 @@ No process may end or write a traceback, and the arm must stay within the bounds
 
 from __future__ import annotations
 
-import importlib
 import random
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -28,9 +26,9 @@ from sensor_msgs.msg import JointState
 
 from pam_check.chain import Chain, multicast_bus, private_domain
 from pam_check.endurance.process_use import use_of
-from pam_check.faults.operator_node import FaultOperator, open_operator
+from pam_check.faults.process_campaign import OpenOperator, Operator
 from pam_check.faults.rig_bounds import bounds_of
-from pam_check.fuzz.callbacks_node import Messages
+from pam_check.fuzz.messages import Messages
 from pam_check.processes import NodeProcess, ProcessError
 from pam_check.programs import DIAGNOSIS, MODULES
 from pam_driver.can_bus.bus import open_bus
@@ -39,6 +37,7 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_ros.errors import MalformedMessageError
 from pam_ros.message_decoder import decode
+from pam_ros.message_types import message_type
 from pam_ros.subscriptions import subscribe
 
 PATIENCE: Final = 60.0  # s
@@ -95,9 +94,8 @@ class Attack:
 class TopicAttacker(Node):  # type: ignore[misc]
     """Publishes on every topic that another node hears, and looks at the true state of the arm."""
 
-    def __init__(self, rig: Rig, seed: int, attack: Attack, spared: Sequence[str]) -> None:
+    def __init__(self, rig: Rig, seed: int, attack: Attack) -> None:
         super().__init__("attacker")
-        self._spared = {*spared, self.get_name()}
         self._draw = random.Random(seed)
         self._messages = Messages(rig, self._draw)
         self._attack = attack
@@ -116,7 +114,7 @@ class TopicAttacker(Node):  # type: ignore[misc]
     def look(self) -> int:
         """Find the subscriptions of the other nodes; returns the number of topics."""
         for name, namespace in self.get_node_names_and_namespaces():
-            if name in self._spared:
+            if name == self.get_name():
                 continue
             try:
                 heard = self.get_subscriber_names_and_types_by_node(name, namespace)
@@ -125,8 +123,7 @@ class TopicAttacker(Node):  # type: ignore[misc]
             for topic, (kind, *_) in heard:
                 if topic in self._aimed or topic in _NOT_ATTACKED or "/_" in topic:
                     continue
-                package, _, message = kind.rpartition("/")
-                found = getattr(importlib.import_module(package.replace("/", ".")), message)
+                found = message_type(kind)
                 # latched: nodes that start later hear the last one as well
                 qos = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
                 self._aimed[topic] = found, self.create_publisher(found, topic, qos)
@@ -170,6 +167,7 @@ def attack_chain(
     rig_path: Path,
     seconds: float,
     seed: int,
+    open_operator: OpenOperator,
     others: Mapping[str, tuple[str, Sequence[str]]] | None = None,
 ) -> Attack:
     """Start a chain, attack it and end it.
@@ -182,6 +180,8 @@ def attack_chain(
         How long [s].
     seed : int
         Seed of the messages.
+    open_operator : callable
+        Makes the operator who moves the arm.
     others : mapping, optional
         Further processes: name -> module and arguments.
 
@@ -193,18 +193,18 @@ def attack_chain(
     environment, bus, rig = private_domain(), multicast_bus(), load_rig(rig_path)
     attack = Attack()
     port = open_bus(bus.interface, bus.channel, port=bus.port)
-    opened: AbstractContextManager[FaultOperator] = open_operator(
-        rig.joint_names, port, environment
-    )
     try:
-        with opened as operator, Chain([rig_path], bus, environment) as chain:
+        with (
+            open_operator(rig.joint_names, port, environment) as operator,
+            Chain([rig_path], bus, environment) as chain,
+        ):
             for name in MODULES:
                 chain.start(name)
             for name, (module, arguments) in (others or {}).items():
                 chain.processes[name] = NodeProcess(
                     module, environment=environment, arguments=arguments
                 )
-            attacker = TopicAttacker(rig, seed, attack, (operator.get_name(),))
+            attacker = TopicAttacker(rig, seed, attack)
             try:
                 _attack(chain, operator, attacker, attack, time.monotonic() + seconds)
             finally:
@@ -216,7 +216,7 @@ def attack_chain(
 
 
 def _attack(
-    chain: Chain, operator: FaultOperator, attacker: TopicAttacker, attack: Attack, end: float
+    chain: Chain, operator: Operator, attacker: TopicAttacker, attack: Attack, end: float
 ) -> None:
     if not operator.run(PATIENCE, operator.ready):
         raise PamError(f"no chain within {PATIENCE:g} s")
@@ -246,7 +246,7 @@ def _attack(
         attack.problems.append(str(error))
 
 
-def _makes_move(operator: FaultOperator) -> bool:
+def _makes_move(operator: Operator) -> bool:
     """Make the arm move; on a host with other work the driver may refuse, or vent soon."""
     try:
         operator.make_move(MOVE_WITHIN)
@@ -284,7 +284,7 @@ def _judge(attack: Attack, chain: Chain, rig: Rig) -> None:
         attack.problems.append(f"{attack.speed:.2f} rad/s, at most {bounds.speed:.2f} rad/s")
 
 
-def run(given: Arguments) -> Outcome:
+def run(given: Arguments, open_operator: OpenOperator) -> Outcome:
     """Attack and print the figures; the command of `pam_check.__main__`.
 
     Raises
@@ -299,7 +299,7 @@ def run(given: Arguments) -> Outcome:
             "monitor": (DIAGNOSIS, ("monitor", "--ros-args", "--params-file", str(rig))),
             "record": (DIAGNOSIS, ("record", "--rig", str(rig), "--out", bag)),
         }
-        attack = attack_chain(rig, given.seconds, given.seed, others)
+        attack = attack_chain(rig, given.seconds, given.seed, open_operator, others)
     for line in figures(attack):
         print(line)
     return Outcome({"sent": attack.sent.total(), "malformed": attack.malformed}, attack.problems)
