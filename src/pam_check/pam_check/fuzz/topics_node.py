@@ -36,9 +36,11 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_ros.errors import MalformedMessageError
+from pam_ros.joint_state_bytes import JointStateReader
 from pam_ros.message_decoder import decode
 from pam_ros.message_types import message_type
-from pam_ros.subscriptions import subscribe
+from pam_ros.node_end import end_node
+from pam_ros.polled_topic import PolledTopic
 
 PATIENCE: Final = 60.0  # s
 MOVE_WITHIN: Final = 6.0  # s
@@ -101,8 +103,15 @@ class TopicAttacker(Node):  # type: ignore[misc]
         self._attack = attack
         self._aimed: dict[str, tuple[Any, Any]] = {}
         self._drawn: dict[tuple[str, bool], list[tuple[bytes, bool]]] = {}
-        subscribe(self, JointState, "ground_truth/joint_states", self._on_joints, 10)
-        subscribe(self, JointState, "ground_truth/pressure_states", self._on_pressures, 10)
+        self.polled_topics = [
+            PolledTopic(
+                self, JointState, f"ground_truth/{name}", take, read=JointStateReader().read
+            )
+            for name, take in (
+                ("joint_states", self._on_joints),
+                ("pressure_states", self._on_pressures),
+            )
+        ]
 
     def _on_joints(self, message: Any) -> None:
         speeds = [abs(speed) for speed in message.velocity]
@@ -110,6 +119,12 @@ class TopicAttacker(Node):  # type: ignore[misc]
 
     def _on_pressures(self, message: Any) -> None:
         self._attack.pressure = max([self._attack.pressure, *message.effort])
+
+    def watch(self) -> None:
+        """Take what was published about the true state."""
+        for topic in self.polled_topics:
+            topic.poll()
+        rclpy.spin_once(self, timeout_sec=0.0)
 
     def look(self) -> int:
         """Find the subscriptions of the other nodes; returns the number of topics."""
@@ -208,7 +223,7 @@ def attack_chain(
             try:
                 _attack(chain, operator, attacker, attack, time.monotonic() + seconds)
             finally:
-                attacker.destroy_node()
+                end_node(attacker)
     finally:
         port.close()
     _judge(attack, chain, rig)
@@ -232,7 +247,7 @@ def _attack(
             while time.monotonic() < until:
                 for _ in range(BURST):
                     attacker.send(malformed_alone=malformed_alone)
-                rclpy.spin_once(attacker, timeout_sec=0.0)
+                attacker.watch()
                 operator.run(PAUSE)
                 chain.check()
             if malformed_alone and moves:
