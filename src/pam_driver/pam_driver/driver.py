@@ -273,7 +273,7 @@ class Driver:
             Gives both times anew, see `BoardSet.receive`.
         """
         with self._lock:
-            now = self._boards.receive(now, wall_now, clock)
+            now = self._boards.receive(now, wall_now, clock, self._look)
             oldest = now - self._settings.sensor_timeout
             snapshot = take_snapshot(self.state, self._boards, self._velocity, oldest)
             self._readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)
@@ -287,12 +287,19 @@ class Driver:
             self._obey_enabling_switch(now)
             self.conditions = tuple(self._conditions(now))
             self._react(now)
+            self._judge.judged()
+            self.people.judged()
             if OUTPUTS[self.state].latch:
                 self._boards.latch_fault(now)
             if OUTPUTS[self.state].lower:
                 self._lower(now)
             sent = self._send_valve_commands(now) if OUTPUTS[self.state].send else ()
             return snapshot._replace(state=self.state, sent=sent)
+
+    def _look(self, board: Board, time: float) -> None:
+        """Keep what a board says before its next frame replaces it."""
+        self._judge.look(board, time, self._active_since, self._cleared_at)
+        self.people.hear_board(board)
 
     def _react(self, now: float) -> None:
         """Change the state as what was found demands."""
@@ -380,7 +387,7 @@ class Driver:
         held = self.people.pressed(now)
         # a board that was just told to clear its faults needs a moment to report it
         if not held and now - self._cleared_at > self._settings.board_timeout:
-            held = self._boards.host_faults()
+            held = tuple(self._judge.passing(self._boards.host_faults(), "latched_fault"))
         if held:
             before = self.state
             self._event(SafetyEvent.LATCHED_FAULT, now)

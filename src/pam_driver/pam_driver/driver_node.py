@@ -105,12 +105,15 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._commands = PolledTopic(self, JointState, "valve_commands", self._on_valve_commands)
         self.polled_topics = [self._commands]
         self._reader = JointStateReader()
+        self._people: dict[str, PolledTopic] = {}
         for name, topic in PEOPLE_TOPICS.items():
             if getattr(self._rig.people, f"{name}_topic"):
                 # not latched: the last word of a publisher that has ended must not count as new;
                 # polled, so that they are also heard while the end of the node lowers the joints
                 hear = partial(self._on_people, name)
-                self.polled_topics.append(PolledTopic(self, Bool, topic, hear))
+                lost = partial(self._on_lost_people, name)
+                self._people[name] = PolledTopic(self, Bool, topic, hear, overflow=lost)
+        self.polled_topics += self._people.values()
         self.create_service(Trigger, "~/vent", self._on_vent)
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
         # a plain publisher: that of a lifecycle node is silent until the node is active
@@ -305,7 +308,13 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def _on_people(self, name: str, data: bytes) -> None:
         if self._driver is not None:
             permits = bool(deserialize_message(data, Bool).data)
-            self._driver.people.hear_topic(name, permits, time.monotonic())
+            arrived = time.monotonic() - self._people[name].waited
+            self._driver.people.hear_topic(name, permits, arrived)
+
+    def _on_lost_people(self, name: str) -> None:
+        """More messages than are kept: one that forbids may have been among those that are lost."""
+        if self._driver is not None:
+            self._driver.people.hear_topic(name, False, time.monotonic())
 
     def _on_vent(self, request: Any, response: Any) -> Any:
         if self._driver is None:
