@@ -57,6 +57,9 @@ _DOUBT = "sensor, valve or muscle is not what lowering assumes"
 STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "command_timeout": StopCategory(1, "the controller is gone; sensors, boards and bus work"),
     "driver_paused": StopCategory(1, "the driver runs again; what came of the pause decides"),
+    "internal_error": StopCategory(
+        1, "the cycle of the driver still runs; where it does not, everything vents at once"
+    ),
     "two_publishers": StopCategory(
         1, "which command is right is unknown; sensors, boards and bus work"
     ),
