@@ -1,0 +1,73 @@
+"""What a node does about an exception that nobody foresaw: one clear line, and an exit code.
+
+An exception ends the node, wherever it was raised. The executor and `PeriodicLoop` raise what
+happened in them again; what rclpy would swallow, or what happened in a thread, is handed over to
+the main loop (`pam_ros.steady_timers.turns`), which raises it in its next turn.
+"""
+
+from __future__ import annotations
+
+import functools
+import traceback
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from pam_ros.foreign_text import shown
+
+BROKEN: Final = 70
+"""Exit code after an exception that nobody foresaw (`EX_SOFTWARE` of sysexits.h)."""
+_handed_over: deque[Exception] = deque(maxlen=100)
+
+
+def described(error: BaseException) -> str:
+    """An exception as one short line: its kind, its text, and where it was raised."""
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" in {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    text = f": {shown(str(error))}" if str(error) else ""
+    return f"internal error{where}: {type(error).__name__}{text}"
+
+
+def tell_unforeseen(logger: Any, error: BaseException, done: str = "the node ends") -> int:
+    """Log an exception as one line, with its traceback at debug level; returns `BROKEN`.
+
+    Parameters
+    ----------
+    logger : rclpy logger
+        That of the node.
+    error : BaseException
+        The exception.
+    done : str, optional
+        What the node does about it.
+    """
+    logger.error(f"{done}: {described(error)}; please report it (details at log level debug)")
+    logger.debug("".join(traceback.format_exception(error)))
+    return BROKEN
+
+
+def hand_over(error: Exception) -> None:
+    """Let the main loop raise an exception; for threads and callbacks whose caller swallows it."""
+    _handed_over.append(error)
+
+
+def raise_handed_over() -> None:
+    """Raise the first exception that was handed over, if there is one, and forget the others."""
+    if _handed_over:
+        error = _handed_over.popleft()
+        _handed_over.clear()
+        raise error
+
+
+def handing_over[**P, R](callback: Callable[P, R]) -> Callable[P, R]:
+    """A callback whose exceptions reach the main loop, although its caller swallows them."""
+
+    @functools.wraps(callback)
+    def guarded(*arguments: P.args, **named: P.kwargs) -> R:
+        try:
+            return callback(*arguments, **named)
+        except Exception as error:
+            hand_over(error)
+            raise
+
+    return guarded
