@@ -65,8 +65,9 @@ class LongActions(ActionServer):  # type: ignore[misc]
             action_type,
             name,
             lambda _: action_type.Result(),
-            handle_accepted_callback=handing_over(accepted),  # the executor keeps their errors
-            cancel_callback=handing_over(canceled),
+            # the executor keeps the errors of its tasks
+            handle_accepted_callback=handing_over(accepted, lambda _: None),
+            cancel_callback=handing_over(canceled, lambda _: CancelResponse.ACCEPT),
         )
 
     def notify_execute(self, goal_handle: Any, execute_callback: Callable[[Any], Any]) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from pam_ros.unforeseen import raise_handed_over
+from pam_ros.unforeseen import guard_callbacks, raise_handed_over
 
 TURN: Final = 0.1
 """How long the executor may wait before its loop looks at other things again [s]."""
@@ -90,6 +90,8 @@ def turns(
     Exception
         What a callback raised, also one whose caller swallows it, see `pam_ros.unforeseen`.
     """
+    for node in executor.get_nodes():
+        guard_callbacks(node)
     with _kept_awake(executor):
         while going_on():
             wait = TURN if timers is None else timers.until_next()

@@ -10,7 +10,8 @@ from __future__ import annotations
 import functools
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -46,6 +47,25 @@ def tell_unforeseen(logger: Any, error: BaseException, done: str = "the node end
     return BROKEN
 
 
+@contextmanager
+def ending_broken(node: Any, *foreseen: type[Exception]) -> Iterator[None]:
+    """A block whose unforeseen exception is told, and ends the process with `BROKEN`.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose log tells it.
+    *foreseen : exception types
+        These are raised as they are: the caller tells them to the user.
+    """
+    try:
+        yield
+    except foreseen:
+        raise
+    except Exception as error:
+        raise SystemExit(tell_unforeseen(node.get_logger(), error)) from None
+
+
 def hand_over(error: Exception) -> None:
     """Let the main loop raise an exception; for threads and callbacks whose caller swallows it."""
     _handed_over.append(error)
@@ -59,8 +79,16 @@ def raise_handed_over() -> None:
         raise error
 
 
-def handing_over[**P, R](callback: Callable[P, R]) -> Callable[P, R]:
-    """A callback whose exceptions reach the main loop, although its caller swallows them."""
+def handing_over[**P, R](callback: Callable[P, R], instead: Callable[P, R]) -> Callable[P, R]:
+    """A callback whose exceptions are handed over to the main loop, and not raised.
+
+    Parameters
+    ----------
+    callback : callable
+        The callback.
+    instead : callable
+        Gives what is returned after an exception, from the same arguments.
+    """
 
     @functools.wraps(callback)
     def guarded(*arguments: P.args, **named: P.kwargs) -> R:
@@ -68,6 +96,20 @@ def handing_over[**P, R](callback: Callable[P, R]) -> Callable[P, R]:
             return callback(*arguments, **named)
         except Exception as error:
             hand_over(error)
-            raise
+            return instead(*arguments, **named)
 
     return guarded
+
+
+def guard_callbacks(node: Any) -> None:
+    """Let the exceptions of all callbacks of a node be handed over; rclpy would print them.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        The node, with its topics, services and timers.
+    """
+    for entity in (*node.subscriptions, *node.timers):
+        entity.callback = handing_over(entity.callback, lambda *_: None)
+    for service in node.services:
+        service.callback = handing_over(service.callback, lambda _, response: response)
