@@ -18,11 +18,13 @@ from typing import Any
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy")
+pytest.importorskip("rclpy")
 
+import rclpy
 from rcl_interfaces.srv import SetParameters
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 
 import pam_bringup
 import pam_control
@@ -32,6 +34,9 @@ import pam_gap
 import pam_model
 import pam_sim
 from pam_check.chain import private_domain
+from pam_gap.experiments.excitations import Menu
+from pam_gap.experiments.files import write_experiment
+from pam_model.rig import load_rig
 from pam_ros.node_end import end_node
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.steady_timers import turns
@@ -40,16 +45,23 @@ from support.rigs import CONFIG
 pytestmark = pytest.mark.system
 
 PACKAGES = (pam_model, pam_driver, pam_control, pam_sim, pam_gap, pam_demo, pam_bringup)
-PATIENCE = 4.0
+PATIENCE = 30.0
+ELBOW = CONFIG / "elbow.yaml"
 # rclpy's own services, whose callbacks are rclpy's
 OF_RCLPY = ("parameter", "get_type_description", "_state", "available_", "transition_graph")
-# they need an experiment that a diagnosis wrote, or other objects: made in their own tests; the
-# loops of both call what is tested here
+
+
+class NoWriter:
+    """Where a recorder would write."""
+
+    def add_connection(self, *_: object, **__: object) -> None: ...
+
+
 MADE_WITH: dict[str, Callable[[type], Any]] = {
-    "RecordNode": lambda kind: kind("", SimpleNamespace(), SimpleNamespace()),
-    "Recorder": lambda kind: kind(SimpleNamespace()),
+    "RecordNode": lambda kind: kind("", NoWriter(), SimpleNamespace()),
+    "Recorder": lambda kind: kind(NoWriter()),
     "ViewerNode": lambda kind: kind("", SimpleNamespace()),
-    "PlayerNode": lambda kind: kind(),
+    "PlayerNode": lambda kind: kind(("elbow",)),
 }
 PARAMETERS: dict[str, dict[str, object]] = {
     "DriverNode": {
@@ -169,6 +181,12 @@ def raises(node: Any, provoke: Callable[[], object]) -> bool:
     return False
 
 
+@pytest.fixture(autouse=True)
+def _ends() -> Iterator[None]:
+    yield
+    rclpy.try_shutdown()
+
+
 @pytest.fixture
 def loops(monkeypatch: pytest.MonkeyPatch) -> list[PeriodicLoop]:
     """The loops that are made."""
@@ -185,7 +203,7 @@ def loops(monkeypatch: pytest.MonkeyPatch) -> list[PeriodicLoop]:
 
 
 def make(name: str, tmp_path: Path) -> Any:
-    words = ["--ros-args", "--params-file", str(CONFIG / "elbow.yaml")]
+    words = ["--ros-args", "--params-file", str(ELBOW)]
     words += [w for k, v in PARAMETERS.get(name, {}).items() for w in ("-p", f"{k}:={v}")]
     if name == "PlayNode":
         words += ["-p", f"experiment:={experiment(tmp_path)}"]
@@ -212,7 +230,6 @@ def test_an_exception_in_a_callback_or_loop_reaches_the_main_loop(
             join = getattr(node, "join", None) or node.join_new_topics
             while not list(node.subscriptions):
                 topic.publish(measurement()[0]())
-                node._writer.add_connection = lambda *_, **__: None
                 join()
         for what, owner, attribute, provoke in Callbacks(node, peer, loops).all():
             before = getattr(owner, attribute)
@@ -235,17 +252,17 @@ def test_an_exception_in_a_callback_or_loop_reaches_the_main_loop(
             node.close()
         end_node(node)
         end_node(peer)
-        rclpy.try_shutdown()
     assert not swallowed
     assert tried
 
 
 def measurement() -> tuple[Any, str, int]:
-    from sensor_msgs.msg import JointState  # noqa: PLC0415
-
     return JointState, "joint_states", 1
 
 
 def experiment(folder: Path) -> Path:
     """An experiment as a diagnosis proposes it."""
-    raise NotImplementedError
+    rig = load_rig(ELBOW)
+    swing = next(e for e in Menu(rig, 0, 0.01).entries() if e.name == "vented_swing")
+    write_experiment(folder, rig, 0, swing, {})
+    return folder
