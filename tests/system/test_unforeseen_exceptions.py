@@ -75,7 +75,7 @@ PARAMETERS: dict[str, dict[str, object]] = {
 }
 
 
-class Boom(Exception):
+class UnforeseenError(Exception):
     """Nobody foresaw it."""
 
 
@@ -94,7 +94,7 @@ CLASSES = node_classes()
 
 
 def boom(*_: object) -> None:
-    raise Boom
+    raise UnforeseenError
 
 
 class Callbacks:
@@ -161,7 +161,7 @@ class Callbacks:
 
 
 def raises(node: Any, provoke: Callable[[], object]) -> bool:
-    """Whether the main loop of the node raises Boom."""
+    """Whether the main loop of the node raises UnforeseenError."""
     loop = getattr(node, "loop", None)
     check = getattr(node, "check", loop.check if loop is not None else lambda: None)
     executor = EventsExecutor()
@@ -173,7 +173,7 @@ def raises(node: Any, provoke: Callable[[], object]) -> bool:
         ):
             provoke()
             check()
-    except Boom:
+    except UnforeseenError:
         return True
     finally:
         executor.remove_node(node)

@@ -21,6 +21,7 @@ from pam_driver.boards.protocol import (
     Hear,
     Sample,
 )
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.joint_velocity import JointVelocity
@@ -77,6 +78,8 @@ class BoardSet:
         Open buses by name.
     pressures, angles : tuple of (mapping, channel)
         Where each muscle's pressure and each joint's angle is kept, in the rig's order.
+    sensors : tuple of (Availability, str, channel)
+        The same, first muscles, then joints, for what a board says to have no measurement of.
     valves : tuple of Board
         The board of each muscle, in the rig's order.
     frame_errors : Counter
@@ -101,6 +104,11 @@ class BoardSet:
         )
         self.angles = tuple(
             (self.boards[board].angles, channel) for board, channel in wiring.joints
+        )
+        self.sensors = tuple(
+            (self.boards[board].availability, what, channel)
+            for what, wires in ((PRESSURE_INPUT, wiring.sensors), (ANGLE_INPUT, wiring.joints))
+            for board, channel in wires
         )
         self.valves = tuple(self.boards[board] for board, _ in wiring.muscles)
         self.frame_errors: Counter[str] = Counter()

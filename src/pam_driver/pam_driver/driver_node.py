@@ -392,6 +392,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if driver is None:
             self._poll()
             return
+        if driver.broken is not None:  # `fail` is called in this turn, and tells it
+            return
         self._publish_state()
         if driver.state in FAULTY and not self._fault_reported:
             self._fault_reported = True

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple, Protocol
 
 from pam_driver.board_set import BoardSet, host_fault_of
+from pam_driver.boards.availability import WINDOW
 from pam_driver.boards.protocol import NEVER, Board, Condition
 from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
@@ -124,6 +125,7 @@ class FaultJudge:
         self.loop = LoopWatch(settings.loop_delay_limit, settings.period)
         self._speeds = JointSpeedWatch(rig)
         self._kept = SinceJudged()
+        self._sensor_names = (*rig.muscle_names, *rig.joint_names)
         self._all_sensors = _Sensors(range(len(boards.pressures)), range(len(boards.angles)))
         self._sensors_of = {
             board.name: _Sensors(
@@ -342,6 +344,13 @@ class FaultJudge:
         for joint, (samples, channel) in zip(rig.joints, boards.angles, strict=True):
             if now - samples[channel].time > timeout:
                 yield Condition("stale_sensor", joint.name, f"no angle for {timeout:g} s")
+        for name, (availability, what, channel) in zip(
+            self._sensor_names, boards.sensors, strict=True
+        ):
+            missing = availability.missing_share(what, channel, now)
+            if missing * WINDOW > timeout:
+                text = f"its board says so in {100.0 * missing:.0f} % of its messages of a second"
+                yield Condition("sensor_intermittent", name, f"no {what} again and again, {text}")
         yield from self._range_conditions(self._all_sensors, now - timeout)
 
     def _range_conditions(self, sensors: _Sensors, oldest: float = NEVER) -> Iterator[Condition]:

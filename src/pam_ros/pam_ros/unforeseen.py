@@ -79,7 +79,7 @@ def raise_handed_over() -> None:
         raise error
 
 
-def handing_over[**P, R](callback: Callable[P, R], instead: Callable[P, R]) -> Callable[P, R]:
+def handing_over[**P, R](callback: Callable[P, R], instead: Callable[..., R]) -> Callable[P, R]:
     """A callback whose exceptions are handed over to the main loop, and not raised.
 
     Parameters
@@ -110,6 +110,13 @@ def guard_callbacks(node: Any) -> None:
         The node, with its topics, services and timers.
     """
     for entity in (*node.subscriptions, *node.timers):
-        entity.callback = handing_over(entity.callback, lambda *_: None)
+        entity.callback = handing_over(entity.callback, _nothing)
     for service in node.services:
-        service.callback = handing_over(service.callback, lambda _, response: response)
+        service.callback = handing_over(service.callback, _empty_response)
+
+
+def _nothing(*_: Any) -> None: ...
+
+
+def _empty_response(_: Any, response: Any) -> Any:
+    return response

@@ -70,6 +70,7 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "supply_low": StopCategory(1, "lowering only lets air out, so it needs no supply"),
     "supply_high": StopCategory(1, "lowering closes the supply side of every valve"),
     "stale_sensor": StopCategory(0, _SENSOR),
+    "sensor_intermittent": StopCategory(0, _SENSOR),
     "counter_frozen": StopCategory(0, _SENSOR),
     "over_pressure": StopCategory(0, "the pressure must fall as fast as possible"),
     "board_lost": StopCategory(0, _BOARD),
