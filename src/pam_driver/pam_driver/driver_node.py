@@ -301,10 +301,12 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def _cycle(self, driver: Driver, now: float) -> None:
         """One cycle, in the I/O thread; after an exception only what stops the joints."""
         try:
-            self._poll()
             if driver.broken is not None:
+                for topic in self._people.values():
+                    topic.poll()
                 driver.cycle(now, time.time(), lambda: (time.monotonic(), time.time()))
                 return
+            self._poll()
             self._whole_cycle(driver, now)
         except Exception as error:
             driver.fail(described(error), time.monotonic())
