@@ -1,6 +1,7 @@
 """A real driver, a real publisher: an emergency stop that is pressed for one message is latched.
 
-A few presses; tests/pam_driver/test_short_noes.py has a thousand with the same queue in one process.
+A few presses; tests/pam_driver/test_short_noes.py has a thousand, with the same queue, in one
+process.
 """
 
 from __future__ import annotations
