@@ -10,7 +10,7 @@ from pam_model.bounds import check_numbers
 BOUNDS: Final = {
     "command_timeout": (0.005, 1.0, "s"),
     "sensor_timeout": (0.005, 1.0, "s"),
-    "board_timeout": (0.05, 5.0, "s"),
+    "board_timeout": (0.15, 5.0, "s"),
     "over_pressure_margin": (0.0, 100e3, "Pa"),
     "velocity_bandwidth": (1.0, 500.0, "Hz"),
     "vented_pressure": (1e3, 200e3, "Pa"),
