@@ -65,9 +65,19 @@ class Queue:
 
     def create_subscription(self, kind: Any, topic: str, take: Any, qos: Any, raw: bool) -> Any:
         self.waiting = deque(maxlen=qos.depth)
-        subscription = SimpleNamespace(handle=self)
+        subscription = SimpleNamespace(handle=self, callback=take)
         self._subscriptions = [subscription]
         return subscription
+
+    def resolve_topic_name(self, topic: str) -> str:
+        return topic
+
+    def get_name(self) -> str:
+        return "driver"
+
+    get_namespace = get_logger = get_clock = get_name
+
+    def create_timer(self, *_: object, **__: object) -> None: ...
 
     def __enter__(self) -> None: ...
 
@@ -99,7 +109,7 @@ class Bench:
         def hear(data: bytes) -> None:
             self.driver.people.hear_topic(name, data == b"1", self.now)
 
-        return PolledTopic(self.queue, None, name, hear, overflow=lambda: hear(b"0"))
+        return PolledTopic(self.queue, None, name, hear, read=bytes, overflow=lambda: hear(b"0"))
 
     def say(self, permits: bool) -> None:
         self.queue.waiting.append(b"1" if permits else b"0")
