@@ -117,6 +117,7 @@ class CommandIntake:
         references = self._controller.references
         with self._lock:
             self._require_active("trajectory")
+            drops = self._controller.drops
         planned = references.plan(names, points, start=start, now=self._clock())
         if planned is None:
             raise CommandError("trajectory rejected: it has no points")
@@ -126,6 +127,8 @@ class CommandIntake:
         splines, note = references.join(planned, at_join, now)
         with self._lock:
             self._require_active("trajectory")
+            if self._controller.drops != drops:
+                raise CommandError("trajectory rejected: the driver stopped while it was read")
             references.take(splines)
         if note:
             self.slowed += 1

@@ -80,6 +80,7 @@ class Controller(LoopDesign):
         self.correction = SensorCorrection(rig)
         self.stiffness_commands = self._default_stiffness(settings)
         self.active = False
+        self.drops = 0  # how often commands were dropped
         self._time = math.nan
         self._late: list[Pair] = []
         self.guard = LoopGuard(self.channels)
@@ -209,6 +210,7 @@ class Controller(LoopDesign):
 
     def drop_commands(self) -> None:
         """Stop, and forget the stiffness that was commanded; references are dropped in any case."""
+        self.drops += 1
         self.deactivate()
         if self.guard.softened:
             self._apply(self.prepared.normal)

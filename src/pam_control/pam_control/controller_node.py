@@ -149,7 +149,12 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._stiffness_test = StiffnessTest(self._controller.references)
         self.steady_timers.add(TEST_EVERY, self._test_stiffness)
         self._inputs = ControllerInputs(
-            self, self.rig, self._now, self.intake.rejecting, self._on_driver_state
+            self,
+            self.rig,
+            self._now,
+            self.intake.rejecting,
+            self._on_driver_state,
+            self._on_lost_driver_state,
         )
         self.polled_topics = self._inputs.topics
         priority = int(self._declared.number("loop.realtime_priority"))
@@ -279,8 +284,21 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._health.driver = self._driver_reason or "takes commands"
             before, self._activation = self._activation, activation_of(message)
             if self._driver_reason or self._activation != before:
-                self._controller.drop_commands()
+                self._drop(self._driver_reason or "the driver was activated anew")
                 self._reason = self._driver_reason
+
+    def _on_lost_driver_state(self) -> None:
+        """A state in which the driver takes no commands may have been among those lost."""
+        with self._lock:
+            self._drop("more messages of the driver's state arrived at once than are kept")
+
+    def _drop(self, reason: str) -> None:
+        """Drop what the controller follows; the lock is held.
+
+        This holds although the next message, taken in the same cycle, says that all is well.
+        """
+        self._controller.drop_commands()
+        self._action.drop(reason)
 
     def _reason_against_references(self) -> str:
         """Why no references are taken; empty if they are."""

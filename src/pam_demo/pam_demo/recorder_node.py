@@ -37,6 +37,7 @@ from pam_ros.periodic import take_priority
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 from pam_ros.subscriptions import subscribe
+from pam_ros.unforeseen import ending_broken
 
 NOT_RECORDED = ("/parameter_events",)
 LOOK_EVERY = 0.2  # s
@@ -119,13 +120,14 @@ def record(out: Path) -> None:
         executor.add_node(node)
         print(f"recording to {out}", flush=True)
         looked = kept = 0.0
-        for _ in turns(executor, None, lambda: not ending):
-            if time.monotonic() - kept > KEEP_EVERY:
-                node.keep()
-                kept = time.monotonic()
-            if time.monotonic() - looked > LOOK_EVERY:
-                node.join_new_topics()
-                looked = time.monotonic()
+        with ending_broken(node, PamError, OSError):
+            for _ in turns(executor, None, lambda: not ending):
+                if time.monotonic() - kept > KEEP_EVERY:
+                    node.keep()
+                    kept = time.monotonic()
+                if time.monotonic() - looked > LOOK_EVERY:
+                    node.join_new_topics()
+                    looked = time.monotonic()
         end_node(node, executor)
     rclpy.try_shutdown()
 

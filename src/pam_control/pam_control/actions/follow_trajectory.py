@@ -100,6 +100,11 @@ class FollowTrajectory:
         if self._goal is not None:
             self._goal.observe(now, self._controller.channels, self._controller.references)
 
+    def drop(self, reason: str) -> None:
+        """End the active goal: the driver has stopped the motion; the lock must be held."""
+        if self._goal is not None and self._goal.outcome is None:
+            self._goal.outcome = Outcome(GoalCode.INVALID_GOAL, reason)
+
     # --- requests -------------------------------------------------------------------------------
 
     def _begin(self, handle: Any) -> None:

@@ -22,10 +22,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from pam_driver.boards.frame_errors import FrameError
 from pam_model.rig import Joint, Muscle
+
+if TYPE_CHECKING:
+    from pam_driver.boards.availability import Availability
 
 NEVER: Final = -math.inf
 EMERGENCY_STOP: Final = "emergency_stop"
@@ -222,6 +225,10 @@ class Board(Protocol):
         if the board had the input and now reports that it has none. An input that the board never
         had is no key.
         """
+
+    @property
+    def availability(self) -> Availability:
+        """How often it has said that it has no measurement; it tells this of each one."""
 
     @property
     def supply_pressure(self) -> float:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+from pam_driver.boards.availability import Availability
 from pam_driver.boards.protocol import Channel, Sample, WiredBoard
 
 PRESSURE_INPUT: Final = "pressure"
@@ -32,12 +33,15 @@ class Samples:
         The last samples [Pa gauge], [rad].
     supply_pressure : float
         [Pa absolute]; NaN if none was received.
+    availability : Availability
+        How often there was none.
     """
 
     def __init__(self, wired: WiredBoard) -> None:
         self.pressures: dict[Channel, Sample] = {wire.channel: Sample() for wire in wired.pressures}
         self.angles: dict[Channel, Sample] = {angle.channel: Sample() for angle in wired.angles}
         self.supply_pressure = math.nan
+        self.availability = Availability()
         self._invalid: dict[str, str] = {}
 
     def invalid_texts(self) -> list[str]:
@@ -60,6 +64,7 @@ class Samples:
         kept = self.pressures if what == PRESSURE_INPUT else self.angles
 
         def keep(invalid: str, value: float, time: float, stamp: float) -> None:
+            self.availability.hear(what, channel, not invalid, time)
             if invalid:
                 invalids[called] = invalid
                 return

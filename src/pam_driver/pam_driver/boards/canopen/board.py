@@ -99,6 +99,7 @@ class CanopenBoard:
         )
         self._measured = Measurements(wired, node, device.answers, self._heard_pdo)
         self.pressures, self.angles = self._measured.pressures, self._measured.angles
+        self.availability = self._measured.availability
         self.host_fault = False
         self.round_trip = math.nan  # PDOs carry no counter
         self.inputs: Mapping[str, Sample] = {}

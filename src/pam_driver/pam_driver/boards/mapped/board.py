@@ -61,6 +61,7 @@ class MappedBoard:
         )
         self._samples = Samples(wired)
         self.pressures, self.angles = self._samples.pressures, self._samples.angles
+        self.availability = self._samples.availability
         self.host_fault = False
         self.round_trip = math.nan  # what a device echoes need not be a counter
         self.inputs: Mapping[str, Sample] = {}
