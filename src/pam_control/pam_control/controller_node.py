@@ -51,7 +51,7 @@ from pam_control.references.stiffness_test import StiffnessTest
 from pam_control.references.test_motion import test_motion
 from pam_control.trajectory_message import TrajectoryMessage
 from pam_model.errors import PamError
-from pam_model.rig import rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_ros import diagnostics as health
 from pam_ros.driver_state import (
     activation_of,
@@ -67,6 +67,7 @@ from pam_ros.steady_timers import SteadyTimers
 
 TEST_EVERY = 0.25  # s
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
+NAME = "pam_controller"
 
 
 class ControllerNode(Node):  # type: ignore[misc]
@@ -79,12 +80,18 @@ class ControllerNode(Node):  # type: ignore[misc]
     """
 
     def __init__(self) -> None:
-        super().__init__("pam_controller", automatically_declare_parameters_from_overrides=True)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         self._controller: Any = None
         names = self._joint_names_given()
         self._table = parameter_table(names)
         self._declared = NodeParameters(
-            self, self._table, rig_of_node, self._on_change, keeps_real_time=True
+            self,
+            self._table,
+            rig_of_node,
+            self._on_change,
+            describe=described_key,
+            usual_name=NAME,
+            keeps_real_time=True,
         )
         self.rig = self._declared.described
         self._values: dict[str, Value] = {p.name: self._declared[p.name] for p in self._table}
