@@ -117,7 +117,8 @@ class CommandIntake:
         references = self._controller.references
         with self._lock:
             self._require_active("trajectory")
-        planned = references.plan(names, points, start=start, now=self._clock())
+            measured = self._controller.measured
+        planned = references.plan(names, points, start=start, now=self._clock(), measured=measured)
         if planned is None:
             raise CommandError("trajectory rejected: it has no points")
         with self._lock:
@@ -146,7 +147,9 @@ class CommandIntake:
             except CommandError:
                 self._controller.references.refused_stream(names, now)
                 raise
-            self._controller.references.stream(names, positions, velocities, now=now)
+            self._controller.references.stream(
+                names, positions, velocities, now=now, measured=self._controller.measured
+            )
 
     def stiffness(self, values: Sequence[float]) -> None:
         """Take a stiffness for each joint [N m/rad]."""

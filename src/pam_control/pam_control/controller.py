@@ -76,6 +76,7 @@ class Controller(LoopDesign):
                 for channel in self.channels
             },
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
+            start_margin=rig.plausibility.position_margin,
         )
         self.correction = SensorCorrection(rig)
         self.stiffness_commands = self._default_stiffness(settings)
@@ -144,6 +145,11 @@ class Controller(LoopDesign):
                 self._continue(index, channel)
 
     # --- commands -------------------------------------------------------------------------------
+
+    @property
+    def measured(self) -> dict[str, float]:
+        """Where the joints are [rad], by name; NaN where that is not known."""
+        return {channel.joint.name: channel.position for channel in self.channels}
 
     def set_stiffness(self, values: Sequence[float]) -> None:
         """Set the commanded stiffness of every joint [N m/rad].

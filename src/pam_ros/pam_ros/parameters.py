@@ -79,8 +79,11 @@ class Parameter:
             if not math.isfinite(value):
                 raise ParameterError(f"{self.name} = {value} {self.unit}: must be a finite number")
             if not self.low <= value <= self.high:
+                told = f"{value:g}"
+                if self.low <= float(told) <= self.high:  # rounded to the limit
+                    told = repr(value)
                 raise ParameterError(
-                    f"{self.name} = {value:g} {self.unit}: must be from {self.low:g} to "
+                    f"{self.name} = {told} {self.unit}: must be from {self.low:g} to "
                     f"{self.high:g} {self.unit}"
                 )
         assert isinstance(value, bool | int | float | str)

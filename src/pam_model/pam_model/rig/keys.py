@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from pam_model.unit_hints import units_that_fit
+from pam_model.within_limits import beyond
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 """A name in a rig file."""
@@ -339,11 +340,9 @@ class Section:
             self.add(name, f" = {number}{unit}: must be a finite number")
             return None
         if not key.low <= number <= key.high:
-            self.add(
-                name,
-                f" = {number:g}{unit}: must be from {key.low:g} to {key.high:g}{unit}"
-                + _looks_like(number, key),
-            )
+            told, low, high = beyond(number, key.low, key.high)
+            text = f" = {told}{unit}: must be from {low} to {high}{unit}"
+            self.add(name, text + _looks_like(number, key))
             return None
         return number
 
