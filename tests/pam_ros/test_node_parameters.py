@@ -168,7 +168,12 @@ def test_a_node_says_itself_what_its_other_keys_are() -> None:
 def test_a_change_may_be_answered_with_a_remark_and_be_taken_back() -> None:
     node = FakeNode(overrides())
     parameters = made(node, rig_of_node, lambda changes: "being designed")
-    assert node.change(rate=250.0) == (True, "being designed")
+    assert node.change(rate=250.0) == (True, "")
+    answer = parameters.with_remark(SimpleNamespace(successful=True, reason=""))
+    assert answer.reason == "being designed"
+    assert not node.change(rate=0.0)[0]
+    refused = SimpleNamespace(successful=False, reason="too low")
+    assert parameters.with_remark(refused).reason == "too low"
     parameters.restore({"rate": 500.0})
     assert node.values["rate"] == parameters["rate"] == 500.0
 

@@ -89,6 +89,17 @@ class Controller(LoopDesign):
 
     # --- settings ---------------------------------------------------------------------------------
 
+    def prepare(self, settings: ControlSettings) -> PreparedSettings:
+        """Design and check other settings, which may take minutes; nothing changes yet.
+
+        Raises
+        ------
+        ControlDesignError
+            When a loop would not be safe.
+        """
+        self.foresee_stiffness(self._default_stiffness(settings))
+        return super().prepare(settings)
+
     def change(self, settings: ControlSettings) -> None:
         """Use other settings from the next step on; missing gains are designed again.
 
@@ -101,7 +112,12 @@ class Controller(LoopDesign):
 
     def use(self, prepared: PreparedSettings) -> None:
         """Use prepared settings from the next step on, without a jump of the desired pressures."""
+        before = self._default_stiffness(self.prepared.asked)
         self.prepared = prepared
+        after = self._default_stiffness(prepared.asked)
+        if after != before and self.stiffness_commands == before:  # none was commanded
+            self.stiffness_commands = after
+            self._drive()
         self._apply((self.guard.softened and prepared.soft) or prepared.normal)
 
     @property
@@ -187,6 +203,13 @@ class Controller(LoopDesign):
             When this law takes no torques, or for values that cannot be used.
         """
         raise CommandError("torque command rejected: only law torque takes torques")
+
+    def foresees(self, values: Sequence[float]) -> bool:
+        """Whether the limits for these stiffnesses [N m/rad] are known already."""
+        return all(
+            not math.isfinite(value) or self._limits.knows(channel, value)
+            for channel, value in zip(self.channels, values, strict=False)
+        )
 
     def foresee_stiffness(self, values: Sequence[float]) -> None:
         """Compute limits for stiffnesses [N m/rad] that will be commanded; needs no lock."""

@@ -165,7 +165,8 @@ class NodeParameters[Described]:
         would never become too old.
     on_change : callable, optional
         Takes a mapping of the values that change, after they were checked; it refuses the change
-        by raising a ParameterError. It may return a remark for the person who asked.
+        by raising a ParameterError. It may return a remark for the person who asked, see
+        `with_remark`.
 
     Raises
     ------
@@ -194,6 +195,7 @@ class NodeParameters[Described]:
         for warning in refuse_lost_sections(full_name, usual_name, given_files()):
             node.get_logger().warning(warning)
         self._node = node
+        self._remark = ""
         self._keeps_real_time = keeps_real_time
         self._check_clock("use_sim_time", node.get_parameter("use_sim_time").value)
         self._table = {parameter.name: parameter for parameter in table}
@@ -229,6 +231,12 @@ class NodeParameters[Described]:
         """The value of a numeric parameter as a float."""
         return float(self._values[name])
 
+    def with_remark(self, result: Any) -> Any:
+        """The result of the last change with the remark of `on_change`, which rclpy drops."""
+        if result.successful:
+            result.reason = self._remark
+        return result
+
     def restore(self, values: Mapping[str, Value]) -> None:
         """Set parameters back to former values, which are not checked again."""
         self._values.update(values)  # so that `_set` finds no change
@@ -243,7 +251,7 @@ class NodeParameters[Described]:
 
     def _set(self, requested: Sequence[Any]) -> Any:
         changes: dict[str, Value] = {}
-        remark: str | None = None
+        self._remark = ""
         try:
             for entry in requested:
                 parameter = self._table.get(entry.name)
@@ -261,8 +269,8 @@ class NodeParameters[Described]:
             # a value that is set again and again must not cost a new design each time
             changes = {name: new for name, new in changes.items() if new != self._values[name]}
             if changes and self._on_change is not None:
-                remark = self._on_change(changes)
+                self._remark = self._on_change(changes) or ""
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._values.update(changes)
-        return SetParametersResult(successful=True, reason=remark or "")
+        return SetParametersResult(successful=True)
