@@ -115,7 +115,7 @@ def test_nothing_is_written_before_a_motion_or_over_a_file_or_into_nowhere(
     with pytest.raises(PamError, match="exists, and is not overwritten"):
         save_adapted_rig(made, there)
     assert there.read_text() == "mine"
-    with pytest.raises(PamError, match="cannot be written: Not a directory"):
+    with pytest.raises(PamError, match="cannot be written: File exists"):
         save_adapted_rig(made, there / "new.yaml")
     with pytest.raises(PamError, match="cannot be written: File name too long"):
         save_adapted_rig(made, tmp_path / ("x" * 300))

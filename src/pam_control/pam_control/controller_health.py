@@ -66,7 +66,7 @@ class ControllerHealth:
             off = channel.telemetry.error
             counts.cycles += 1
             counts.clipped += bool(channel.telemetry.clipped)
-            counts.limited += references.limited(channel.joint.name)
+            counts.limited += references.held_back(channel.joint.name)
             counts.squares += off * off
             counts.largest = max(counts.largest, abs(off))
 
@@ -156,7 +156,7 @@ class ControllerHealth:
             "largest error [rad]": counts.largest,
             "clipped share [-]": counts.clipped / cycles,
             "clipped last": ", ".join(telemetry.clipped) or "nothing",
-            "reference limited share [-]": counts.limited / cycles,
+            "reference held back share [-]": counts.limited / cycles,
             "stiffness asked [N m/rad]": controller.stiffness_commands[index],
             "stiffness now [N m/rad]": channel.stiffness_factor * telemetry.stiffness_reached,
             "least stiffness [N m/rad]": low,
@@ -189,7 +189,7 @@ class ControllerHealth:
         if counts.limited:
             joint = channel.joint
             texts.append(
-                f"reference limited in {counts.limited / cycles:.0%} of the cycles (max_velocity "
+                f"reference held back in {counts.limited / cycles:.0%} of the cycles (max_velocity "
                 f"{joint.max_velocity:g} rad/s, max_acceleration {joint.max_acceleration:g} "
                 "rad/s^2, or what the valves can drive)"
             )

@@ -160,5 +160,7 @@ def _learnt(entry: Mapping[str, object]) -> Learnt:
         raise ValueError("arrays of different size")
     if not all(np.isfinite(each).all() for each in (path, base, correction)):
         raise ValueError("a number is not finite")
-    error = entry["error"]
-    return Learnt(path, base, correction, math.nan if error is None else float(str(error)))
+    error = math.nan if entry["error"] is None else float(str(entry["error"]))
+    if math.isinf(error):
+        raise ValueError("a number is not finite")
+    return Learnt(path, base, correction, error)

@@ -418,6 +418,22 @@ class ReferenceGenerator:
         limiter = self._limiters.get(name)
         return (stream is not None and stream.limited) or (limiter is not None and limiter.limited)
 
+    def held_back(self, name: str) -> bool:
+        """Whether the limits of motion keep the reference away from what was asked for.
+
+        The steps of a stream are always rounded; that alone, and the lag of its filter, are none.
+        """
+        if not self.limited(name):
+            return False
+        source, limiter = self._sources[name], self._limiters.get(name)
+        stream = source.stream
+        if stream is None:
+            return limiter is not None and limiter.gap > RESUMED_WITHIN
+        state = stream.state if limiter is None else limiter.state
+        asked = stream.target + stream.velocity * (stream.advanced - stream.received)
+        lag = 2.0 * abs(state.velocity) / self.stream_bandwidth
+        return abs(limited(asked, *self.limits[name]) - state.position) > RESUMED_WITHIN + lag
+
     def following(self, name: str) -> str:
         """The joint's present source: "trajectory", "stream" or "hold"."""
         source = self._sources[name]
