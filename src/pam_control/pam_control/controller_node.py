@@ -62,15 +62,17 @@ from pam_ros.driver_state import (
     permits_full_speed,
     reason_against_commands,
 )
-from pam_ros.errors import ParameterError
+from pam_ros.errors import MalformedMessageError, ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.slow_work import SlowWork
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
+from pam_ros.subscriptions import subscribe
 
 TEST_EVERY = 0.25  # s
+LARGEST_TRAJECTORY = 2**26  # bytes; the number of points is limited by a parameter
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
 NAME = "pam_controller"
 
@@ -156,14 +158,14 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._topics = ControllerTopics(self, self.rig, max(1, round(every)))
         latest = QoSProfile(depth=1)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(  # raw: see pam_control.trajectory_message
-            JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10, raw=True
-        )
-        self.create_subscription(JointState, "~/commands", self._on_stream, latest)
-        self.create_subscription(
-            Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
-        )
-        self.create_subscription(Float64MultiArray, "~/torque_commands", self._on_torque, latest)
+        # bytes, which its own reader reads: see pam_control.trajectory_message
+        self._trajectories = subscribe(
+            self, JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10,
+            read=bytes, most_bytes=LARGEST_TRAJECTORY,
+        )  # fmt: skip
+        subscribe(self, JointState, "~/commands", self._on_stream, latest)
+        subscribe(self, Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest)
+        subscribe(self, Float64MultiArray, "~/torque_commands", self._on_torque, latest)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/lower", self._on_lower)
         self.create_service(Trigger, "~/save_adapted_rig", self._on_save)
@@ -227,19 +229,31 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     # --- messages in ----------------------------------------------------------------------------
 
-    def _on_trajectory(self, data: Any) -> None:
+    def _on_trajectory(self, data: bytes) -> None:
         """A stop at once; the plan of a motion takes seconds if it has many points."""
-        message, most = bytes(data), int(self._changes.values["trajectory.max_points"])
-        if is_stop(message):
-            self.intake.trajectory(message, most, self._start_of)
+        most = int(self._changes.values["trajectory.max_points"])
+        if is_stop(data):
+            self.intake.trajectory(data, most, self._start_of)
             return
         with self.intake.rejecting("joint_trajectory"):
             if self._planning.full:
                 raise CommandError("trajectory rejected: too many others are being planned")
             ticket = self.intake.ticket
             self._planning.submit(
-                lambda: self.intake.trajectory(message, most, self._start_of, ticket), _nothing
+                lambda: self._followed(data, most, ticket), self._on_trajectory_read
             )
+
+    def _followed(self, data: bytes, most: int, ticket: int) -> str:
+        """Follow a trajectory; return why it cannot be read, if so."""
+        try:
+            self.intake.trajectory(data, most, self._start_of, ticket)
+        except MalformedMessageError as error:
+            return str(error)
+        return ""
+
+    def _on_trajectory_read(self, malformed: str) -> None:
+        if malformed:
+            self._trajectories.callback.refuse(malformed)
 
     def _start_of(self, message: TrajectoryMessage) -> float | None:
         return self._seconds(Time(sec=message.seconds, nanosec=message.nanoseconds))
@@ -317,7 +331,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         if self._vent.service_is_ready():
             self._vent.call_async(Trigger.Request())
 
-    def _on_driver_state(self, data: bytes) -> None:
+    def _on_driver_state(self, message: Any) -> None:
         """Follow the driver: while it takes no commands, references are dropped and refused.
 
         When it takes commands again, or was activated anew, the next cycle takes over the joints
@@ -325,10 +339,10 @@ class ControllerNode(Node):  # type: ignore[misc]
         """
         with self._lock:
             if self.rig.people.full_speed_topic:
-                self._controller.reduce_speed(not permits_full_speed(data), self._now())
-            self._driver_reason = reason_against_commands(data)
+                self._controller.reduce_speed(not permits_full_speed(message), self._now())
+            self._driver_reason = reason_against_commands(message)
             self._health.driver = self._driver_reason or "takes commands"
-            before, self._activation = self._activation, activation_of(data)
+            before, self._activation = self._activation, activation_of(message)
             if self._driver_reason or self._activation != before:
                 self._controller.drop_commands()
                 self.intake.supersede()
@@ -442,10 +456,6 @@ class ControllerNode(Node):  # type: ignore[misc]
         finally:
             self._design_process.close()
             super().destroy_node()
-
-
-def _nothing(_: object) -> None:
-    """What follows work that has told its result itself."""
 
 
 def _written(made: AdaptedRig, path: Path) -> str:

@@ -17,6 +17,7 @@ from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
 from pam_control.references.trajectory import CommandError, JointNameError, PastTrajectoryError
 from pam_control.references.trajectory import TrajectoryPoint as Point
+from pam_ros.foreign_text import all_shown
 from pam_ros.long_actions import GoalEnd, LongActions
 from pam_ros.parameters import Value
 from pam_ros.slow_work import SlowWork
@@ -127,7 +128,7 @@ class FollowTrajectory:
     def _began(self, handle: Any, goal: TrajectoryGoal | GoalError) -> None:
         """Follow a planned goal instead of the present one, if it can be followed."""
         if isinstance(goal, GoalError):
-            self._node.get_logger().warning(f"{NAME}: {goal}")
+            self._node.get_logger().warning(f"{NAME}: {goal}", throttle_duration_sec=1.0)
             how = GoalEnd.CANCELED if handle.is_cancel_requested else GoalEnd.ABORTED
             self._end(handle, how, goal.code, str(goal))
             return
@@ -171,7 +172,7 @@ class FollowTrajectory:
         if not names or len(set(names)) != len(names) or not set(names) <= set(known):
             raise GoalError(
                 GoalCode.INVALID_JOINTS,
-                f"joint_names = {names}, expected some or all of {known}, each once",
+                f"joint_names = {all_shown(names)}, expected some or all of {known}, each once",
             )
         patience = request.goal_time_tolerance
         tolerances = goal_tolerances(

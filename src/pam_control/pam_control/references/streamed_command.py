@@ -12,6 +12,7 @@ from pam_control.references.trajectory import (
     check_position,
     check_speed,
 )
+from pam_ros.foreign_text import shown
 
 
 def check_streamed_command(
@@ -57,7 +58,7 @@ def check_streamed_command(
         raise CommandError(f"{what}: a joint is named twice")
     for index, name in enumerate(names):
         if name not in limits:
-            raise CommandError(f"{what}: unknown joint {name!r}; known: {', '.join(limits)}")
+            raise CommandError(f"{what}: unknown joint {shown(name)}; known: {', '.join(limits)}")
         position = positions[index]
         velocity = velocities[index] if len(velocities) else 0.0
         if not (math.isfinite(position) and math.isfinite(velocity)):
