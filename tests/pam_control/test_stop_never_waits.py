@@ -336,3 +336,14 @@ def another(parameter: Any, former: Any) -> Any:
     if isinstance(former, int):
         return min(former + 1, int(parameter.high))
     return former * 1.01 if 0.0 < former * 1.01 <= parameter.high else max(0.02, parameter.low)
+
+
+def test_a_trajectory_that_ends_too_early_is_counted_as_malformed(active: ControllerNode) -> None:
+    """It is read in another thread, and must not end the node from there."""
+    node = active
+    guarded = node._trajectories.callback
+    before = guarded.count
+    guarded(trajectory(0.1, 0.2)[:-9])
+    settle(node)
+    guarded(trajectory()[:10])  # a stop is read at once
+    assert guarded.count == before + 2

@@ -125,12 +125,16 @@ class FollowTrajectory:
         except GoalError as error:
             return error
 
+    def _refuse(self, handle: Any, error: GoalError) -> None:
+        """End a goal that cannot be followed."""
+        self._node.get_logger().warning(f"{NAME}: {error}", throttle_duration_sec=1.0)
+        how = GoalEnd.CANCELED if handle.is_cancel_requested else GoalEnd.ABORTED
+        self._end(handle, how, error.code, str(error))
+
     def _began(self, handle: Any, goal: TrajectoryGoal | GoalError) -> None:
         """Follow a planned goal instead of the present one, if it can be followed."""
         if isinstance(goal, GoalError):
-            self._node.get_logger().warning(f"{NAME}: {goal}", throttle_duration_sec=1.0)
-            how = GoalEnd.CANCELED if handle.is_cancel_requested else GoalEnd.ABORTED
-            self._end(handle, how, goal.code, str(goal))
+            self._refuse(handle, goal)
             return
         if handle.is_cancel_requested:
             with self._lock:
