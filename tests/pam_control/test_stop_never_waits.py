@@ -343,7 +343,7 @@ def test_a_trajectory_that_ends_too_early_is_counted_as_malformed(active: Contro
     node = active
     guarded = node._trajectories.callback
     before = guarded.count
-    guarded(trajectory(0.1, 0.2)[:-9])
+    guarded(trajectory(0.1, 0.2)[:-40])
     settle(node)
     guarded(trajectory()[:10])  # a stop is read at once
     assert guarded.count == before + 2
