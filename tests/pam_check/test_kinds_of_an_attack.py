@@ -68,7 +68,7 @@ def test_a_trajectory_far_ahead_that_is_accepted_is_found(chain, monkeypatch):
     assert trial(chain, name).problem == ""
     follow = chain.intake.follow
     monkeypatch.setattr(
-        chain.intake, "follow", lambda names, points, start: follow(names, points, None)
+        chain.intake, "follow", lambda names, points, start, _: follow(names, points, None)
     )
     assert trial(chain, name).problem
 

@@ -42,7 +42,7 @@ from pam_driver.safety.states import FAULTY, LAMPS, SafetyState
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError
-from pam_model.rig import rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_ros.diagnostics import diagnostic_array
 from pam_ros.driver_state import LATCHED, driver_state_message
 from pam_ros.end_signals import EndSignals
@@ -63,6 +63,7 @@ _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
 _MOVING = frozenset({SafetyState.CHECKING, SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
+NAME = "pam_driver"
 
 
 class DriverNode(LifecycleNode):  # type: ignore[misc]
@@ -75,11 +76,13 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     """
 
     def __init__(self) -> None:
-        super().__init__("pam_driver", automatically_declare_parameters_from_overrides=True)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         self.failure = ""
         self.runs = False  # from now on no exception is a mistake of the user
         self.hurry: Callable[[], bool] = lambda: False
-        self._values = NodeParameters(self, TABLE, rig_of_node, keeps_real_time=True)
+        self._values = NodeParameters(
+            self, TABLE, rig_of_node, describe=described_key, usual_name=NAME, keeps_real_time=True
+        )
         self._rig = self._values.described
         bus_options(str(self._values["bus.options"]))
         if self._values["activate_on_start"] and not self._values["autostart"]:
