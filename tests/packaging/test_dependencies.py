@@ -50,7 +50,13 @@ USED_OTHERWISE = {
     ("pam_bringup", "robot_state_publisher"): "a launch file starts it if it is installed",
 }
 # names on the package index, where they differ from the names that Python imports
-INDEX_NAMES = {"PIL": "pillow", "backports": "backports-zstd", "can": "python-can", "rerun": "rerun-sdk", "yaml": "pyyaml"}
+INDEX_NAMES = {
+    "PIL": "pillow",
+    "backports": "backports-zstd",
+    "can": "python-can",
+    "rerun": "rerun-sdk",
+    "yaml": "pyyaml",
+}
 
 
 def declared(package: str) -> set[str]:
