@@ -227,4 +227,4 @@ def test_a_bench_without_a_joint_is_told_so(tmp_path: Path, capsys) -> None:
     assert main(command) == 2
     error = capsys.readouterr().err
     assert "no column was mapped: the rig file has no joint" in error
-    assert "pam_model fit" in error
+    assert "pam model fit" in error

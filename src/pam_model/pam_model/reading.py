@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from pam_model.errors import PamError
-from pam_ros.foreign_text import in_one_line
+from pam_ros.foreign_text import SENTENCE, plain
 
 LARGEST_TEXT: Final = 1 << 28
 """Bytes of a file that is read as one text or document, such as JSON."""
@@ -52,10 +52,10 @@ def _reason(error: Exception) -> str:
     if isinstance(error, MemoryError):
         return "it claims to hold more than fits into the memory"
     if isinstance(error, KeyError):
-        return f"no {in_one_line(str(error))}"
+        return f"no {plain(str(error), SENTENCE)}"
     if isinstance(error, OSError) and error.strerror:
-        return in_one_line(error.strerror)
-    return in_one_line(str(error)) or type(error).__name__
+        return plain(error.strerror)
+    return plain(str(error), SENTENCE) or type(error).__name__
 
 
 def read_limited(path: Path, largest: int = LARGEST_TEXT) -> bytes:

@@ -1,6 +1,6 @@
 """Feeds random and mutated input into the suite; only PamError may escape.
 
-`python -m pam_check fuzz frames --count 10000000`; other targets are `driver`, `board`, `commands`,
+`pam check fuzz frames --count 10000000`; other targets are `driver`, `board`, `commands`,
 `references`, `measurements`, `injections` and `files`. Half of the input is noise, the other half
 are valid messages with a few changed bits or fields; `files` are sound files with some damage. The
 seeds of failed blocks are kept in `--corpus` and tried first next time.

@@ -1,4 +1,4 @@
-"""`python -m pam_gap compare`: the page, the table in the terminal, and the JSON."""
+"""`pam gap compare`: the page, the table in the terminal, and the JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m pam_gap import LOG --rig RIG --out OUT`: a log of any program, understood and shown.
+"""`pam gap import LOG --rig RIG --out OUT`: a log of any program, understood and shown.
 
 Without a map it proposes one and, on a terminal, asks about every channel. It writes the map, a
 page that shows what was understood, and the recording as a Parquet table with the channels of the

@@ -20,7 +20,7 @@ from pam_model.rig import Rig
 
 NO_JOINT = (
     "the rig file has no joint; expected one to diagnose. A muscle on a bench (`bench_muscles`) "
-    "cannot be diagnosed: `pam_model fit` fits its force from a table of pressure, length and force"
+    "cannot be diagnosed: `pam model fit` fits its force from a table of pressure, length and force"
 )
 
 
