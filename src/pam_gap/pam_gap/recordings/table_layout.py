@@ -127,8 +127,8 @@ def find_layout(lines: Sequence[str]) -> TableLayout:
     """
     told = [(k, line) for k, line in enumerate(lines) if line.strip()]
     body = [(k, line) for k, line in told if not line.lstrip().startswith("#")]
-    if not body:
-        raise ValueError("it holds no line of a table")
+    if len(body) < 2:
+        raise ValueError("it holds no rows below a line of names")
     best: tuple[float, int, str | None, Rows] = (0.0, -1, None, [])
     for between in _SEPARATORS:
         rows = [(k, _cells(line, between)) for k, line in body]
