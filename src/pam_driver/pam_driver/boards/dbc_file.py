@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -32,9 +33,9 @@ _WORDS: Final = (
     "|BU_BO_REL_|BU_|BS_|NS_DESC_|NS_|CAT_DEF_|CAT_|FILTER|VERSION"
 )
 _BEGIN: Final = re.compile(rf"[ \t]*({_WORDS})(?![A-Za-z0-9_])(.*)")
-_MESSAGE: Final = re.compile(r"\s*BO_\s+(\d+)\s+(\w+)")
+_MESSAGE: Final = re.compile(r"\s*BO_\s+(\S+)\s+(\w+)")
 _SIGNAL: Final = re.compile(r"\s*SG_\s+(\w+)")
-_REFERENCE: Final = re.compile(r'\s*\w+\s+(?:"[^"]*"\s*)?(?:SG_\s+|BO_\s+)?(\d+)\s+(\w+)?')
+_REFERENCE: Final = re.compile(r'\s*\w+\s+(?:"[^"]*"\s*)?(?:SG_\s+|BO_\s+)?(\d+)\b\s*(\w+)?')
 _ATTRIBUTE: Final = re.compile(r'\s*BA_(?:DEF_DEF_|DEF_)?\s*[A-Z_]*\s*"([^"]*)"')
 _DEFINITIONS: Final = frozenset({"BA_DEF_", "BA_DEF_DEF_", "BA_DEF_REL_", "BA_DEF_DEF_REL_"})
 _HEADINGS: Final = frozenset({"NS_", "NS_DESC_", "BS_", "FILTER"})
@@ -47,14 +48,19 @@ _FRAME_FORMAT: Final = "VFrameFormat"
 class DbcFlaw:
     """Something that is wrong in a line.
 
-    It makes a signal of a message doubtful, all its signals if `signal` is empty, and no message if
-    `message` is empty.
+    It makes a signal of some messages doubtful, all their signals if `signal` is empty. If it
+    `begins` a message or signal, the name may not be what the maker meant.
     """
 
     line: int
     text: str
-    message: str = ""
+    messages: frozenset[str] = frozenset()
     signal: str = ""
+    begins: bool = False
+
+    def concerns(self, message: object, signal: object) -> bool:
+        """Whether it makes a signal doubtful."""
+        return message in self.messages and self.signal in {"", signal}
 
     def __str__(self) -> str:
         return f"line {self.line}: {self.text}"
@@ -145,7 +151,8 @@ def read_dbc(path: Path, max_bytes: int) -> DbcContent:
 
 
 def _loaded(text: str) -> Database:
-    database = cantools.database.load_string(text, database_format="dbc", strict=False)
+    # without something behind it, cantools passes over a last statement that is cut off
+    database = cantools.database.load_string(f"{text}\nBS_:\n", "dbc", strict=False)
     if not isinstance(database, Database):
         raise ValueError("not a CAN database")
     return database
@@ -159,6 +166,7 @@ def _statements(text: str) -> Iterator[_Statement]:
     """The statements: each begins with a word of its own at the beginning of a line."""
     current: _Statement | None = None
     message = _Statement("", 0, "")
+    listing = False  # the words under NS_
     for number, line in enumerate(text.split("\n"), 1):
         match = _BEGIN.match(line)
         if match is None:
@@ -167,14 +175,17 @@ def _statements(text: str) -> Iterator[_Statement]:
             else:
                 current.text += f"\n{line}"
             continue
-        if not match[2].strip(" \t:;"):  # a heading, or a word in the list under NS_
+        alone = not match[2].strip(" \t:;")
+        if alone and (listing or match[1] in _HEADINGS):
+            listing = match[1] != "BS_"
             continue
+        listing = False
         if current is not None:
             yield current
         current = _Statement(match[1], number, line)
         if current.kind == "BO_":
             found = _MESSAGE.match(line)
-            current.frame = int(found[1]) if found and len(found[1]) < 12 else None
+            current.frame = _frame_id(found[1]) if found else None
             current.message = found[2] if found else ""
             message = current
         elif current.kind == "SG_":
@@ -182,10 +193,16 @@ def _statements(text: str) -> Iterator[_Statement]:
             current.frame, current.message = message.frame, message.message
             current.signal = found[1] if found else ""
         elif found := _REFERENCE.match(line):
-            current.frame = int(found[1]) if len(found[1]) < 12 else None
+            current.frame = _frame_id(found[1])
             current.signal = found[2] or ""
+        elif current.kind in _MEANING:
+            current.signal = next(iter(line.split()[2:3]), "")
     if current is not None:
         yield current
+
+
+def _frame_id(text: str) -> int | None:
+    return int(text) if text.isdecimal() and len(text) < 12 else None
 
 
 def _twice(
@@ -200,7 +217,7 @@ def _twice(
             what = "signal" if one.signal else "message"
             name = f"{one.message}.{one.signal}" if one.signal else one.message
             text = f"{what} {shown(name)} is there twice, first in line {first}"
-            yield DbcFlaw(one.line, text, one.message, one.signal)
+            yield DbcFlaw(one.line, text, frozenset({one.message}), one.signal)
 
 
 def _absurd(statement: _Statement) -> str:
@@ -256,7 +273,7 @@ class _Reader:
             if one.kind == "SG_":
                 self._add_signal(one)
         for one in statements:
-            if one.kind not in {*_DEFINITIONS, *_HEADINGS, "BO_", "SG_", "BU_", "VERSION"}:
+            if one.kind not in {*_DEFINITIONS, *_HEADINGS, "BO_", "SG_"}:
                 self._add(one)
 
     def clean(self) -> str:
@@ -286,7 +303,8 @@ class _Reader:
         message = None if one.frame is None else self._messages.get(one.frame)
         if message is None:
             text = f"signal {shown(one.signal)} belongs to no message that can be read"
-            self.flaws.append(DbcFlaw(one.line, text, one.message, one.signal))
+            messages = frozenset({one.message})
+            self.flaws.append(DbcFlaw(one.line, text, messages, one.signal))
         elif self._reads(one, f"{message.head.text}\n{one.text}") and all(
             known.signal != one.signal for known in message.signals
         ):
@@ -323,9 +341,10 @@ class _Reader:
                 kept = _first_part(one.text)
                 shorter = f"{text.removesuffix(one.text)}{kept}"
                 if text.endswith(one.text) and not _why_not(shorter):
-                    line = one.line + kept.count("\n") + 1
-                    rest = one.text[len(kept) :].strip()
-                    self._flaw(one, line, f"{shown(rest)} is not understood")
+                    rest = one.text[len(kept) :]
+                    blank = rest[: len(rest) - len(rest.lstrip())]
+                    line = one.line + (kept + blank).count("\n")
+                    self._flaw(one, line, f"{shown(rest.strip())} is not understood")
                     one.text = kept
                     return True
         if reason:
@@ -335,9 +354,23 @@ class _Reader:
     def _flaw(self, one: _Statement, line: int, text: str) -> None:
         matters = one.kind in _MEANING or (one.kind == "BA_" and _FRAME_FORMAT in one.text)
         if matters:
-            self.flaws.append(DbcFlaw(line, text, one.message, one.signal))
+            begins = one.kind in {"BO_", "SG_"}
+            messages = frozenset({one.message}) if one.message else self._candidates(one)
+            self.flaws.append(DbcFlaw(line, text, messages, one.signal, begins))
         else:
             self.flaws.append(DbcFlaw(line, text))
+
+    def _candidates(self, one: _Statement) -> frozenset[str]:
+        """The messages that a statement may be about if its identifier cannot be read."""
+        if one.kind in {"BO_", "SG_"} or (one.frame is not None and one.signal):
+            return frozenset()
+        word = one.text.split()[1:2]
+        begun = word[0] if word and word[0].isdecimal() else ""
+        return frozenset(
+            message.head.message
+            for frame, message in self._messages.items()
+            if str(frame).startswith(begun)
+        )
 
 
 def _first_part(text: str) -> str:
@@ -349,10 +382,11 @@ def _first_part(text: str) -> str:
     return lines[0]
 
 
+@lru_cache(maxsize=4096)  # of two versions of a file, most statements are the same
 def _why_not(text: str) -> str:
     """Why cantools cannot read a text; empty if it can."""
     try:
-        _loaded(f"{text}\n")
+        _loaded(text)
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         marked = re.search(r'column \d+: "(.*)"', reason)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
@@ -67,13 +67,15 @@ class DbcLookup:
         more = len(left) - _MOST
         return left if more <= 0 else [*left[:_MOST], f"{self.path.name}: {more} more such lines"]
 
+    def _lost(self, might_be: Callable[[DbcFlaw], bool]) -> str:
+        """The end of a message about a name that is missing: a line that might have been it."""
+        lost = [flaw for flaw in self._flaws if flaw.begins and might_be(flaw)]
+        self._told.update(lost)
+        return "".join(f"; {flaw}" for flaw in lost[:_MOST])
+
     def _has_flaw(self, message: object, signal: object, where: Section, key: str) -> bool:
         """Whether a message or signal has a flaw in the file; then it is told, once."""
-        found = [
-            flaw
-            for flaw in self._flaws
-            if flaw.message == message and flaw.message and flaw.signal in {"", signal}
-        ]
+        found = [flaw for flaw in self._flaws if flaw.concerns(message, signal)]
         for flaw in found:
             if flaw not in self._told:
                 where.add(key, f"{self._in_file(where, key)}: {flaw}")
@@ -88,7 +90,8 @@ class DbcLookup:
             if not self._has_flaw(name, "", where, key) and name not in self._refused:
                 where.add(
                     key,
-                    f"{shown_as}: the DBC file has no message {name}{_hint(name, self._messages)}",
+                    f"{shown_as}: the DBC file has no message {name}{_hint(name, self._messages)}"
+                    f"{self._lost(lambda flaw: not flaw.signal)}",
                 )
             self._refused.add(str(name))
             return None
@@ -136,10 +139,11 @@ class DbcLookup:
 
         If not, a problem is added to the key.
         """
+        names = {"", *(one.name for one in message.signals)}
         told = [
             self._has_flaw(message.name, flaw.signal, where, key)
             for flaw in self._flaws
-            if flaw.message == message.name
+            if message.name in flaw.messages and (flaw.begins or flaw.signal in names)
         ]
         numbers = [self._is_unusable(message, one, where, key) for one in message.signals]
         return not (any(told) or any(numbers)) and self.fits(message, message.signals, where, key)
@@ -190,7 +194,8 @@ class DbcLookup:
         if flawed:
             return None
         if signal is None:
-            problem = f"message {message.name} has no signal {name}{_hint(name, signals)}"
+            lost = self._lost(lambda flaw: message.name in flaw.messages)
+            problem = f"message {message.name} has no signal {name}{_hint(name, signals)}{lost}"
         elif signal.multiplexer_ids is not None and len(signal.multiplexer_ids) != 1:
             problem = (
                 f"{message.name}.{name} appears with several values of its selector; one is "

@@ -49,8 +49,8 @@ def doubt_range(where: Section, entry: Input, signal: str, place: str, needed: N
     if entry.what == PRESSURE_INPUT and low > max(lowest, low_of_bits):
         where.doubt(
             "signal",
-            f" = {signal}: its range in {place} begins at {low:.6g} {needed.unit}, and the sensor of "
-            f"an empty muscle may show {lowest:.6g}: such a reading counts as no measurement",
+            f" = {signal}: its range in {place} begins at {low:.6g} {needed.unit}, and the sensor "
+            f"of an empty muscle may show {lowest:.6g}: such a reading counts as no measurement",
         )
 
 
