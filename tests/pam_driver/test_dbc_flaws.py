@@ -35,7 +35,7 @@ BO_TX_BU_ 700 : ECU;
 GOOD: Final = vendor_dbc().read_text(encoding="cp1252") + FOREIGN
 Change = Callable[[str], str]
 FLAWS: Final[dict[str, Change]] = {
-    "cut in half": lambda line: line[: len(line) // 2],
+    "cut in half": lambda line: line[: 2 * len(line) // 3],
     "a quote missing": lambda line: line.replace('"', "", 1),
     "a word for a number": lambda line: (
         line if line.startswith("CM_") else re.sub(r"(?<= )\d+", "many", line, count=1)
@@ -193,8 +193,9 @@ def test_a_file_of_two_encodings_is_read(manifold: WiredBoard, tmp_path: Path) -
 
 @pytest.mark.parametrize(
     "spelling",
-    ["BAR", "Bar", "bar ", " bar", "[bar]", "(bar)", "bar."]
-    + ["bar abs", "bar(a)", "bar (abs)", "bara", "BAR_A", "bar absolute"],
+    "BAR|Bar|bar | bar|[bar]|(bar)|bar.|bar abs|bar(a)|bar (abs)|bara|BAR_A|bar absolute".split(
+        "|"
+    ),
 )
 def test_a_unit_is_understood_as_makers_spell_it(
     spelling: str, manifold: WiredBoard, tmp_path: Path
@@ -248,3 +249,58 @@ def test_signals_that_nobody_uses_may_overlap(manifold: WiredBoard, tmp_path: Pa
     (line,) = read(wired, tmp_path / "dev.dbc", text).problems
     assert "are overlapping in message PVM_Actual" in line
     assert "dev.dbc, line " in line
+
+
+LABELLED: Final = GOOD.replace('P_Act_A 65535 "sensor_open"', 'P_Act_A 1026 "ambient"')
+
+
+def test_a_label_at_a_value_that_is_reached_is_a_caution(
+    manifold: WiredBoard, tmp_path: Path
+) -> None:
+    reader = read(manifold, tmp_path / "dev.dbc", LABELLED)
+    (doubt,) = reader.doubts
+    assert doubt.startswith(
+        "boards.manifold.pressures.port_a.valid: P_Act_A has the label 'ambient'"
+    )
+    assert invalid_of(reader) == {1026: "ambient", 65534: "sensor_short"}
+
+
+def test_a_label_under_valid_is_a_measurement(manifold: WiredBoard, tmp_path: Path) -> None:
+    reader = with_valid(manifold, ["ambient"], tmp_path)
+    assert not reader.problems
+    assert not reader.doubts
+    assert invalid_of(reader) == {65534: "sensor_short"}
+
+
+@pytest.mark.parametrize(
+    ("valid", "told"),
+    [
+        (["ambien"], "valid: P_Act_A has no value called ambien; did you mean ambient?"),
+        ("ambient", "valid = 'ambient': must be a list of labels of P_Act_A"),
+    ],
+)
+def test_a_wrong_label_under_valid_is_refused(
+    valid: object, told: str, manifold: WiredBoard, tmp_path: Path
+) -> None:
+    (line,) = with_valid(manifold, valid, tmp_path).problems
+    assert told in line
+
+
+def with_valid(wired: WiredBoard, valid: object, folder: Path) -> DeviceReader:
+    """The device with labels that are measurements."""
+    pressures = wired.settings["pressures"]
+    changed = {**pressures, "port_a": {**pressures["port_a"], "valid": valid}}
+    wired = replace(wired, settings={**wired.settings, "pressures": changed})
+    return read(wired, folder / "dev.dbc", LABELLED)
+
+
+def invalid_of(reader: DeviceReader) -> dict[int, str]:
+    """The raw values of the first pressure that are no measurement."""
+    assert reader.device is not None
+    return dict(reader.device.answers[0].inputs[0].invalid)
+
+
+def test_a_range_that_ends_at_rest_is_a_caution(manifold: WiredBoard, tmp_path: Path) -> None:
+    text = GOOD.replace("(0.0005,0.5) [0.5|16]", "(0.0005,0.5) [1.013|16]", 1)
+    (doubt,) = read(manifold, tmp_path / "dev.dbc", text).doubts
+    assert "P_Act_A: its range in dev.dbc, line 24 begins at -25 Pa gauge" in doubt

@@ -218,3 +218,29 @@ def test_a_frame_of_can_fd_has_one_of_its_lengths() -> None:
     (message,) = cantools.database.load_string(text, "dbc").messages
     assert message.is_fd
     assert frame_length(message) == 12
+
+
+def test_a_reading_out_of_the_files_range_is_the_condition_of_one_signal() -> None:
+    board = board_of(ELBOW_VENDOR)
+    hear = board.listeners[board.identifiers.answers[0]]
+
+    def ranges(now: float) -> list[str]:
+        found = list(board.conditions(now, 0.5, 0.05, False))
+        assert not any("no PVM_Actual" in one.text for one in found)
+        return [one.text for one in found if one.kind == "sensor_range"]
+
+    hear(actual(2.0, 2.0, 7.0, 0), 5.0, 5.0)
+    hear(actual(16.5, 2.0, 7.0, 1), 5.01, 5.01)
+    assert board.pressures["port_a"].time == 5.0
+    assert board.pressures["port_b"].time == 5.01
+    assert board.counts()["out_of_range"] == 1
+    assert not ranges(5.02)
+    for count in range(2, 12):
+        hear(actual(16.5, 2.0, 7.0, count), 5.0 + 0.01 * count, 5.0)
+    assert board.pressures["port_b"].time == pytest.approx(5.11)
+    assert ranges(5.12) == [
+        "pressure port_a: PVM_Actual.P_Act_A is 16.5, outside the range 0.5 to 16 of the DBC file"
+    ]
+    hear(actual(2.0, 2.0, 7.0, 12), 5.13, 5.13)
+    assert board.pressures["port_a"].time == 5.13
+    assert not ranges(5.2)

@@ -176,7 +176,7 @@ def _statements(text: str) -> Iterator[_Statement]:
                 current.text += f"\n{line}"
             continue
         alone = not match[2].strip(" \t:;")
-        if alone and (listing or match[1] in _HEADINGS):
+        if alone and (listing or not message.kind or match[1] in _HEADINGS):
             listing = match[1] != "BS_"
             continue
         listing = False
