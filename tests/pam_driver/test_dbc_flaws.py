@@ -119,6 +119,10 @@ def test_a_flaw_is_told_with_its_line_where_it_matters_and_survived_elsewhere(
     assert survived > 3 or flaw in {"brackets missing", "a line of text before"}
 
 
+SPELLINGS: Final = (
+    *("BAR", "Bar", "bar ", " bar", "[bar]", "(bar)", "bar."),
+    *("bar abs", "bar(a)", "bar (abs)", "bara", "BAR_A", "bar absolute"),
+)
 NUMBERS: Final = {
     "factor of 1e-320": "(1e-320,0) [0|10]",
     "factor of 400 digits": f"({'9' * 400},0) [0|10]",
@@ -191,12 +195,7 @@ def test_a_file_of_two_encodings_is_read(manifold: WiredBoard, tmp_path: Path) -
     assert not read(manifold, tmp_path / "dev.dbc", text).problems
 
 
-@pytest.mark.parametrize(
-    "spelling",
-    "BAR|Bar|bar | bar|[bar]|(bar)|bar.|bar abs|bar(a)|bar (abs)|bara|BAR_A|bar absolute".split(
-        "|"
-    ),
-)
+@pytest.mark.parametrize("spelling", SPELLINGS)
 def test_a_unit_is_understood_as_makers_spell_it(
     spelling: str, manifold: WiredBoard, tmp_path: Path
 ) -> None:

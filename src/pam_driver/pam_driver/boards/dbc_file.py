@@ -356,9 +356,21 @@ class _Reader:
         if matters:
             begins = one.kind in {"BO_", "SG_"}
             messages = frozenset({one.message}) if one.message else self._candidates(one)
-            self.flaws.append(DbcFlaw(line, text, messages, one.signal, begins))
+            self.flaws.append(DbcFlaw(line, text, messages, self._signal(one), begins))
         else:
             self.flaws.append(DbcFlaw(line, text))
+
+    def _signal(self, one: _Statement) -> str:
+        """The signal that a statement makes doubtful; empty if its name may be cut or misspelt.
+
+        Labels of a signal that is not there are nobody's.
+        """
+        message = self._messages.get(one.frame if one.frame is not None else -1)
+        if one.kind in {"BO_", "SG_"} or message is None:
+            return one.signal
+        known = any(signal.signal == one.signal for signal in message.signals)
+        is_whole = one.text.rstrip().endswith(";")
+        return one.signal if known or (one.kind == "VAL_" and is_whole) else ""
 
     def _candidates(self, one: _Statement) -> frozenset[str]:
         """The messages that a statement may be about if its identifier cannot be read."""
