@@ -264,6 +264,7 @@ class _Reader:
         self._messages: dict[int, _Message] = {}
         self._others: list[_Statement] = []
         statements = list(statements)
+        self._names = {(one.frame, one.signal) for one in statements if one.kind == "SG_"}
         for one in statements:
             if one.kind in _DEFINITIONS:
                 self._define(one)
@@ -365,10 +366,9 @@ class _Reader:
 
         Labels of a signal that is not there are nobody's.
         """
-        message = self._messages.get(one.frame if one.frame is not None else -1)
-        if one.kind in {"BO_", "SG_"} or message is None:
+        if one.kind in {"BO_", "SG_"} or one.frame is None:
             return one.signal
-        known = any(signal.signal == one.signal for signal in message.signals)
+        known = (one.frame, one.signal) in self._names
         is_whole = one.text.rstrip().endswith(";")
         return one.signal if known or (one.kind == "VAL_" and is_whole) else ""
 
