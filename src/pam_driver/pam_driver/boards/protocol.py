@@ -326,6 +326,14 @@ class ExplainsPromises(Protocol):
 
 
 @runtime_checkable
+class NamesInvalidValues(Protocol):
+    """What a board may offer in addition, for tools that explain a rig before it runs."""
+
+    def invalid_values(self) -> Mapping[tuple[str, Channel], Mapping[int, str]]:
+        """By measurement ("pressure", "angle" or "supply", channel), raw values that are none."""
+
+
+@runtime_checkable
 class HasDoubts(Protocol):
     """What a kind may offer in addition: what is odd about boards that can be used."""
 

@@ -273,11 +273,15 @@ def _plain(tree: Any) -> Any:
 
 
 class Problems:
-    """All problems of one file; without a `source`, the lines begin with the key."""
+    """All problems of one file; without a `source`, the lines begin with the key.
+
+    `doubts` are lines about what is odd, although the file can be used.
+    """
 
     def __init__(self, source: str) -> None:
         self.source = source
         self.lines: list[str] = []
+        self.doubts: list[str] = []
 
     def add(self, key: str, text: str) -> None:
         """Add a problem with a key of the file; `text` follows the key."""
@@ -313,6 +317,10 @@ class Section:
     def add(self, name: str, text: str) -> None:
         """Add a problem with the key `name`; `text` follows the key."""
         self.problems.add(self.key(name), text)
+
+    def doubt(self, name: str, text: str) -> None:
+        """Add a doubt about the key `name`; `text` follows the key."""
+        self.problems.doubts.append(f"{self.key(name)}{text}")
 
     def get(self, name: str) -> Any:
         """The value of a key, or None if the key is missing."""
