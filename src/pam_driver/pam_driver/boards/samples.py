@@ -6,12 +6,8 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Final
 
-<<<<<<< HEAD
 from pam_driver.boards.availability import Availability
-from pam_driver.boards.protocol import Channel, Sample, WiredBoard
-=======
 from pam_driver.boards.protocol import Channel, Condition, Sample, WiredBoard
->>>>>>> wdevices
 
 PRESSURE_INPUT: Final = "pressure"
 ANGLE_INPUT: Final = "angle"
@@ -39,24 +35,18 @@ class Samples:
         The last samples [Pa gauge], [rad].
     supply_pressure : float
         [Pa absolute]; NaN if none was received.
-<<<<<<< HEAD
     availability : Availability
         How often there was none.
-=======
     out_of_range : int
         Readings outside the range of the device's file so far.
->>>>>>> wdevices
     """
 
     def __init__(self, wired: WiredBoard) -> None:
         self.pressures: dict[Channel, Sample] = {wire.channel: Sample() for wire in wired.pressures}
         self.angles: dict[Channel, Sample] = {angle.channel: Sample() for angle in wired.angles}
         self.supply_pressure = math.nan
-<<<<<<< HEAD
         self.availability = Availability()
-=======
         self.out_of_range = 0
->>>>>>> wdevices
         self._invalid: dict[str, str] = {}
         self._missed: dict[str, tuple[float, str]] = {}
 
