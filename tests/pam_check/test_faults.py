@@ -89,6 +89,10 @@ def test_the_diagram_has_every_change_of_state_and_no_other():
     }
 
 
+@pytest.mark.sampled(
+    "one kind for each reaction in each layer",
+    alike=lambda kind: (kind.reaction, kind.layer),
+)
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_fault_is_noticed_and_ends_as_promised(chain, kind):
     """Each in a copy of one chain in motion, so that no test depends on another."""
