@@ -9,6 +9,7 @@ import pytest
 
 from support.long_run import mark_the_long_run, representative
 
+pytest_plugins = ["pytester"]
 ROOT = Path(__file__).parents[1]
 REASON = "one case of each kind stands for all"
 
@@ -23,7 +24,7 @@ def cases(marker, **parameters):
         params = {name: parameters[name][k] for name, k in place.items()}
         item = SimpleNamespace(
             nodeid=f"test_it[{params}]",
-            callspec=SimpleNamespace(params=params, indices=place),
+            callspec=SimpleNamespace(params=params, _idlist=list(map(str, params.values()))),
             own=[marker.mark],
         )
         item.get_closest_marker = lambda name, item=item: next(
@@ -59,7 +60,7 @@ def test_one_case_of_each_kind_stays():
 
 
 def test_the_choice_is_the_same_in_every_process():
-    places = [{"number": k} for k in range(1000)]
+    places = [{0: k} for k in range(1000)]
     assert representative(places, 5, "test_it") == representative(places, 5, "test_it")
     assert representative(places, 5, "test_it") != representative(places, 5, "test_other")
 
@@ -77,6 +78,24 @@ def test_the_page_for_contributors_names_what_is_left_to_the_long_run():
     spec.loader.exec_module(tool)
     page = tool.PAGE.read_text(encoding="utf-8")
     assert tool.written_into(page) == page, "run .venv/bin/python tools/long_tests.py"
+
+
+def test_the_cases_of_a_real_test_are_told_apart(pytester):
+    """By what pytest keeps of a case, which is not public."""
+    pytester.makeconftest(
+        "from support.long_run import mark_the_long_run\n"
+        "def pytest_collection_modifyitems(items):\n"
+        "    mark_the_long_run(items)\n"
+        "    items[:] = [item for item in items if not item.get_closest_marker('long')]\n"
+    )
+    pytester.makepyfile(
+        "import pytest\n"
+        f"@pytest.mark.sampled({REASON!r})\n"
+        "@pytest.mark.parametrize(('a', 'b'), [(1, 1), (1, 2), (2, 1)])\n"
+        "@pytest.mark.parametrize('c', [1, 2, 3])\n"
+        "def test_it(a, b, c): pass\n"
+    )
+    assert pytester.runpytest("-q", "-p", "no:cacheprovider").parseoutcomes() == {"passed": 3}
 
 
 def test_make_test_leaves_out_what_is_marked_and_make_test_all_does_not():

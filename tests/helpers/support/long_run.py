@@ -45,20 +45,22 @@ def mark_the_long_run(items: Sequence[pytest.Item]) -> None:
                 item.add_marker(pytest.mark.long(marker.args[0]))
 
 
-def _values(item: Any, alike: Callable[..., Hashable] | None) -> dict[str, Hashable]:
-    """What makes a case one of its own."""
-    return {"kind": alike(**item.callspec.params)} if alike else dict(item.callspec.indices)
+def _values(item: Any, alike: Callable[..., Hashable] | None) -> dict[int, Hashable]:
+    """What makes a case one of its own: its kind, or the id of each of its `parametrize` marks."""
+    if alike:
+        return {0: alike(**item.callspec.params)}
+    return dict(enumerate(item.callspec._idlist))
 
 
 def representative(
-    cases: Sequence[Mapping[str, Hashable]], count: int | None, seed: str
+    cases: Sequence[Mapping[int, Hashable]], count: int | None, seed: str
 ) -> set[int]:
     """Places of the cases that stand for all.
 
     Parameters
     ----------
     cases : sequence of mapping
-        Something that tells the value of each parameter, by the parameter's name.
+        Something that tells the value of each parameter, by the parameter's place.
     count : int, optional
         How many to choose; as many as needed for every value if it is left out.
     seed : str
