@@ -23,7 +23,8 @@ def table() -> str:
         "|---|---|---|",
     ]
     for (place, reason), group in groupby(long_tests(ROOT / "tests"), lambda row: (row[0], row[2])):
-        lines.append(f"| {place} | {', '.join(name for _, name, _ in group)} | {reason} |")
+        names = dict.fromkeys(name for _, name, _ in group)
+        lines.append(f"| {place} | {', '.join(names)} | {reason} |")
     return "\n".join(lines) + "\n"
 
 

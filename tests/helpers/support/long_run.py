@@ -79,7 +79,7 @@ def representative(
 
 
 def long_tests(folder: Path) -> Iterator[tuple[str, str, str]]:
-    """File, test (or "all") and reason of every test marked in the files of a folder, in order."""
+    """File, test (or "all") and reason of every marked test in the files of a folder."""
     for path in sorted(folder.rglob("test_*.py")):
         text = path.read_text(encoding="utf-8")
         if "mark.long" not in text and "mark.sampled" not in text:
@@ -87,7 +87,7 @@ def long_tests(folder: Path) -> Iterator[tuple[str, str, str]]:
         tree = ast.parse(text)
         known = {
             target.id: node.value
-            for node in ast.walk(tree)
+            for node in tree.body
             if isinstance(node, ast.Assign)
             for target in node.targets
             if isinstance(target, ast.Name)
@@ -107,15 +107,17 @@ def _assigns(node: ast.Assign, name: str) -> bool:
 
 
 def _reasons(nodes: Iterable[ast.expr], known: Mapping[str, ast.expr]) -> Iterator[tuple[str, str]]:
-    """Reason, and whether most or all cases are meant, of each such marker within the nodes."""
-    for node in (inner for outer in nodes for inner in ast.walk(outer)):
-        name = node.func.attr if _calls_attribute(node) else ""
-        if name in ("long", "sampled") and node.args:
-            given = node.args[0]
-            if isinstance(given, ast.Name):
-                given = known[given.id]
-            yield ast.literal_eval(given), "most cases of " if name == "sampled" else ""
-
-
-def _calls_attribute(node: ast.AST) -> bool:
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+    """Reason, and how many cases are meant, of each such marker within the nodes."""
+    for outer in nodes:
+        for inner in ast.walk(outer):
+            node = known.get(inner.id) if isinstance(inner, ast.Name) else inner
+            if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+                continue
+            if node.func.attr not in ("long", "sampled") or not node.args:
+                continue
+            reason = node.args[0]
+            if isinstance(reason, ast.Name):
+                reason = known[reason.id]
+            cases = "most cases of " if node.func.attr == "sampled" else "some cases of "
+            whole = node.func.attr == "long" and inner is outer
+            yield ast.literal_eval(reason), "" if whole else cases
