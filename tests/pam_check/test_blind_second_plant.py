@@ -146,7 +146,6 @@ ALSO = {
 }
 
 
-@pytest.mark.sampled("one effect of each stage", alike=lambda effect: KNOWN[effect][0])
 @pytest.mark.parametrize("effect", list(KNOWN))
 def test_an_effect_breaks_the_nominal_law_of_its_stage_alone(effect: str) -> None:
     plain, changed = marks(run()), marks(run(*rig_with(effect)))
@@ -156,7 +155,6 @@ def test_an_effect_breaks_the_nominal_law_of_its_stage_alone(effect: str) -> Non
         assert changed[other] < 2.0 * plain[other] + SMALL, other
 
 
-@pytest.mark.sampled("one effect of each stage", alike=lambda effect: (KNOWN | OUTSIDE)[effect][0])
 @pytest.mark.parametrize("effect", [*KNOWN, *OUTSIDE])
 def test_half_the_step_gives_the_same_recording(effect: str) -> None:
     joint, muscles = rig_with(effect)

@@ -18,7 +18,6 @@ MUSCLE = TruthMuscle(0.2758, 1.856, 0.24996, 0.225, 2e-5, 4e-9, 0.3, 0.005)
 SILENT = Sensors(0.0, 1e-6, 0.0, 1e-9, 0.0, 1e-9)
 
 
-@pytest.mark.sampled("one effect of each stage", alike=lambda effect: (KNOWN | OUTSIDE)[effect][0])
 @pytest.mark.parametrize("effect", sorted(KNOWN | OUTSIDE))
 def test_a_scaled_rig_moves_as_the_drawn_one(effect: str) -> None:
     """A number with a wrong power of the scale would change angles or pressures."""

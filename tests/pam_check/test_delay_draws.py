@@ -37,11 +37,11 @@ def chain(rig):
 def test_an_interrupted_run_goes_on_with_the_draws_that_are_missing(tmp_path, capsys):
     whole, parts = tmp_path / "whole.csv", tmp_path / "parts.csv"
     command = ["delays", "--rig", str(ELBOW), "--seed", str(SEED), "--jobs", "1"]
-    for count, table, more in ((3, whole, []), (2, parts, []), (3, parts, ["--resume"])):
+    for count, table, more in ((2, whole, []), (1, parts, []), (2, parts, ["--resume"])):
         assert main([*command, "--draws", str(count), "--out", str(table), *more]) == 0
         assert f"{count} draws" in capsys.readouterr().out
     assert parts.read_text() == whole.read_text()
-    assert len(read_draws(whole, SEED)) == 3
+    assert len(read_draws(whole, SEED)) == 2
     assert main([*command[:-3], "12", "--out", str(whole), "--resume"]) == 2
     assert "not the draws of --seed 12" in capsys.readouterr().err
     whole.write_text("place,delay\nhere,there\n")

@@ -131,6 +131,7 @@ def test_the_model_of_the_chain_tells_forces_and_nothing_once_it_is_deaf(chain):
     assert "model" in trial.noticed
 
 
+@pytest.mark.sampled("each step once, with or without a command on its way")
 @pytest.mark.parametrize("on_way", [True, False])
 @pytest.mark.parametrize(
     ("by", "refusal"),

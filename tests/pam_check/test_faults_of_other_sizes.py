@@ -50,6 +50,7 @@ def chain(sized):
     return make_chain(sized)
 
 
+@pytest.mark.sampled("each kind on one of the three rigs")
 @pytest.mark.parametrize("name", KINDS)
 def test_a_fault_is_noticed_and_ends_as_promised(chain, name):
     kind = kind_called(name)

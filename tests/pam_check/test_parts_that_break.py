@@ -127,6 +127,7 @@ ACTS = {
 }
 
 
+@pytest.mark.sampled("each part once, at one of the two angles")
 @pytest.mark.parametrize("angle", [None, 0.75])
 @pytest.mark.parametrize("name", ACTS)
 def test_a_failing_part_stays_within_the_bounds(chain: Any, name: str, angle: float | None) -> None:
