@@ -223,6 +223,7 @@ BAD_STARTS = [
 ]
 
 
+@pytest.mark.sampled("two bad starts; the words of each are held where it is checked", cases=2)
 @pytest.mark.parametrize(("parameters", "said"), BAD_STARTS)
 def test_refuses_a_bad_start_in_plain_words(domain, parameters, said):
     ended = subprocess.run(

