@@ -73,7 +73,9 @@ def test_the_plant_begins_at_rest_with_the_pressures_that_were_asked_for(rough, 
     assert np.abs(plant.truth[1, :2] - 2e5).max() < 100.0
 
 
-@pytest.mark.sampled("one of the two effects", cases=1)
+@pytest.mark.long(
+    "test_known_effects holds the compensation of both effects on the plant of the suite"
+)
 @pytest.mark.parametrize("effect", ["braid_extensibility", "cable_compliance"])
 def test_gas_in_parts_that_stretch_is_known_to_the_pressure_loops(rough, effect):
     """A rig file that names the effect is as good as one without it on a rig without it."""

@@ -1,4 +1,4 @@
-"""A shown of the soak, and that it finds what grows, drifts or is missing."""
+"""A short soak, and that it finds what grows, drifts or is missing."""
 
 from __future__ import annotations
 
