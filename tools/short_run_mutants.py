@@ -14,17 +14,19 @@ import argparse
 import ast
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 SHORT = "not system and not vcan and not long"
 LONG = "long and not system and not vcan"
-TOO_LONG = 900.0  # s: a change that makes a test endless is noticed, too
+TOO_LONG = 1800.0  # s: a change that makes a test endless is noticed, too
 OTHER_OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq,
     ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
@@ -93,19 +95,22 @@ def has_long_tests(path: Path) -> bool:
     return "mark.long(" in text or "mark.sampled(" in text
 
 
-def notices(tree: Path, tests: list[str], which: str) -> bool:
-    """Whether one of the tests of one run fails."""
+def failed(tree: Path, tests: list[str], which: str) -> list[str]:
+    """The first test of one run that fails, if one does."""
     paths = [str(package) for package in sorted((tree / "src").iterdir())]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(tree)])}
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", which]
     try:
         ended = subprocess.run(
             [*command, *tests],
-            cwd=tree, env=environment, capture_output=True, timeout=TOO_LONG, check=False,
+            cwd=tree, env=environment, capture_output=True, text=True, timeout=TOO_LONG,
+            check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return True
-    return ended.returncode not in (0, 5)  # 5: no test is selected
+        return tests
+    if ended.returncode in (0, 5):  # 5: no test is selected
+        return []
+    return re.findall(r"^(?:FAILED|ERROR) (tests/\S+?\.py(?:::\w+)*)", ended.stdout, re.M) or tests
 
 
 def main() -> int:
@@ -117,9 +122,10 @@ def main() -> int:
     given = parser.parse_args()
     tests = {path: imported(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))}
     modules = sorted({m for path, names in tests.items() if has_long_tests(path) for m in names})
-    modules = [module for module in modules if given.only in str(module)]
+    drawn_from = {m: list(changes(ROOT / m)) for m in modules if given.only in str(m)}
+    drawn_from = {module: found for module, found in drawn_from.items() if found}
     draw = random.Random(given.seed)
-    counts = {"short run": 0, "long run alone": 0, "nobody": 0}
+    counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         listed = subprocess.run(
@@ -129,16 +135,19 @@ def main() -> int:
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, tree / name)
         for _ in range(given.count):
-            module = draw.choice(modules)
-            line, old, new, source = draw.choice(list(changes(ROOT / module)))
+            module = draw.choice(list(drawn_from))
+            line, old, new, source = draw.choice(drawn_from[module])
             chosen = [str(p.relative_to(ROOT)) for p, names in tests.items() if module in names]
             (tree / module).write_text(source, encoding="utf-8")
-            who = "nobody"
-            if notices(tree, chosen, SHORT):
-                who = "short run"
-            elif notices(tree, chosen, LONG):
-                who = "long run alone"
+            who, which = "short run", SHORT
+            if not (noticed := failed(tree, chosen, SHORT)):
+                who, which = "long run alone", LONG
+                noticed = failed(tree, chosen, LONG)
             shutil.copy(ROOT / module, tree / module)
+            if not noticed:
+                who = "nobody"
+            elif failed(tree, noticed, which):
+                who = "not tried: fails without a change"
             counts[who] += 1
             print(f"{who}: {module}:{line}: {old!r} -> {new!r}", flush=True)
     print(", ".join(f"{who}: {count}" for who, count in counts.items()))
