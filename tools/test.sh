@@ -31,7 +31,7 @@ part "lint" tools/lint.sh
 
 # What only computes is shared by the processors; what keeps the time of the host has them for itself.
 counted --cov-report=
-part "tests that compute" .venv/bin/python -m pytest -q -n "$(nproc)" --dist loadfile \
+OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 part "tests that compute" .venv/bin/python -m pytest -q -n "$(nproc)" --dist loadfile \
   -m "not system and not vcan $short" --durations=10 --junitxml="$out/computed.xml" "${coverage[@]}"
 counted --cov-append --cov-report=term:skip-covered --cov-report=html:"$out/coverage"
 part "tests of processes" .venv/bin/python -m pytest -q -m "system and not vcan $short" \
