@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from pam_model.bounds import within
 from pam_model.effects import adjusted
 from pam_model.errors import DomainError
 from pam_model.joints.effective_force_model import effective_force_model
@@ -45,6 +46,11 @@ class AntagonisticJoint:
         [Pa absolute].
     exponent : float, optional
         Polytropic exponent of shut chambers [-].
+
+    Raises
+    ------
+    DomainError
+        For a radius or pressure that is not above 0, or an exponent outside 1 to 1.4.
     """
 
     def __init__(
@@ -56,6 +62,9 @@ class AntagonisticJoint:
         ambient_pressure: float = 101325.0,
         exponent: float = 1.0,
     ) -> None:
+        within("pulley_radius", pulley_radius, unit="m", above=0.0, error=DomainError)
+        within("ambient_pressure", ambient_pressure, unit="Pa", above=0.0, error=DomainError)
+        within("exponent", exponent, 1.0, 1.4, error=DomainError)
         self.agonist = agonist
         self.antagonist = antagonist
         self.pulley_radius = pulley_radius
@@ -81,7 +90,7 @@ class AntagonisticJoint:
     def from_rig(
         cls,
         rig: Rig,
-        joint_name: str,
+        joint: str | int = 0,
         *,
         min_pressure: float = 0.0,
         pressure_share: float = 1.0,
@@ -93,8 +102,8 @@ class AntagonisticJoint:
         ----------
         rig : Rig
             As read from a file.
-        joint_name : str
-            Name of the joint.
+        joint : str or int
+            Name or number of the joint.
         min_pressure : float, optional
             Lower limit of the commands [Pa gauge].
         pressure_share : float, optional
@@ -104,14 +113,14 @@ class AntagonisticJoint:
 
         Raises
         ------
-        KeyError
+        UnknownNameError
             For an unknown joint.
         DomainError
             If a muscle cannot reach `min_pressure`.
         """
-        joint = rig.joint(joint_name)
+        entry = rig.joint(joint)
         muscles = []
-        for name in joint.muscles:
+        for name in entry.muscles:
             muscle = rig.muscle(name)
             high = min(pressure_share * muscle.max_pressure, rig.supply_gauge_pressure)
             if not 0.0 <= min_pressure < high:
@@ -133,7 +142,7 @@ class AntagonisticJoint:
             muscles[0],
             muscles[1],
             adjusted(
-                "joint.pulley_radius", joint.pulley_radius, joint.effects if with_effects else {}
+                "joint.pulley_radius", entry.pulley_radius, entry.effects if with_effects else {}
             ),
             ambient_pressure=rig.gas.ambient_pressure,
             exponent=rig.gas.polytropic_exponent,
