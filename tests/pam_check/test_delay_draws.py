@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 
-import pytest
-
 from pam_check.__main__ import main
-from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.delay_draws import (
     BORNE,
     PLACES,
@@ -27,11 +25,6 @@ from support.rigs import ELBOW
 
 SEED = 11
 UP, DOWN = "frames_delayed_up", "frames_delayed_down"
-
-
-@pytest.fixture(scope="module")
-def chain(rig):
-    return make_chain(rig)
 
 
 def test_an_interrupted_run_goes_on_with_the_draws_that_are_missing(tmp_path, capsys):

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pam_check.__main__ import main
-from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.process_campaign import KEPT, REPEAT, Observation, judge, time_outs
 from pam_check.faults.report import write_report
@@ -33,11 +33,6 @@ from support.rigs import ELBOW
 
 SAFETY_PAGE = Path(__file__).parents[2] / "docs/safety_tables.md"
 FRAME = (0x100, bytes(range(8)))
-
-
-@pytest.fixture(scope="module")
-def chain(rig):
-    return make_chain(rig)
 
 
 def test_every_kind_can_be_brought_about_and_once_only():

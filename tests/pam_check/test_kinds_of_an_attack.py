@@ -7,16 +7,11 @@ import math
 import pytest
 
 from pam_check.faults import output_faults
-from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.trial import run_trial
 from pam_driver.safety.states import SafetyState
 from pam_ros.message_sources import MessageSources
 from pam_sim.faults.kinds import kind_called
-
-
-@pytest.fixture(scope="module")
-def chain(rig):
-    return make_chain(rig)
 
 
 def trial(chain, name, **values):
