@@ -186,6 +186,7 @@ def test_falls_silent_while_a_position_is_not_a_number(bench, controller):
     bench.wait(lambda: len(bench.commands) > count, "commands again")
 
 
+@pytest.mark.sampled("one of the two signals, which one function answers", cases=1)
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_ends_cleanly_when_told_to(domain, bench, sent):
     process = subprocess.Popen(

@@ -111,7 +111,7 @@ def test_what_remains_is_told_for_compensated_effects_alone():
     assert set(REMAINS) <= set(COMPENSATED)
 
 
-@pytest.mark.sampled("three effects; test_compensation holds each inverse alone", cases=3)
+@pytest.mark.sampled("two effects; test_compensation holds each inverse alone", cases=2)
 @pytest.mark.parametrize("effect", COMPENSATED)
 def test_of_an_effect_in_the_rig_file_remains_what_has_a_named_cause(
     rig, nominal, closed_loop, reaching, floor, effect

@@ -33,7 +33,9 @@ from pam_model.rig import Rig, load_rig, save_rig
 
 from .conftest import Maker
 
-OTHERS = pytest.mark.long("no effect, one effect and two effects stand for the others")
+OTHERS = pytest.mark.long(
+    "the same friction is named in memory below; no effect and two effects stay here"
+)
 needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="a whole search needs the compiled plant")
 
 
@@ -75,7 +77,7 @@ def test_the_gap_is_located(
     ("changes", "effects"),
     [
         ({}, ()),
-        ({"coulomb_friction.torque": 0.6}, ("coulomb_friction",)),
+        pytest.param({"coulomb_friction.torque": 0.6}, ("coulomb_friction",), marks=OTHERS),
         pytest.param(
             {"agonist.valve_null_offset.offset": 0.03}, ("valve_null_offset",), marks=OTHERS
         ),
@@ -123,7 +125,7 @@ def test_a_diagnosis_in_memory_writes_nothing(
 
 
 @needs_numba
-@pytest.mark.sampled("one of the three delays; each is a whole search", cases=1)
+@pytest.mark.long("three whole searches; test_background names a delay beside a background")
 @pytest.mark.parametrize(
     ("delay", "is_stamped", "effects"),
     [(0.002, True, ()), (0.002, False, ("command_delay",)), (0.02, True, ("command_delay",))],

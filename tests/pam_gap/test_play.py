@@ -101,6 +101,7 @@ def test_no_regulator_is_asked_for_more_than_its_full_scale() -> None:
     assert held == [0.0, 0.0, 2e5, 0.0]
 
 
+@pytest.mark.sampled("one of the two ends", cases=1)
 @pytest.mark.system
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("falls_silent", [False, True])
