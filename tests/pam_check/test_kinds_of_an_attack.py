@@ -20,7 +20,7 @@ def trial(chain, name, **values):
     return in_a_fork(lambda: run_trial(chain, kind, drawn, 1))
 
 
-@pytest.mark.sampled("degrees or kilopascals", cases=1)
+@pytest.mark.sampled("angles in degrees or pressures in kilopascals", cases=1)
 @pytest.mark.parametrize(
     "name",
     ["measurements_of_a_second_node_in_degrees", "measurements_of_a_second_node_in_kpa"],
