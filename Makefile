@@ -1,9 +1,9 @@
 # Every target sets up what it needs: Python 3.12 and apt are all the machine must have.
-.PHONY: setup demo test faults bench report docs view lint lock clean
+.PHONY: setup demo test test-all faults bench report docs view lint lock clean
 PYTHON := .venv/bin/python
 
 help:
-	@echo "make demo | test | faults | bench | report | docs | view | lint | setup | lock | clean"
+	@echo "make demo | test | test-all | faults | bench | report | docs | view | lint | setup | lock | clean"
 
 setup:
 	@tools/setup.sh
@@ -13,6 +13,9 @@ demo: setup
 
 test: setup
 	@tools/test.sh
+
+test-all: setup
+	@tools/test.sh all
 
 faults: setup
 	@./pam check faults --check

@@ -199,6 +199,7 @@ def test_falls_silent_while_a_position_is_not_a_number(bench, controller):
     bench.wait(lambda: len(bench.commands) > count, "commands again")
 
 
+@pytest.mark.sampled("one of the two signals, which one function answers", cases=1)
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_ends_cleanly_when_told_to(domain, bench, sent):
     process = subprocess.Popen(
@@ -236,6 +237,7 @@ BAD_STARTS = [
 ]
 
 
+@pytest.mark.sampled("two bad starts; the words of each are held where it is checked", cases=2)
 @pytest.mark.parametrize(("parameters", "said"), BAD_STARTS)
 def test_refuses_a_bad_start_in_plain_words(domain, parameters, said):
     ended = subprocess.run(

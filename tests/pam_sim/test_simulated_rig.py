@@ -214,6 +214,7 @@ PORT = 43000 + (int(time.time()) % 999)
 BUS = ["--interface", "udp_multicast", "--channel", "239.74.163.2", "--port", str(PORT)]
 
 
+@pytest.mark.sampled("one of the two signals, which one function answers", cases=1)
 @pytest.mark.system
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_program_serves_a_bus_and_ends_on_a_signal(number):
