@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Final
 
-from pam_driver.boards.protocol import Channel
-
 WINDOW: Final = 1.0
 """Time in which measurements are counted [s]."""
 _PART: Final = 0.5 * WINDOW
@@ -40,9 +38,9 @@ class Availability:
     """The measurements of one board, by input and channel."""
 
     def __init__(self) -> None:
-        self._shares: dict[tuple[str, Channel], _Share] = {}
+        self._shares: dict[tuple[str, int | str], _Share] = {}
 
-    def hear(self, what: str, channel: Channel, available: bool, time: float) -> None:
+    def hear(self, what: str, channel: int | str, available: bool, time: float) -> None:
         """Count a measurement.
 
         Parameters
@@ -67,7 +65,7 @@ class Availability:
         share.missing += share.pending
         share.pending = 0
 
-    def missing_share(self, what: str, channel: Channel, now: float) -> float:
+    def missing_share(self, what: str, channel: int | str, now: float) -> float:
         """The share of measurements that were missing between others, in the last `WINDOW`.
 
         Parameters
