@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
@@ -24,7 +25,9 @@ from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
 from pam_demo.player import TAIL, NotPlayedError, VentedError
 from pam_demo.recording import LOOP_COUNTS
 from pam_model.errors import PamError
+from pam_ros.foreign_text import SENTENCE, plain
 from pam_ros.start import start_ros
+from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
 
 Progress = Callable[[float], None]
 LOOPS = ("pam_driver: loop", "pam_controller: loop")
@@ -50,17 +53,24 @@ class PlayerNode(Node):  # type: ignore[misc]
         self._fault = self._refused = ""
         self._refusals = 0
         self._counts: dict[str, list[tuple[float, float]]] = {}
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        subscribe(
+            self, DiagnosticArray, "/diagnostics", self._on_diagnostics, 10,
+            most_bytes=MOST_BYTES_OF_DIAGNOSTICS,
+        )  # fmt: skip
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             if status.name == "pam_driver: safety":
-                self._fault = status.message if status.level == DiagnosticStatus.ERROR else ""
+                faulty = status.level == DiagnosticStatus.ERROR
+                self._fault = plain(status.message, SENTENCE) if faulty else ""
             elif status.name == "pam_controller: commands":
                 values = {pair.key: pair.value for pair in status.values}
-                refusals = int(values["rejected messages"])
+                told = values.get("rejected messages", "")
+                if not re.fullmatch("[0-9]{1,9}", told):
+                    continue  # of another node
+                refusals = int(told)
                 if refusals > self._refusals:
-                    self._refused = values["last rejection"]
+                    self._refused = plain(values.get("last rejection", ""), SENTENCE)
                 self._refusals = refusals  # another controller counts anew
             elif status.name in LOOPS:
                 counted = {pair.key: pair.value for pair in status.values}
@@ -98,8 +108,8 @@ class PlayerNode(Node):  # type: ignore[misc]
             If `timeout` passes.
         """
         received: list[Any] = []
-        subscription = self.create_subscription(
-            JointState, "pam_controller/reference", received.append, QoSProfile(depth=1)
+        subscription = subscribe(
+            self, JointState, "pam_controller/reference", received.append, QoSProfile(depth=1)
         )
         deadline = time.monotonic() + timeout
         publishers = (self._trajectory, self._stream, self._stiffness)

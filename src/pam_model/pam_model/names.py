@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import Final, Never, TypeVar
 
 from pam_model.errors import UnknownNameError
-from pam_ros.foreign_text import shown
+from pam_ros.foreign_text import LONGEST, shown
 
 MOST_LISTED: Final = 40
 """Names that are all listed; of more, only those that are near are."""
@@ -28,7 +28,8 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> str:
     """
     names = list(known)
     folded = {one.casefold(): one for one in names}
-    close = get_close_matches(str(name).casefold(), folded, 1 if len(names) <= MOST_LISTED else 5)
+    most = 1 if len(names) <= MOST_LISTED else 5
+    close = get_close_matches(str(name)[:LONGEST].casefold(), folded, most)
     text = f"unknown {kind} {shown(str(name))}"
     if close:
         text += f"; did you mean {' or '.join(folded[one] for one in close)}?"

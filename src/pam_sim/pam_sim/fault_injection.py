@@ -14,6 +14,7 @@ from pam_driver.boards.protocol import Address
 from pam_model.errors import PamError
 from pam_model.names import unknown
 from pam_model.rig import Rig
+from pam_ros.foreign_text import shown
 from pam_sim import device_fault_injection
 from pam_sim.fault_stage import FOR_EVER, Injection, Stage, Values
 from pam_sim.faults import rig_faults
@@ -225,7 +226,7 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
             value = math.nan
         if key not in values or not math.isfinite(value):
             raise PamError(
-                f"fault {name}: {pair[:64]!r}: expected "
+                f"fault {name}: {shown(pair)}: expected "
                 f"{' or '.join(f'{key}=NUMBER' for key in values) or 'no value'}"
             )
         values[key] = value

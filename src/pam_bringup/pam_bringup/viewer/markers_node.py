@@ -26,6 +26,7 @@ from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
+from pam_ros.subscriptions import subscribe
 
 PARAMETERS = (
     Parameter("rate", 20.0, "Hz", 1.0, 100.0, "of the markers"),
@@ -60,8 +61,8 @@ class MarkersNode(Node):  # type: ignore[misc]
         self._positions: dict[str, float] = {}
         self._pressures: dict[str, float] = {}
         self._markers = self.create_publisher(MarkerArray, "~/muscles", 1)
-        self.create_subscription(JointState, "joint_states", self._take_positions, _LATEST)
-        self.create_subscription(JointState, "pressure_states", self._take_pressures, _LATEST)
+        subscribe(self, JointState, "joint_states", self._take_positions, _LATEST)
+        subscribe(self, JointState, "pressure_states", self._take_pressures, _LATEST)
         self.create_timer(1.0 / self._declared.number("rate"), self._publish)
 
     def _take_positions(self, message: JointState) -> None:

@@ -35,6 +35,7 @@ from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
+from pam_ros.subscriptions import subscribe
 from pam_ros.valve_command import ValveCommandFormat
 
 PARAMETERS = (
@@ -76,8 +77,8 @@ class PlayNode(Node):  # type: ignore[misc]
         self._problem = ""
         self.done = False
         self._commands = self.create_publisher(JointState, "valve_commands", QoSProfile(depth=1))
-        self.create_subscription(JointState, "joint_states", self._take_positions, _SENSED)
-        self.create_subscription(JointState, "pressure_states", self._take_pressures, _SENSED)
+        subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
+        subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
         self.loop = PeriodicLoop(self._cycle, 1.0 / parameters.number("rate"), "play")
         self.loop.start()
 
@@ -87,8 +88,9 @@ class PlayNode(Node):  # type: ignore[misc]
         return time.monotonic()
 
     def _take_positions(self, message: Any) -> None:
-        if self._joint.name in message.name:
-            self._position = float(message.position[message.name.index(self._joint.name)])
+        positions = dict(zip(message.name, message.position, strict=False))
+        if self._joint.name in positions:
+            self._position = float(positions[self._joint.name])
             self._position_at = self._now()
 
     def _take_pressures(self, message: Any) -> None:

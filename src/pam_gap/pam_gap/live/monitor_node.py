@@ -29,6 +29,7 @@ from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
+from pam_ros.subscriptions import subscribe
 from pam_ros.valve_command import ValveCommandFormat
 
 PARAMETERS = (
@@ -52,9 +53,9 @@ class MonitorNode(Node):  # type: ignore[misc]
         self._messages = 0
         self._command_format = ValveCommandFormat(self._rig.valve_kinds)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(JointState, "valve_commands", self._take_commands, _SENSED)
-        self.create_subscription(JointState, "pressure_states", self._take_pressures, _SENSED)
-        self.create_subscription(JointState, "joint_states", self._take_positions, _SENSED)
+        subscribe(self, JointState, "valve_commands", self._take_commands, _SENSED)
+        subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
+        subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
         self.create_timer(self._declared.number("period"), self._report)
 
     def _now(self) -> float:
