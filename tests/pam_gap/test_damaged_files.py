@@ -61,7 +61,7 @@ def test_the_page_names_every_format_and_no_other() -> None:
 
 @pytest.mark.parametrize("kind", FILES.kinds)
 def test_damage_ends_in_one_line(kind: str) -> None:
-    """A few damaged files of each kind; `python -m pam_check fuzz files` tries more."""
+    """A few damaged files of each kind; `pam check fuzz files` tries more."""
     for number in range(6):
         FILES.check(kind, random.Random(f"{kind} {number}"))
 

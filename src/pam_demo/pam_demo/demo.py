@@ -176,7 +176,8 @@ def _try(player: Player, chain: Chain) -> None:
     try:
         player.play(trial(), chain.check, lambda gone: None)
     except NotPlayedError as error:
-        raise TooSlowError(str(error)) from None
+        print(f"the trial ended early: {error}", flush=True)
+        raise TooSlowError("its loops were so late that a motion was interrupted") from None
     judge(player.late_share())
 
 

@@ -85,6 +85,6 @@ COMMANDS = (
         _declare_fuzz_topics,
         _fuzz_topics,
         bad_news="if a process ended or wrote a traceback, or the arm left its bounds",
-        examples=("python -m pam_check fuzz-topics --seconds 600",),
+        examples=("pam check fuzz-topics --seconds 600",),
     ),
 )

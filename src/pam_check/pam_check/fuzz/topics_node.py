@@ -1,6 +1,6 @@
 """Sends spoilt bytes to every subscription of a running chain, while the arm moves.
 
-`python -m pam_check fuzz-topics --seconds 600` starts the nodes of a simulated rig as processes,
+`pam check fuzz-topics --seconds 600` starts the nodes of a simulated rig as processes,
 and finds their subscriptions by looking at the ROS graph: a new topic is attacked by itself. Rounds
 take turns. In one half only malformed messages are sent, which must not disturb the motion; in the
 other half any message of the topic's type is sent as well, and the driver may stop.
