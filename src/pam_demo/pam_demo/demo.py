@@ -45,7 +45,7 @@ from pam_sim.simulated_rig import apply_effects
 
 SIMULATING = "simulating"  # in the line that the rig's node writes when its boards run
 MOST_REPEATS = 2  # of one motion; a busy host may exceed the driver's time-outs
-COMPILE_TIMEOUT = 600.0  # s; at a first start the rig compiles its plant and the controller its gains
+COMPILE_TIMEOUT = 600.0  # s; a first start compiles the plant and designs gains
 START_TIMEOUT = 60.0  # s, until a node is ready
 LAWS: dict[str, dict[str, Setting]] = {
     "full": {"stream.bandwidth": 15.0},
