@@ -20,6 +20,8 @@ NEEDED_FOR: Final = {
     "rosbags": ("reading and writing ROS bags", "pip install rosbags"),
 }
 """By the name that Python imports: what needs it, and how it is installed."""
+_OF_ROS: Final = ("_msgs", "_srvs", "_interfaces")
+_ROS: Final = frozenset({"ament_index_python", "rosidl_parser"})
 
 
 def what_to_install(error: ImportError) -> str | None:
@@ -31,6 +33,8 @@ def what_to_install(error: ImportError) -> str | None:
         What an import raised.
     """
     name = (error.name or "").partition(".")[0]
+    if name in _ROS or name.endswith(_OF_ROS):
+        name = "rclpy"
     if not isinstance(error, ModuleNotFoundError) or name not in NEEDED_FOR:
         return None
     purpose, remedy = NEEDED_FOR[name]

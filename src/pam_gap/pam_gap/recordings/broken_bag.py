@@ -21,8 +21,6 @@ from pathlib import Path
 from typing import Final
 
 import yaml
-from rosbags.rosbag2 import ReaderError
-from rosbags.rosbag2.storage_mcap import decompress
 
 from pam_gap.recordings.packed_chunks import refuse_bomb
 from pam_gap.recordings.recording import RecordingError
@@ -272,6 +270,9 @@ class _McapContent:
         self.found.known_end = max(self.found.known_end, end)
         compression = bytes(content[32 : 32 + letters]).decode()
         packed = content[32 + letters + 8 :]
+        from rosbags.rosbag2 import ReaderError  # noqa: PLC0415  (optional)
+        from rosbags.rosbag2.storage_mcap import decompress  # noqa: PLC0415
+
         refuse_bomb(packed, compression, size)
         if whole:
             records = decompress(bytes(packed), compression, size, crc)
