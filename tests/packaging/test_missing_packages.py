@@ -25,6 +25,7 @@ for name in missing.split(","):
     sys.modules[name] = None
 sys.exit(importlib.import_module(f"{package}.__main__").main(words))
 """
+ZST = b"\x28\xb5\x2f\xfd"  # the first bytes of a file that zstd has packed
 ROS = "rclpy,rosidl_parser,sensor_msgs,std_msgs,diagnostic_msgs"
 NODE = ["--ros-args", "--params-file", str(ELBOW)]
 
@@ -59,6 +60,8 @@ def bag(tmp_path):
         ("canopen", "pam_driver", ["check-rig", ROOT / "config/elbow_canopen.yaml"]),
         ("control", "pam_control", ["node", *NODE]),
         ("rosbags", "pam_gap", ["diagnose", "BAG", "--rig", ELBOW, "--out", "OUT"]),
+        ("backports", "pam_gap", ["import", "PACKED", "--rig", ELBOW, "--out", "OUT"]),
+        ("pyarrow", "pam_gap", ["import", "PARQUET", "--rig", ELBOW, "--out", "OUT"]),
         (ROS, "pam_gap", ["monitor"]),
         (ROS, "pam_driver", ["node"]),
         (ROS, "pam_gap", ["record", "--rig", ELBOW, "--out", "OUT"]),
@@ -68,6 +71,9 @@ def test_a_missing_package_is_one_line_that_says_what_to_install(
     missing, package, words, bag, tmp_path
 ):
     places = {"BAG": bag, "OUT": tmp_path / "out"}
+    for word, name, start in (("PACKED", "a.csv.zst", ZST), ("PARQUET", "a.parquet", b"PAR1")):
+        places[word] = tmp_path / name
+        places[word].write_bytes(start)
     ended = run(missing, package, *(places.get(str(w), w) for w in words), cache=tmp_path)
     said = [line for line in ended.stderr.splitlines() if not line.startswith("[INFO]")]
     assert (ended.returncode, len(said)) == (2, 1), ended.stderr

@@ -97,6 +97,8 @@ def read_bag[T](path: Path, read: Callable[[list[Path]], T]) -> tuple[T, list[st
     RecordingError
         When nothing can be read. A RecordingError of `read` about a whole bag is passed on.
     """
+    import rosbags  # noqa: F401, PLC0415  (optional; where it is missing, no bag is damaged)
+
     with reading(path, "a readable bag", RecordingError):
         if path.suffix == ROSBAG1:
             return read([path]), []
