@@ -44,7 +44,7 @@ packages=("$source"/tree/src/*/)
 for folder in "${packages[@]}"; do
   package=$(basename "$folder")
   (cd "$folder" && PATH="$tools/bin:$PATH" "$tools/bin/check-manifest" -q --no-build-isolation) || fail "$package: check-manifest"
-  "$tools/bin/python" -m build -q --no-isolation --outdir "$out" "$folder" >"$out/build.log" 2>&1 || { tail -20 "$out/build.log" >&2; fail "$package: build"; }
+  "$tools/bin/python" -m build --no-isolation --outdir "$out" "$folder" >"$out/build.log" 2>&1 || { tail -20 "$out/build.log" >&2; fail "$package: build"; }
 done
 rm -f "$out/build.log"
 "$tools/bin/twine" check --strict "$out"/*
