@@ -55,12 +55,13 @@ if [[ $work == tag ]]; then
   git tag -a "$version" -m "Version $version; CHANGELOG.md says what is in it"
   echo "release: tag $version is made in this clone"
 fi
+if [[ $work == tag ]]; then make_tag=""; else make_tag="make release TAG=1, which makes the tag; then "; fi
 cat <<END
 
 release: version $version is built and checked: ${#packages[@]} source archives and as many wheels in out/release.
 What is left needs a person with accounts:
   1. make test-all passes on this commit, and the robot or the bench on which it was tried is named in the notes of the release.
-  2. ${work/check/make release TAG=1, which makes the tag; }${work/tag/}git push origin main $version
+  2. ${make_tag}git push origin main $version
   3. $tools/bin/twine upload out/release/*.whl out/release/*.tar.gz
      (once: see that the names on the index are free or yours)
   4. bloom-release --rosdistro jazzy pam_suite   (once: a release repository and an entry in rosdistro)
