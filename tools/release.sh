@@ -20,8 +20,9 @@ fi
 
 if [[ $work == prepare ]]; then
   version=${2:?usage: tools/release.sh prepare VERSION}
-  "$python" tools/set_version.py "$version"
+  [[ $version =~ ^[0-9]+\.[0-9]+\.[0-9]+$ ]] || fail "$version is no version; expected three numbers, as 0.3.0"
   "$tools/bin/towncrier" build --yes --version "$version"
+  "$python" tools/set_version.py "$version"
   echo "release: the files state $version; read CHANGELOG.md, run make setup and make test-all, commit, then make release"
   exit 0
 fi

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import runpy
+import tomllib
 import xml.etree.ElementTree as ET
 
 import pytest
@@ -41,6 +42,9 @@ def test_a_version_is_written_into_all_of_them(tmp_path, monkeypatch):
 
 
 def test_changes_are_named_as_towncrier_finds_them():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["towncrier"]
+    assert {kind["directory"] for kind in settings["type"]} == KINDS
+    assert settings["start_string"] in (ROOT / "CHANGELOG.md").read_text()
     for path in (ROOT / "changes").iterdir():
         if path.name != "README.md":
             assert re.fullmatch(rf"\+[\w-]+\.({'|'.join(KINDS)})\.md", path.name), path.name
