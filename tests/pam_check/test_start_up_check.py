@@ -18,6 +18,7 @@ from pam_driver.safety.start_up_check import ABORT_ANGLE, StartUpCheck
 from pam_driver.safety.states import SafetyState
 from pam_model.identify.size import size_joint, sized_rig
 from pam_model.rig import PressureSensor, Rig, load_rig
+from pam_model.robot import compose
 from pam_sim.faults.rig_faults import constant, stuck
 from pam_sim.simulated_rig import SimulatedRig
 
@@ -37,7 +38,7 @@ class Bench:
         self.can = VirtualCan()
         port = CanPort({"interface": "simulated", "channel": "check"}, self.can)
         settings = DriverSettings(start_up_check=True)
-        plausibility = PressurePlausibility(rig, 2.0 * STEP)
+        plausibility = PressurePlausibility(compose(rig), 2.0 * STEP)
         self.driver = Driver(wired or rig, port, settings, plausibility)
         self.now = 0.0
         self.moved = self.highest = 0.0
@@ -198,7 +199,7 @@ def test_a_pressure_regulator_that_does_not_open_is_named() -> None:
 
 
 def test_a_muscle_that_keeps_the_air_of_its_pulse_ends_the_check(elbow: Rig) -> None:
-    check = StartUpCheck(elbow, (-1.0, -1.0))
+    check = StartUpCheck(compose(elbow), (-1.0, -1.0))
     check.start(0.0)
     now, pressure, opened = 0.0, 0.0, False
     while not check.finished:
@@ -218,7 +219,7 @@ def test_a_muscle_that_keeps_the_air_of_its_pulse_ends_the_check(elbow: Rig) -> 
 def test_a_sensor_on_another_board_is_named_there(elbow: Rig) -> None:
     flexor, extensor = elbow.muscles
     apart = replace(flexor, pressure_sensor=PressureSensor(7, 3))
-    check = StartUpCheck(replace(elbow, muscles=(apart, extensor)), (-1.0, -1.0))
+    check = StartUpCheck(compose(replace(elbow, muscles=(apart, extensor))), (-1.0, -1.0))
     check.start(0.0)
     now = 0.0
     while not check.findings:

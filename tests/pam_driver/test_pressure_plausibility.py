@@ -10,12 +10,13 @@ from typing import Any
 
 import pytest
 
-from pam_driver.safety.limits_by_size import OBSERVER_GAIN, pressure_residual
+from pam_driver.safety.limits_by_size import OBSERVER_GAIN
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_model.effects import EFFECTS, Nothing
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
 from pam_model.rig import Plausibility, Rig, load_rig
+from pam_model.robot import compose
 
 ELBOW = Path(__file__).parents[2] / "config/elbow.yaml"
 PERIOD = 0.002
@@ -43,7 +44,7 @@ def worst(
     What is shown in the first `settled` seconds does not count: the observer starts with a vented
     valve, the plant with a closed one.
     """
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     parameters = PlantParameters.from_rig(rig).replaced(effects or {})
     plant = Plant(parameters, state=initial_state(parameters, pressures=(2e5, 2e5)))
     found: dict[tuple[str, str], float] = {}
@@ -184,7 +185,7 @@ def test_crossed_hoses_are_a_fault_of_both_muscles_before_either_has_deviated_by
     rig: Rig,
 ) -> None:
     """A driver that knows of one implausible muscle would brake with the wrong one."""
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     parameters = PlantParameters.from_rig(rig)
     plant = Plant(parameters, state=initial_state(parameters, pressures=(1e5, 1e5)))
     largest = 0.0
@@ -197,24 +198,29 @@ def test_crossed_hoses_are_a_fault_of_both_muscles_before_either_has_deviated_by
         if any(d.size >= 1.0 for d in found):
             break
     assert [d.subject for d in found if d.size >= 1.0] == list(rig.muscle_names)
-    assert largest < pressure_residual(rig, rig.muscles[0])
+    assert largest < limit_of(rig)
+
+
+def limit_of(rig: Rig) -> float:
+    robot = compose(rig)
+    return pressure_residual(robot, robot.muscles[0])
 
 
 def test_the_residual_of_a_leak_is_its_rate_over_the_gain(rig: Rig) -> None:
     """Valve shut, joint held, a ramp into a first-order lag: by hand."""
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     rate, count = 4.5e5, 300
     for k in range(count):
         pressure = 6e5 - rate * k * PERIOD
         plausibility.update([0.0, 0.0], [pressure, 2e5], [0.0], [0.0], [math.nan] * 2)
     size = next(d for d in plausibility.deviations() if d.subject == "elbow_flexor").size
     settled = 1.0 - math.exp(-OBSERVER_GAIN * count * PERIOD)
-    expected = rate / OBSERVER_GAIN * settled / pressure_residual(rig, rig.muscles[0])
+    expected = rate / OBSERVER_GAIN * settled / limit_of(rig)
     assert size == pytest.approx(expected, rel=0.02)
 
 
 def test_missing_values_are_not_judged_and_it_begins_anew(rig: Rig) -> None:
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     nothing = [math.nan, math.nan]
     plausibility.update([1.0, 1.0], [2e5, 2e5], [0.0], [0.0], nothing)
     for _ in range(50):
@@ -234,7 +240,7 @@ def test_regulators_are_followed(rig: Rig) -> None:
     for muscle in rig.muscles:
         valve = replace(muscle.valve, kind="pressure_regulator", full_scale=6e5, time_constant=0.02)
         regulated = regulated.with_muscle(replace(muscle, valve=valve))
-    plausibility = PressurePlausibility(regulated, PERIOD)
+    plausibility = PressurePlausibility(compose(regulated), PERIOD)
     parameters = PlantParameters.from_rig(regulated)
     plant = Plant(parameters, state=initial_state(parameters))
     for k in range(1000):

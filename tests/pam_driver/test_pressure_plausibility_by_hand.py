@@ -13,6 +13,7 @@ from pam_model.effects import EFFECTS
 from pam_model.effects.slots import JointTorque
 from pam_model.gas import valve_flow
 from pam_model.rig import Plausibility, Rig, load_rig
+from pam_model.robot import compose
 
 ELBOW = Path(__file__).parents[2] / "config/elbow.yaml"
 PERIOD = 0.002
@@ -40,7 +41,7 @@ def observed(
     """
     sizes = {}
     for place, name in enumerate(rig.muscle_names):
-        plausibility = PressurePlausibility(replace(rig, plausibility=SHARP), PERIOD)
+        plausibility = PressurePlausibility(compose(replace(rig, plausibility=SHARP)), PERIOD)
         pressures = [pressure if place == other else math.nan for other in range(2)]
         for _ in range(steps):
             plausibility.update([command] * 2, pressures, [position], [velocity], [supply, supply])
@@ -147,7 +148,10 @@ def test_a_delay_of_the_command_in_the_rig_file_is_waited_for(
             replace(muscle, effects={"command_delay": {"delay": 3.4 * PERIOD}})  # three periods
         )
     commands = [0.8, 0.2, 0.6, 0.4, 0.7, 0.3]
-    delayed, told = PressurePlausibility(late, PERIOD), PressurePlausibility(at_once, PERIOD)
+    delayed, told = (
+        PressurePlausibility(compose(late), PERIOD),
+        PressurePlausibility(compose(at_once), PERIOD),
+    )
     seen = set()
     for command, acting in zip(commands, [vent] * 3 + commands[:3], strict=True):
         for plausibility, value in ((delayed, command), (told, acting)):
@@ -175,7 +179,7 @@ def torque_off(
 ) -> Deviation | None:
     """What is said of the joint after samples of pressures, angle, angular velocity."""
     limits = Plausibility(pressure_residual=1e12, warning_share=share)
-    plausibility = PressurePlausibility(replace(rig, plausibility=limits), PERIOD)
+    plausibility = PressurePlausibility(compose(replace(rig, plausibility=limits)), PERIOD)
     for pressures, position, velocity in samples:
         plausibility.update([0.0, 0.0], pressures, [position], [velocity], UNKNOWN)
     return next((one for one in plausibility.deviations() if one.subject == "elbow"), None)
@@ -311,7 +315,7 @@ def test_deviations_up_to_their_warning_share_are_not_named(rig: Rig) -> None:
 
 
 def test_a_residual_is_named_with_its_limit(rig: Rig) -> None:
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     assert plausibility.period == PERIOD
     for pressure in (2e5, 3.5e5):
         plausibility.update([0.0, 0.0], [pressure, 2e5], [0.0], [0.0], UNKNOWN)
@@ -368,7 +372,7 @@ def test_a_pair_below_its_warning_share_is_not_named(rig: Rig) -> None:
 
 def after_a_step(rig: Rig, first: float, second: float) -> dict[str, Deviation]:
     """What is said of two muscles at 200 kPa whose pressures step while the valves are shut."""
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     for more in (0.0, 1.0):
         pressures = [2e5 + more * first, 2e5 + more * second]
         plausibility.update([0.0, 0.0], pressures, [0.0], [0.0], UNKNOWN)
@@ -377,7 +381,7 @@ def after_a_step(rig: Rig, first: float, second: float) -> dict[str, Deviation]:
 
 def test_a_muscle_without_a_joint_is_observed_at_its_neutral_length(rig: Rig) -> None:
     alone = replace(rig, joints=(), muscles=rig.muscles[:1], plausibility=SHARP)
-    plausibility = PressurePlausibility(alone, PERIOD)
+    plausibility = PressurePlausibility(compose(alone), PERIOD)
     for _ in range(6):
         plausibility.update([1.0], [1.5e5], [], [], [math.nan])
     (found,) = plausibility.deviations()
@@ -404,7 +408,7 @@ def test_the_limit_of_torque_is_that_of_the_agonist_alone(rig: Rig) -> None:
 
 
 def test_nothing_is_off_before_anything_is_known(rig: Rig) -> None:
-    plausibility = PressurePlausibility(replace(rig, plausibility=SHARP), PERIOD)
+    plausibility = PressurePlausibility(compose(replace(rig, plausibility=SHARP)), PERIOD)
     assert list(plausibility.deviations()) == []
     plausibility.update([1.0, 1.0], [1e5, 1e5], [0.0], [0.0], UNKNOWN)
     plausibility.update([1.0, 1.0], UNKNOWN, [0.0], [0.0], UNKNOWN)
@@ -413,7 +417,7 @@ def test_nothing_is_off_before_anything_is_known(rig: Rig) -> None:
 
 def test_a_restart_forgets_every_deviation_of_a_pressure(rig: Rig) -> None:
     limits = replace(SHARP, pressure_residual=1.0)
-    plausibility = PressurePlausibility(replace(rig, plausibility=limits), PERIOD)
+    plausibility = PressurePlausibility(compose(replace(rig, plausibility=limits)), PERIOD)
     for pressure in (2e5, 3.5e5):
         plausibility.update([0.0, 0.0], [pressure, 2e5], [0.0], [0.0], UNKNOWN)
     assert len(list(plausibility.deviations())) == 2
@@ -426,7 +430,7 @@ def test_the_balance_of_a_joint_outlives_a_gap_of_fifty_milliseconds(
     missing: int, balanced: bool, rig: Rig
 ) -> None:
     limits = replace(SHARP, pressure_residual=1e12)
-    plausibility = PressurePlausibility(replace(rig, plausibility=limits), 0.025)
+    plausibility = PressurePlausibility(compose(replace(rig, plausibility=limits)), 0.025)
     for _ in range(5):
         plausibility.update([0.0, 0.0], [4e5, 1e5], [0.3], [0.0], UNKNOWN)
     before = list(plausibility.deviations())
@@ -437,7 +441,7 @@ def test_the_balance_of_a_joint_outlives_a_gap_of_fifty_milliseconds(
 
 
 def test_an_observer_starts_anew_once_after_a_gap_of_more_than_fifty_milliseconds(rig: Rig) -> None:
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     plausibility.update([0.0, 0.0], UNKNOWN, [0.0], [0.0], UNKNOWN)
     assert plausibility.restarts == 0, "nothing was known that could be forgotten"
     plausibility.update([0.0, 0.0], [2e5, 2e5], [0.0], [0.0], UNKNOWN)
@@ -449,7 +453,7 @@ def test_an_observer_starts_anew_once_after_a_gap_of_more_than_fifty_millisecond
 
 
 def test_measurements_that_do_not_fit_the_rig_are_a_mistake(rig: Rig) -> None:
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     for positions, velocities in (([0.0], []), ([0.0], [0.0, 0.0]), ([], [0.0])):
         with pytest.raises(ValueError, match="zip"):
             plausibility.update([0.0] * 2, [1e5] * 2, positions, velocities, UNKNOWN)

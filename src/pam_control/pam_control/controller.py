@@ -36,6 +36,7 @@ from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
+from pam_model.robot import compose
 
 SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
 LONGEST_STEP = 0.02  # s; a longer time between two steps is counted as this
@@ -77,7 +78,7 @@ class Controller(LoopDesign):
             },
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
         )
-        self.correction = SensorCorrection(rig)
+        self.correction = SensorCorrection(compose(rig))
         self.stiffness_commands = self._default_stiffness(settings)
         self.active = False
         self._time = math.nan

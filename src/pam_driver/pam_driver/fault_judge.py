@@ -14,7 +14,7 @@ from pam_driver.safety.joint_speed import JointSpeedWatch
 from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.pressure_plausibility import LONGEST_GAP, Deviation
 from pam_driver.safety.sensor_checks import SensorChecks
-from pam_model.rig import Rig
+from pam_model.robot import Robot
 
 # A command of another driver is a fault for this long after it was received [s].
 _FOREIGN_MEMORY: Final = 1.0
@@ -85,8 +85,8 @@ class FaultJudge:
 
     Parameters
     ----------
-    rig : Rig
-        Gives the limits.
+    robot : Robot
+        Gives the limits and the physics.
     boards : BoardSet
         The boards with their last measurements.
     settings : DriverSettings
@@ -106,7 +106,7 @@ class FaultJudge:
 
     def __init__(
         self,
-        rig: Rig,
+        robot: Robot,
         boards: BoardSet,
         settings: DriverSettings,
         vents: Sequence[float],
@@ -114,12 +114,13 @@ class FaultJudge:
     ) -> None:
         self.suspicions: tuple[Condition, ...] = ()
         self.loop = LoopWatch(settings.loop_delay_limit, settings.period)
-        self._speeds = JointSpeedWatch(rig)
+        rig = robot.rig
+        self._speeds = JointSpeedWatch(robot)
         self._rig = rig
         self._boards = boards
         self._settings = settings
         self._plausibility = plausibility
-        self._checks = None if plausibility is None else SensorChecks(rig)
+        self._checks = None if plausibility is None else SensorChecks(robot)
         self._implausible: tuple[Condition, ...] = ()
         self._judged_at = self._paused_at = NEVER
         self._pause = 0.0

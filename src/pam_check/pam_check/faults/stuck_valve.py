@@ -42,8 +42,8 @@ def stuck_valve_speed(rig: Rig, held_at: float = HELD_ANGLE) -> float:
         .scale.complete(ControlSettings())
         .default_stiffness
     )
-    pair = AntagonisticJoint.from_rig(rig, joint.name, with_effects=False)
-    parameters = PlantParameters.from_rig(rig, with_effects=False)
+    pair = AntagonisticJoint.from_rig(rig.without_effects(), joint.name)
+    parameters = PlantParameters.from_rig(rig.without_effects())
     fastest = 0.0
     for angle in (-held_at, held_at):
         load = joint.gravity_torque * math.sin(angle - joint.gravity_angle)

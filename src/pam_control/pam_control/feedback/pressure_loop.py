@@ -30,9 +30,9 @@ from pam_model.gas import (
     reference_density,
     reference_flow,
 )
-from pam_model.joints.effective_force_model import gas_volume
 from pam_model.joints.joint_muscle import JointMuscle
 from pam_model.rig import Muscle, Rig
+from pam_model.robot.static_force import gas_volume
 
 LEAST_CAPACITY = 0.01  # of the full flow
 TOLD_TUBE = 0.5
