@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from pam_driver.safety.limits_by_size import OBSERVER_GAIN
+from pam_driver.safety.limits_by_size import OBSERVER_GAIN, pressure_residual
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_model.effects import EFFECTS, Nothing
 from pam_model.plant.parameters import PlantParameters
