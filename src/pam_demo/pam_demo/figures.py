@@ -20,6 +20,8 @@ from pam_gap.answer.user_units import told
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.gravity import gravity_torque
 
 PERIOD = 0.002  # s, of the loops
 LATE = 0.001  # s
@@ -179,10 +181,11 @@ def _means(series: Series) -> Array:
 
 def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], list[str]]:
     """Worst deviation of the settled levels, and notes on levels that cannot be reached."""
-    joint = AntagonisticJoint.from_rig(rig, moved)
+    robot = compose(rig)
+    joint = AntagonisticJoint.from_robot(robot, robot.joint(moved))
     position = float(np.mean(play.measured))
     spec = rig.joint(moved)
-    torque = spec.gravity_torque * float(np.sin(position - spec.gravity_angle))
+    torque = -gravity_torque(robot.joint(moved), position)
     worst, notes = 0.0, []
     rate = JointScale.of(spec, joint).complete(ControlSettings()).stiffness_rate
     ends = [entry[0] for entry in play.motion.stiffness[1:]] + [play.motion.duration]

@@ -40,9 +40,10 @@ from pam_model.robot import Robot, RobotJoint, RobotMuscle
 from pam_model.views.expected_pressure import ExpectedPressure
 from pam_model.views.torque_balance import (
     dry_friction_at_rest,
-    free_torque,
     inertia_torque,
+    muscle_torque,
     torque_scale,
+    unbalanced_torque,
 )
 
 TORQUE_MEMORY: Final = 0.15  # s
@@ -172,10 +173,11 @@ class _JointBalance:
         if self._velocity != self._velocity:
             self._velocity = velocity
         try:
-            rest = free_torque(self.robot, joint, pressures, positions, velocity)
+            muscles = muscle_torque(self.robot, joint, pressures, positions)
         except PamError:  # the force model is not defined at this length
             self.imbalance = 0.0
             return
+        rest = unbalanced_torque(joint, muscles, positions[joint.place], velocity)
         # the low pass of the acceleration, without differentiating
         acceleration = (velocity - self._velocity) / TORQUE_MEMORY
         self._velocity += weight * (velocity - self._velocity)

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from pam_model.robot.robot import Robot, RobotMuscle
 
 
-def path_length(muscle: RobotMuscle, positions: Sequence[float]) -> float:
+def path_length(muscle: RobotMuscle, positions: Any) -> Any:
     """Length of the path [m].
 
     Parameters
     ----------
     muscle : RobotMuscle
         The muscle.
-    positions : sequence of float
+    positions : sequence or mapping of float or array
         By joint of the robot [rad].
     """
     length = muscle.neutral_length
@@ -29,6 +30,18 @@ def path_length(muscle: RobotMuscle, positions: Sequence[float]) -> float:
 def path_speed(muscle: RobotMuscle, velocities: Sequence[float]) -> float:
     """Rate of the path's length [m/s] at the velocities of the robot's joints [rad/s]."""
     return -sum(arm.length * velocities[arm.joint] for arm in muscle.arms)
+
+
+def farthest_position(robot: Robot, joint: int) -> float:
+    """Position [rad] at which the first muscle of a joint is as long as its threads, at most.
+
+    A muscle is never longer than its thread.
+    """
+    return max(
+        (muscle.geometry.thread_length - muscle.neutral_length) / abs(arm.length)
+        for arm in robot.joints[joint].arms
+        for muscle in (robot.muscles[arm.muscle],)
+    )
 
 
 def strokes_over_travel(robot: Robot, muscle: RobotMuscle, places: int) -> list[float]:

@@ -57,35 +57,22 @@ def muscle_torque(
     )
 
 
-def free_torque(
-    robot: Robot,
-    joint: RobotJoint,
-    pressures: Sequence[float],
-    positions: Sequence[float],
-    velocity: float,
-) -> float:
-    """What muscles, damping, gravity and effects leave to accelerate a joint [N m].
+def unbalanced_torque(joint: RobotJoint, muscles: float, position: float, velocity: float) -> float:
+    """What remains of the torque of the muscles to accelerate the joint [N m].
 
-    Dry friction is not contained: its direction at rest is unknown, see `dry_friction_at_rest`.
+    Damping, gravity and the torques of effects are taken off. Dry friction is not: its direction at
+    rest is unknown, see `dry_friction_at_rest`.
 
     Parameters
     ----------
-    robot, joint, pressures, positions
-        As for `muscle_torque`.
-    velocity : float
-        Of the joint [rad/s].
-
-    Raises
-    ------
-    PamError
-        As for `pull`.
+    joint : RobotJoint
+        The joint.
+    muscles : float
+        Torque of its muscles [N m].
+    position, velocity : float
+        Of the joint [rad], [rad/s].
     """
-    position = positions[joint.place]
-    torque = (
-        muscle_torque(robot, joint, pressures, positions)
-        - joint.viscous_friction * velocity
-        + gravity_torque(joint, position)
-    )
+    torque = muscles - joint.viscous_friction * velocity + gravity_torque(joint, position)
     for _, slot, values in joint.laws(JointTorque):
         torque += slot.law(position, velocity, *values)
     return torque
@@ -94,6 +81,11 @@ def free_torque(
 def inertia_torque(joint: RobotJoint, acceleration: float) -> float:
     """Torque that an acceleration [rad/s^2] of the joint needs [N m]."""
     return joint.inertia * acceleration
+
+
+def free_acceleration(joint: RobotJoint, muscles: float, position: float, velocity: float) -> float:
+    """Acceleration without dry friction [rad/s^2]; parameters as for `unbalanced_torque`."""
+    return unbalanced_torque(joint, muscles, position, velocity) / joint.inertia
 
 
 def dry_friction_at_rest(joint: RobotJoint) -> float:
