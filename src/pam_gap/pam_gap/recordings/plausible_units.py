@@ -178,8 +178,9 @@ def _check_position(rig: Rig, joint: int, recording: Recording) -> None:
     channel = f"{JOINTS}{entry.name}.position"
     if not recording.has(channel):
         return
+    robot = compose(rig)
     limit = FARTHEST * max(
-        farthest_position(compose(rig), joint), *(abs(q) for q in entry.position_limits)
+        farthest_position(robot, robot.joints[joint]), *(abs(q) for q in entry.position_limits)
     )
     largest = _largest(recording, channel)
     reading = encoder_reading(rig, joint, recording)

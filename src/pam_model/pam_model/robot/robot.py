@@ -215,6 +215,8 @@ class RobotJoint:
         [rad].
     max_velocity, reduced_velocity : float
         Largest speed, and while full speed is not permitted [rad/s].
+    max_acceleration, max_tracking_error, max_stiffness_rate : float
+        Limits of motion of the rig file [rad/s^2], [rad], [N m/(rad s)].
     position_offset, position_delay : float
         Of its encoder: added to the reading [rad], [s].
     applied : tuple of AppliedLaw
@@ -231,6 +233,9 @@ class RobotJoint:
     position_limits: tuple[float, float]
     max_velocity: float
     reduced_velocity: float
+    max_acceleration: float
+    max_tracking_error: float
+    max_stiffness_rate: float
     position_offset: float
     position_delay: float
     applied: tuple[AppliedLaw, ...]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pam_model.robot.robot import Robot, RobotMuscle
+from pam_model.robot.robot import Robot, RobotJoint, RobotMuscle
 
 
 def path_length(muscle: RobotMuscle, positions: Any) -> Any:
@@ -32,14 +32,14 @@ def path_speed(muscle: RobotMuscle, velocities: Sequence[float]) -> float:
     return -sum(arm.length * velocities[arm.joint] for arm in muscle.arms)
 
 
-def farthest_position(robot: Robot, joint: int) -> float:
+def farthest_position(robot: Robot, joint: RobotJoint) -> float:
     """Position [rad] at which the first muscle of a joint is as long as its threads, at most.
 
     A muscle is never longer than its thread.
     """
     return max(
         (muscle.geometry.thread_length - muscle.neutral_length) / abs(arm.length)
-        for arm in robot.joints[joint].arms
+        for arm in joint.arms
         for muscle in (robot.muscles[arm.muscle],)
     )
 

@@ -57,7 +57,7 @@ def muscle_torque(
     )
 
 
-def unbalanced_torque(joint: RobotJoint, muscles: float, position: float, velocity: float) -> float:
+def unbalanced_torque(joint: RobotJoint, torque: float, position: float, velocity: float) -> float:
     """What remains of the torque of the muscles to accelerate the joint [N m].
 
     Damping, gravity and the torques of effects are taken off. Dry friction is not: its direction at
@@ -67,15 +67,15 @@ def unbalanced_torque(joint: RobotJoint, muscles: float, position: float, veloci
     ----------
     joint : RobotJoint
         The joint.
-    muscles : float
-        Torque of its muscles [N m].
+    torque : float
+        Of its muscles [N m].
     position, velocity : float
         Of the joint [rad], [rad/s].
     """
-    torque = muscles - joint.viscous_friction * velocity + gravity_torque(joint, position)
+    rest = torque - joint.viscous_friction * velocity + gravity_torque(joint, position)
     for _, slot, values in joint.laws(JointTorque):
-        torque += slot.law(position, velocity, *values)
-    return torque
+        rest += slot.law(position, velocity, *values)
+    return rest
 
 
 def inertia_torque(joint: RobotJoint, acceleration: float) -> float:
@@ -83,9 +83,9 @@ def inertia_torque(joint: RobotJoint, acceleration: float) -> float:
     return joint.inertia * acceleration
 
 
-def free_acceleration(joint: RobotJoint, muscles: float, position: float, velocity: float) -> float:
+def free_acceleration(joint: RobotJoint, torque: float, position: float, velocity: float) -> float:
     """Acceleration without dry friction [rad/s^2]; parameters as for `unbalanced_torque`."""
-    return unbalanced_torque(joint, muscles, position, velocity) / joint.inertia
+    return unbalanced_torque(joint, torque, position, velocity) / joint.inertia
 
 
 def dry_friction_at_rest(joint: RobotJoint) -> float:
