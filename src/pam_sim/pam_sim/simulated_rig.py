@@ -19,7 +19,8 @@ from pam_model.effects import EFFECTS
 from pam_model.errors import PamError, RigError
 from pam_model.plant.layout import MUSCLES
 from pam_model.plant.parameters import PlantParameters
-from pam_model.plant.simulate import DEFAULT_STEP, Plant, initial_state
+from pam_model.plant.robot_plant import RobotPlant
+from pam_model.plant.simulate import DEFAULT_STEP, initial_state
 from pam_model.rig import Rig
 from pam_sim.boards.protocol import BoardSettings, SimulatedBoard, TwinKind
 from pam_sim.boards.register import twin_called
@@ -42,7 +43,7 @@ class GroundTruth:
     pressures, lengths, speeds, forces : lists of float
         By muscle [Pa gauge], [m], [m/s], [N].
     supply_pressure : float
-        Supply pressure at the valves of the first joint [Pa absolute].
+        Supply pressure at the valves [Pa absolute].
     """
 
     positions: list[float]
@@ -121,7 +122,8 @@ class SimulatedRig:
         self.wired: Mapping[Address, WiredBoard] = wiring.boards
         self.wiring = wiring
         self.parameters = apply_effects(rig, truth or rig, effects or {})
-        self._plants = [Plant(p, step, _at_rest(p)) for p in self.parameters]
+        self._plant = RobotPlant(self.parameters, step, [_at_rest(p) for p in self.parameters])
+        self._plants = self._plant.joints
         self._period = 1.0 / rate
         self._now = now
         self.lost_time = 0.0
@@ -235,7 +237,7 @@ class SimulatedRig:
     def ground_truth(self) -> GroundTruth:
         """The true state, without sensor errors."""
         count = len(self.rig.muscles)
-        supply = self._plants[0].reservoir_pressure
+        supply = self._plant.reservoir_pressure
         zeros = [[0.0] * count for _ in range(4)]
         result = GroundTruth([], [], [], zeros[0], zeros[1], zeros[2], zeros[3], supply)
         for joint, plant in enumerate(self._plants):
@@ -271,20 +273,16 @@ class SimulatedRig:
                 valves = self.faults.spools(address, valves, board.valves)
             for wire, command in zip(self.wired[address].valves, valves, strict=True):
                 commands[wire.place] = command
-        for joint, plant in enumerate(self._plants):
-            first, second = self._muscles_of[joint]
-            pair = (commands[first], commands[second])
-            for _ in range(steps):
-                position, agonist, antagonist = plant.step(pair, self._period)
+        pairs = [[commands[place] for place in muscles] for muscles in self._muscles_of]
+        for _ in range(steps):
+            readings = self._plant.step(pairs, self._period)
+        for joint, (position, *pressures) in enumerate(readings):
             self._positions[joint] = position
-            self._pressures[first], self._pressures[second] = agonist, antagonist
+            for place, pressure in zip(self._muscles_of[joint], pressures, strict=True):
+                self._pressures[place] = pressure
 
     def _supply(self, wired: WiredBoard) -> float:
-        for wire in wired.valves:
-            for joint, muscles in enumerate(self._muscles_of):
-                if wire.place in muscles:
-                    return self._plants[joint].reservoir_pressure
-        return self.rig.supply_pressure
+        return self._plant.reservoir_pressure if wired.valves else self.rig.supply_pressure
 
 
 def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[PlantParameters]:
@@ -320,6 +318,11 @@ def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[Pl
             raise PamError(
                 f"effect {name} = {value:g} {entry.unit} is outside "
                 f"[{entry.low:g}, {entry.high:g}] {entry.unit}"
+            )
+        if owner and effect.scope == "rig":
+            raise PamError(
+                f"effect {name}: {effect.name} is an effect of the whole rig; expected "
+                f"{key[0]}.{key[1]} without {owner}"
             )
         hit = False
         for index, joint in enumerate(rig.joints):

@@ -259,6 +259,8 @@ class Plant:
         Longest RK4 step [s].
     state : array, optional
         Initial state; by default at rest at position 0, vented.
+    reservoir_share : float, optional
+        Share of the reservoir that belongs to this joint [-], see `RobotPlant`.
     """
 
     def __init__(
@@ -266,11 +268,14 @@ class Plant:
         parameters: PlantParameters,
         step: float = DEFAULT_STEP,
         state: Array | None = None,
+        *,
+        reservoir_share: float = 1.0,
     ) -> None:
         self.parameters = parameters
+        self._reservoir_share = reservoir_share
         self.step_length = step
         start = initial_state(parameters) if state is None else state
-        self._constants = for_kernel(derive_constants(parameters.values))
+        self._constants = for_kernel(derive_constants(parameters.values, reservoir_share))
         self._tables = tuple(for_kernel(table) for table in parameters.tables)
         self._none = for_kernel(np.zeros(0))
         self._none_pairs = for_kernel(np.zeros((0, 2)))
@@ -301,6 +306,20 @@ class Plant:
         """Pressure of the reservoir from which the valves draw [Pa absolute]."""
         return float(self._y[lay.Y_RESERVOIR])
 
+    @property
+    def has_reservoir(self) -> bool:
+        """Whether the supply sags while air is drawn."""
+        return bool(self._constants[lay.C_DROOP] > 0.0)
+
+    @property
+    def reservoir_volume(self) -> float:
+        """Volume of this joint's share of the reservoir [m^3]."""
+        return float(self._constants[lay.C_DROOP_VOLUME])
+
+    def fill_reservoir(self, pressure: float) -> None:
+        """Set the pressure of the reservoir [Pa absolute]."""
+        self._y[lay.Y_RESERVOIR] = pressure
+
     def change(self, changes: Mapping[str, float]) -> None:
         """Change parameters of the gas during the simulation; the state is kept.
 
@@ -310,7 +329,8 @@ class Plant:
             As `PlantParameters.replaced` takes them.
         """
         self.parameters = self.parameters.replaced(changes)
-        self._constants = for_kernel(derive_constants(self.parameters.values))
+        derived = derive_constants(self.parameters.values, self._reservoir_share)
+        self._constants = for_kernel(derived)
         if not self._constants[lay.C_DROOP] > 0.0:
             self._y[lay.Y_RESERVOIR] = self.parameters["supply_pressure"]
 
