@@ -9,26 +9,26 @@ setup:
 	@tools/setup.sh
 
 demo: setup
-	@$(PYTHON) -m pam_demo --check
+	@./pam demo
 
 test: setup
 	@tools/test.sh
 
 faults: setup
-	@$(PYTHON) -m pam_check faults --check
+	@./pam check faults --check
 
 bench: setup
 	@$(PYTHON) benchmarks/table.py
 
 report: setup
-	@$(PYTHON) -m pam_gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report
+	@./pam gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report
 
 docs: setup
 	@tools/docs.sh
 
 view: setup
 	@$(PYTHON) -c 'import rerun' 2>/dev/null || $(PYTHON) -m pip install -q -r requirements-view.txt
-	@$(PYTHON) -m pam_bringup viewer $(BAG)
+	@./pam bringup viewer $(BAG)
 
 lint: setup
 	@tools/lint.sh

@@ -1,7 +1,7 @@
 """Diagnose the measured pair of shut muscles in tests/data/closed_pair.
 
 `python benchmarks/measured_pair.py --out out/measured_pair` converts the original columns to the
-names and units of the suite's topics and runs `python -m pam_gap diagnose --shut` on them.
+names and units of the suite's topics and runs `pam gap diagnose --shut` on them.
 """
 
 from __future__ import annotations

@@ -163,7 +163,7 @@ def help_text() -> Iterator[Row]:
         return min(times)
 
     value, peer = seconds("-m", "pam_gap", "--help"), seconds("-c", "pass")
-    yield Row("python -m pam_gap --help", "s", value, "python -c pass", peer, 0.3)
+    yield Row("pam gap --help", "s", value, "python -c pass", peer, 0.3)
 
 
 def diagnosis() -> Iterator[Row]:

@@ -1,7 +1,7 @@
 """A motion that shows a diagnosis what it needs: random steps and sines, at two stiffnesses.
 
-python -m pam_demo robot                                             # or a real robot
-python -m pam_gap record --rig config/elbow.yaml --out recording     # in a second terminal
+pam demo robot                                             # or a real robot
+pam gap record --rig config/elbow.yaml --out recording     # in a second terminal
 python examples/motion_for_diagnosis.py [RIG] [JOINT]                # in a third one
 """
 

@@ -1,6 +1,6 @@
 """A node of your own that drives a joint along a sine, by streamed references.
 
-python -m pam_demo robot                 # or ros2 launch pam_bringup simulation.launch.py
+pam demo robot                 # or ros2 launch pam_bringup simulation.launch.py
 python examples/sinusoid_node.py [JOINT]    # in a second terminal
 """
 

@@ -21,10 +21,11 @@ setup(
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     entry_points={
+        "pam.tools": ["bringup = pam_bringup.__main__:TOOL"],
         "console_scripts": [
-            "viewer = pam_bringup.__main__:main",
-            "markers = pam_bringup.__main__:markers",
-        ]
+            "pam_viewer = pam_bringup.__main__:main",
+            "pam_markers = pam_bringup.__main__:markers",
+        ],
     },
     zip_safe=False,
     author="PAM suite authors",

@@ -24,8 +24,9 @@ setup(
     description="Checks of the suite: faults, fuzzing, endurance, security, withheld effects.",
     license="Apache-2.0",
     entry_points={
+        "pam.tools": ["check = pam_check.__main__:TOOL"],
         "can.interface": [
             "unpluggable = pam_check.endurance.unpluggable_bus:UnpluggableBus",
-        ]
+        ],
     },
 )

@@ -24,8 +24,9 @@ setup(
     description="Position and stiffness control of antagonistic pneumatic muscle joints.",
     license="Apache-2.0",
     entry_points={
+        "pam.tools": ["control = pam_control.__main__:TOOL"],
         "console_scripts": [
             "controller_node = pam_control.__main__:controller_node",
-        ]
+        ],
     },
 )

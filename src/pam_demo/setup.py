@@ -24,8 +24,9 @@ setup(
     description="The demo of the PAM suite, and the closed loop from diagnosis to better tracking.",
     license="Apache-2.0",
     entry_points={
+        "pam.tools": ["demo = pam_demo.__main__:TOOL"],
         "console_scripts": [
-            "demo = pam_demo.__main__:main",
-        ]
+            "pam_demo = pam_demo.__main__:main",
+        ],
     },
 )

@@ -25,8 +25,9 @@ setup(
     description="CAN bus driver for the valve boards of pneumatic artificial muscles.",
     license="Apache-2.0",
     entry_points={
+        "pam.tools": ["driver = pam_driver.__main__:TOOL"],
         "console_scripts": [
             "driver_node = pam_driver.__main__:driver_node",
-        ]
+        ],
     },
 )

@@ -24,10 +24,11 @@ setup(
     description="Diagnosis of the gap between a recording of a real rig and its simulation.",
     license="Apache-2.0",
     entry_points={
+        "pam.tools": ["gap = pam_gap.__main__:TOOL"],
         "console_scripts": [
-            "diagnose = pam_gap.__main__:diagnose",
-            "monitor = pam_gap.__main__:monitor",
-            "play = pam_gap.__main__:play",
-        ]
+            "pam_diagnose = pam_gap.__main__:diagnose",
+            "pam_monitor = pam_gap.__main__:monitor",
+            "pam_play = pam_gap.__main__:play",
+        ],
     },
 )

@@ -24,8 +24,9 @@ setup(
     description="Pneumatic muscles: force models, joints, effects, plant, rig file, node.",
     license="Apache-2.0",
     entry_points={
+        "pam.tools": ["model = pam_model.__main__:TOOL"],
         "console_scripts": [
             "model_node = pam_model.__main__:model_node",
-        ]
+        ],
     },
 )

@@ -24,8 +24,9 @@ setup(
     description="Simulated rig with valve boards on a CAN bus, and faults that can be injected.",
     license="Apache-2.0",
     entry_points={
+        "pam.tools": ["sim = pam_sim.__main__:TOOL"],
         "console_scripts": [
-            "rig = pam_sim.__main__:rig_node",
-        ]
+            "pam_rig = pam_sim.__main__:rig_node",
+        ],
     },
 )

@@ -13,12 +13,20 @@ import itertools
 import re
 import shlex
 from collections.abc import Callable
-from pathlib import Path
+from importlib.metadata import entry_points
 from typing import Any
 
 import yaml
 
-from pam_model.command_line import NodeCommand
+from pam_bringup.viewer import markers_node
+from pam_control import controller_parameters
+from pam_driver import driver_parameters
+from pam_gap.experiments import play_node
+from pam_gap.live import monitor_node
+from pam_model import model_node
+from pam_model.command_line import NodeCommand, Tool
+from pam_ros.node_help import NodeHelp
+from pam_sim import rig_node
 
 from .pages import ROOT
 
@@ -43,11 +51,10 @@ RECORDED = {
     "supply_pressure",
 }  # fmt: skip
 PATH_TYPES = {"input_file", "input_path", "input_folder", "output_file", "output_folder"}
-NODE_FILES = {
-    "pam_driver.driver_node": "pam_driver.driver_parameters",
-    "pam_control.controller_node": "pam_control.controller_parameters",
-}
-"""Where a node's help and parameters stand, if not in the node's own file."""
+NODES = (
+    driver_parameters.HELP, controller_parameters.HELP, model_node.HELP, rig_node.HELP,
+    monitor_node.HELP, play_node.HELP, markers_node.HELP,
+)  # fmt: skip
 
 
 class _WrongError(Exception):
@@ -82,9 +89,9 @@ def problem_of(command: str, *, is_complete: bool = True) -> str | None:
 
 
 def _check(words: list[str]) -> None:
-    program = re.sub(r"^.*/(?=python3?$)", "", words[0])
+    program = words[0]
     checks: dict[str, Callable[[list[str]], None]] = {
-        "python": _python, "python3": _python, "ros2": _ros2, "make": _make,
+        "./pam": _pam, ".venv/bin/python": _python, "ros2": _ros2, "make": _make,
     }  # fmt: skip
     if program in checks:
         checks[program](words[1:])
@@ -110,46 +117,49 @@ def _make(words: list[str]) -> None:
             raise _WrongError(f"make has no target {word}")
 
 
+def _pam(words: list[str]) -> None:
+    tools = {entry.name: entry for entry in entry_points(group="pam.tools")}
+    if words == ["--version"]:  # of every program
+        return
+    if not words:
+        raise _IncompleteError("./pam without a tool")
+    if words[0] not in tools:
+        raise _WrongError(f"pam has no tool {words[0]}; it has {', '.join(tools)}")
+    _tool(tools[words[0]].load(), words[1:])
+
+
 def _python(words: list[str]) -> None:
     if words and words[0] == "-m" and len(words) > 1:
-        _module(words[1], words[2:])
+        _module(words[1])
     elif words:
         _file(words[0])
     else:
         raise _WrongError("python without a program")
 
 
-def _module(name: str, words: list[str]) -> None:
+def _module(name: str) -> None:
+    if name.startswith("pam_"):
+        raise _WrongError(f"{name} is a part of the suite; its commands begin with ./pam")
     if importlib.util.find_spec(name.partition(".")[0]) is None:
         raise _WrongError(f"there is no package {name}")
-    if not name.startswith("pam_"):
-        return
-    try:
-        found = importlib.util.find_spec(name)
-    except ModuleNotFoundError:
-        found = None
-    if found is None:
-        raise _WrongError(f"there is no module {name}")
-    if words == ["--version"]:  # of every program
-        return
-    if found.submodule_search_locations is None:
-        _node(name, words)
-    else:
-        _tool(importlib.import_module(f"{name}.__main__").COMMANDS, words)
 
 
-def _tool(commands: Any, words: list[str]) -> None:
+def _tool(tool: Tool, words: list[str]) -> None:
     """Parse the words as the tool would, but for whether files exist."""
-    by_name = {command.name: command for command in commands}
+    by_name = {command.name: command for command in tool.commands}
+    if words == ["--version"]:
+        return
     if words and words[0] in by_name:
         command, words = by_name[words[0]], words[1:]
-    elif "run" in by_name and (not words or words[0].startswith("-")):
-        command = by_name["run"]  # the demo, which is the default
+    elif tool.default and (not words or words[0].startswith("-")):
+        command = by_name[tool.default]
     elif not words:
         raise _IncompleteError(f"no command; there are {', '.join(by_name)}")
     else:
         raise _WrongError(f"no command {words[0]}; there are {', '.join(by_name)}")
     if isinstance(command, NodeCommand):
+        program = f"{tool.program} {command.name}"
+        _node(next(usage for usage in NODES if usage.program == program), words)
         return
     parser = _Parser(allow_abbrev=False)
     command.declare(parser)
@@ -167,26 +177,13 @@ class _Parser(argparse.ArgumentParser):
         raise _IncompleteError(message) if "are required" in message else _WrongError(message)
 
 
-def _node(module: str, words: list[str]) -> None:
+def _node(usage: NodeHelp, words: list[str]) -> None:
     """Check the parameters that a node is given by -p."""
-    usage = importlib.import_module(NODE_FILES.get(module, module)).HELP
     names = {parameter.name for parameter in usage.parameters}
     for flag, word in itertools.pairwise(words):
         name = word.partition(":=")[0].partition(":")[0]
         if flag == "-p" and name not in names:
-            raise _WrongError(f"{module} has no parameter {name}")
-
-
-def _executables(package: str) -> dict[str, str]:
-    """Every program of a package, and the module of its `HELP` or of its `COMMANDS`."""
-    text = (ROOT / "src" / package / "setup.py").read_text(encoding="utf-8")
-    found = {}
-    for program, module, function in re.findall(r'"(\w+) = ([\w.]+):(\w+)"', text):
-        path = ROOT / "src" / package / Path(*module.split(".")).with_suffix(".py")
-        body = path.read_text(encoding="utf-8").partition(f"def {function}(")[2].split("\ndef ")[0]
-        node = re.search(r"from ([\w.]+_node) import main", body)
-        found[program] = node[1] if node else module
-    return found
+            raise _WrongError(f"{usage.program} has no parameter {name}")
 
 
 def _ros2(words: list[str]) -> None:
@@ -208,19 +205,12 @@ def _ros2(words: list[str]) -> None:
 
 
 def _ros2_run(words: list[str]) -> None:
-    package, program, rest = words[0], words[1] if len(words) > 1 else "", words[2:]
-    if not (ROOT / "src" / package).is_dir():
-        raise _WrongError(f"there is no package {package}")
-    known = _executables(package)
+    """The page on installing names one, and says that ./pam is the form of all pages."""
+    package, program = words[0], words[1] if len(words) > 1 else ""
+    scripts = entry_points(group="console_scripts")
+    known = [entry.name for entry in scripts if entry.module == f"{package}.__main__"]
     if program not in known:
         raise _WrongError(f"{package} has no program {program}; it has {', '.join(known)}")
-    module = known[program]
-    if module.endswith("__main__"):
-        commands = importlib.import_module(module).COMMANDS
-        names = {command.name for command in commands}
-        _tool(commands, [program, *rest] if program in names else rest)
-    else:
-        _node(module, rest)
 
 
 def _ros2_launch(words: list[str]) -> None:

@@ -13,7 +13,7 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").r
 _FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
 _INLINE = re.compile(r"`([^`\n]+)`")
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
-_COMMAND_START = re.compile(r"^(?:\w+=\S+ )*(?:\S*python3? |ros2 |make |tools/\S+|colcon )")
+_COMMAND_START = re.compile(r"^(?:\w+=\S+ )*(?:\./pam |\S*python3? |ros2 |make |tools/\S+|colcon )")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""`python -m pam_check board` as a process, against a simulated board in another process."""
+"""`pam check board` as a process, against a simulated board in another process."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from support.rigs import ELBOW
 CODEC = BoardCodec.from_dbc()
 
 
-@pytest.mark.parametrize("name", fuzz.TARGETS)
+@pytest.mark.parametrize("name", sorted(set(fuzz.TARGETS) - {"files"}))  # see test_damaged_files
 def test_nothing_escapes(rig, name):
     assert fuzz.fuzz(rig, name, 3000, 1000) == {}
 

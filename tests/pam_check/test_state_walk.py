@@ -42,7 +42,7 @@ REDUCED = {
         "the valve command that was held up arrives",
     }
 }
-"""Acts whose states are few enough for a test; `python -m pam_check state-walk` takes all."""
+"""Acts whose states are few enough for a test; `pam check state-walk` takes all."""
 
 
 def test_no_path_leads_from_a_stop_to_moving_air_without_clear_activate_and_a_command(

@@ -22,9 +22,11 @@ NOW = 100.0
 class Topic:
     """Stands for a subscription; the test hands the messages over."""
 
-    def __init__(self, node: Any, kind: Any, topic: str, take: Any, **_: Any) -> None:
+    def __init__(
+        self, node: Any, kind: Any, topic: str, take: Any, *, read: Any = None, **_: Any
+    ) -> None:
         node[topic] = self
-        self.take, self.waited = take, 0.0
+        self.take, self.waited = (lambda data: take(read(data))), 0.0
 
 
 @pytest.fixture

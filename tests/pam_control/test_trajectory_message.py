@@ -18,6 +18,7 @@ from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import CommandError
 from pam_control.settings import ControlSettings
 from pam_control.trajectory_message import read_trajectory
+from pam_ros.errors import MalformedMessageError
 
 numbers = st.lists(st.floats(allow_nan=False), max_size=3)
 points = st.builds(
@@ -56,8 +57,10 @@ def test_any_bytes_are_read_or_refused(noise, cut):
     for data in (noise, whole[: -1 - cut], b"\0\1\0\0" + noise):
         try:
             read_trajectory(data, 10)
+        except MalformedMessageError:
+            pass
         except CommandError as error:
-            assert "cannot be read" in str(error) or "points" in str(error)
+            assert "points" in str(error)
 
 
 def long_trajectory(count):

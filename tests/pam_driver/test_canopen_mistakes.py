@@ -124,10 +124,10 @@ MISTAKES: dict[str, tuple[str, Change, str]] = {
         both(drop("profile"), put("eds", str(ELBOW_CANOPEN))),
         "elbow_canopen.yaml: not a valid EDS file: ",
     ),
-    "EDS file without a device type": (
+    "EDS file without an object": (
         "outputs",
-        eds(lambda text: text.replace("[1000]", "[1100]")),
-        "own.eds: not a valid EDS file: it has no object 0x1000 (device type)",
+        eds(lambda text: text[: text.index("[1000]")]),
+        "own.eds: not a valid EDS file: it describes no object, as [1000] would",
     ),
     "EDS file of another device": (
         "outputs",

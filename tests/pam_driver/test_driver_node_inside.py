@@ -40,6 +40,7 @@ from pam_ros.driver_state import (
     reason_against_commands,
 )
 from pam_ros.errors import ParameterError
+from pam_ros.subscriptions import malformed_messages
 
 from .fake_board import FakeBoard
 from .node_bench import ELBOW, NAMES, PATIENCE
@@ -268,10 +269,10 @@ def test_commands_before_the_activation_are_counted_and_the_reason_is_shown(
 ) -> None:
     node = inside.node
     command = serialize_message(JointState(name=NAMES, position=[0.25, -0.25]))
-    node._on_valve_commands(command)
+    node._commands.subscription.callback(command)
     assert "valve_commands refused: not configured" in capfd.readouterr().err
     assert node.autostart()
-    node._on_valve_commands(command)
+    node._commands.subscription.callback(command)
     driver, diagnostics = node._driver, node._diagnostics
     assert driver is not None
     assert diagnostics is not None
@@ -298,7 +299,7 @@ def test_a_command_has_the_age_with_which_it_arrived_and_is_older_by_its_wait(
         message.header.stamp = node.get_clock().now().to_msg()
         time.sleep(0.05)
     node._commands.waited = 0.05
-    node._on_valve_commands(serialize_message(message))
+    node._commands.subscription.callback(serialize_message(message))
     longest = time.time() - begin - 0.049 if stamped else 0.0
     assert driver._command_age <= longest
     assert time.monotonic() - driver._command_time >= 0.049
@@ -372,12 +373,47 @@ def test_a_topic_of_the_emergency_stop_stops_the_node(
         assert driver is not None
         inside.answer(lambda: not driver.missing_boards(time.monotonic()))
         assert "topic: no emergency stop" in driver.activation_problem(time.monotonic())
-        node._on_people(EMERGENCY_STOP, serialize_message(Bool(data=True)))
+        node._on_people(EMERGENCY_STOP, Bool(data=True))
         inside.answer(inside.healthy)
         assert node.trigger_activate() == TransitionCallbackReturn.SUCCESS
-        node._on_people(EMERGENCY_STOP, serialize_message(Bool(data=False)))
+        node._on_people(EMERGENCY_STOP, Bool(data=False))
         inside.answer(lambda: driver.state is SafetyState.FAULT)
         assert "emergency stop is pressed" in str(driver.faults[0])
+    finally:
+        inside.close()
+
+
+@pytest.mark.parametrize("malformed", [b"\0\1\0\0", b"", b"\0\1\0\0\7", b"\0\7\0\0\1"])
+def test_what_cannot_be_read_permits_people_nothing(
+    monkeypatch: pytest.MonkeyPatch, codec: BoardCodec, malformed: bytes
+) -> None:
+    """Four bytes on the topic of the emergency stop ended the driver in motion."""
+    inputs = ("emergency_stop", "enabling_switch", "full_speed")
+    wanted = [(f"people.{name}_topic", "true") for name in inputs]
+    inside = Inside(monkeypatch, codec, *wanted, ("people.deadline", 5.0))
+    try:
+        node = inside.node
+        assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+        driver = node._driver
+        assert driver is not None
+        hear = {one.subscription.topic_name.rpartition("/")[2]: one for one in node.polled_topics}
+        people = [one.subscription.callback for name, one in hear.items() if name[0] in "ef"]
+        assert len(people) == len(inputs)
+        now = time.monotonic()
+        for one in people:
+            one(b"\0\1\0\0\1")
+        assert not driver.people.pressed(now)
+        assert not driver.people.not_enabled(now)
+        assert not driver.people.reduced_speed(now)
+        for one in people:
+            one(malformed)
+        assert driver.people.pressed(now)
+        assert "released" in driver.people.not_enabled(now)
+        assert driver.people.reduced_speed(time.monotonic())
+        inside.answer(lambda: driver.state is SafetyState.FAULT)
+        assert "emergency stop is pressed" in str(driver.faults[0])
+        assert malformed_messages(node).count == len(inputs)
+        node.check()
     finally:
         inside.close()
 
@@ -464,10 +500,10 @@ def test_the_state_tells_the_controller_whether_full_speed_is_permitted(
         assert node.count_subscribers("/pam_driver/full_speed_permitted") == 1
         assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
         assert "at reduced speed" in node._published_state[0]
-        node._on_people(FULL_SPEED, serialize_message(Bool(data=True)))
+        node._on_people(FULL_SPEED, Bool(data=True))
         node._publish_state()
         assert "at reduced speed" not in node._published_state[0]
-        node._on_people(FULL_SPEED, serialize_message(Bool(data=False)))
+        node._on_people(FULL_SPEED, Bool(data=False))
         node._publish_state()
         assert "at reduced speed" in node._published_state[0]
     finally:
@@ -477,6 +513,6 @@ def test_the_state_tells_the_controller_whether_full_speed_is_permitted(
 @pytest.mark.parametrize("reduced", [True, False])
 def test_a_state_without_a_word_about_the_speed_permits_no_full_speed(reduced: bool) -> None:
     told = driver_state_message("pam_driver", "active", "", reduced=reduced)
-    assert permits_full_speed(serialize_message(told)) is not reduced
-    assert reason_against_commands(serialize_message(told)) == ""
-    assert not permits_full_speed(serialize_message(DiagnosticStatus()))
+    assert permits_full_speed(told) is not reduced
+    assert reason_against_commands(told) == ""
+    assert not permits_full_speed(DiagnosticStatus())

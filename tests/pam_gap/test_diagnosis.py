@@ -1,7 +1,7 @@
 """Prediction errors, names and files of a diagnosis on short simulated recordings.
 
 The plant is the one the diagnosis fits, so that these show the machinery sound; what it is worth
-on rigs with other physics is shown by `python -m pam_check blind`.
+on rigs with other physics is shown by `pam check blind`.
 """
 
 import json

@@ -123,7 +123,12 @@ def test_mistakes_are_one_line(
     tmp_path: Path, rig_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pd.DataFrame({"a": TIME, "b": TIME}).to_csv(tmp_path / "x.csv", index=False)
-    for log, told in ((tmp_path / "x.csv", "no column looks like a time"), (rig_path, "not a log")):
+    pd.DataFrame({"p1": P1, "p2": P2}).to_csv(tmp_path / "y.csv", index=False)
+    for log, told in (
+        (tmp_path / "x.csv", "no column was mapped: none of 'a', 'b' looks like"),
+        (tmp_path / "y.csv", "no column looks like a time"),
+        (rig_path, "not a log"),
+    ):
         command = ["import", str(log), "--rig", str(rig_path), "--out", str(tmp_path / "out")]
         assert main(command) == 2
         error = capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""What `python -m pam_gap record` writes, and what it says is missing."""
+"""What `pam gap record` writes, and what it says is missing."""
 
 from __future__ import annotations
 

@@ -181,9 +181,9 @@ def test_the_page_says_what_it_was_made_from(tmp_path: Path) -> None:
     rig.write_text("a: 1\n")
     bag.mkdir()
     (bag / "bag_0.mcap").write_bytes(b"abc")
-    origin = provenance(rig, [bag], "python -m pam_gap diagnose bag").to_json()
+    origin = provenance(rig, [bag], "pam gap diagnose bag").to_json()
     page = render(data(provenance=origin))
-    for text in ("python -m pam_gap diagnose bag", str(bag), origin["date"], "pam_gap 0.1.0"):
+    for text in ("pam gap diagnose bag", str(bag), origin["date"], "pam_gap 0.1.0"):
         assert text in page
     assert origin["recordings"][0]["sha256"][:16] in page
     (bag / "bag_0.mcap").write_bytes(b"abd")

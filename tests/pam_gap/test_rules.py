@@ -155,7 +155,7 @@ def test_changed_constants_reach_the_code(rig: Rig, record: Maker) -> None:
 
 
 def test_the_page_of_constants_is_current(tmp_path: Path) -> None:
-    """Write it again with `python -m pam_gap rules`."""
+    """Write it again with `pam gap rules`."""
     assert main(["rules", "--out", str(tmp_path)]) == 0
     written = (tmp_path / PAGE).read_text()
     assert written == (Path(__file__).parents[2] / "docs" / PAGE).read_text()

@@ -36,7 +36,7 @@ def test_what_a_spreadsheet_writes_is_read_like_the_plain_table(
 ) -> None:
     path = tmp_path / "log.csv"
     TABLE.to_csv(path, index=False, **look)
-    found = read_columns(path)
+    found = read_columns(path).columns
     assert list(found) == list(TABLE.columns)
     for name in TABLE.columns:
         np.testing.assert_allclose(found[name], TABLE[name])
@@ -46,7 +46,7 @@ def test_what_a_spreadsheet_writes_is_read_like_the_plain_table(
 def test_a_degree_sign_of_an_old_spreadsheet_is_read(tmp_path: Path) -> None:
     path = tmp_path / "log.csv.gz"
     TABLE.rename(columns={"time": "Winkel [°]"}).to_csv(path, index=False, encoding="cp1252")
-    assert "Winkel [°]" in read_columns(path)
+    assert "Winkel [°]" in read_columns(path).columns
 
 
 def test_dates_become_seconds(tmp_path: Path) -> None:
@@ -62,7 +62,10 @@ def test_dates_become_seconds(tmp_path: Path) -> None:
     [
         (lambda text: text.replace("joint_states.elbow.position", "time"), "are called 'time'"),
         (lambda text: text.split("\n", 1)[1], "first line holds numbers; expected the names"),
-        (lambda text: text.replace("\n0.", "\nabout 0."), "text such as 'about 0.0'; expected sec"),
+        (
+            lambda text: text.replace("\n0.", "\nabout 0."),
+            "such as 'about 0.0' in row 1; expected",
+        ),
         (lambda _: "", "not a readable table"),
     ],
 )

@@ -22,8 +22,8 @@ from pam_model.command_line import (
     NodeCommand,
     Outcome,
     Parser,
+    Tool,
     progress,
-    run_program,
 )
 from pam_model.errors import PamError
 
@@ -42,7 +42,7 @@ def ends(run, *arguments: str, **options) -> int:
 
     command = Command("act", "act a little", declare, run, bad_news="if it fails")
     node = NodeCommand("watch", "a node", len)
-    return run_program("tool", "A tool.", [command, node], arguments, **options)
+    return Tool("tool", "A tool", [command, node], **options).run(arguments)
 
 
 def acting(given) -> Outcome:
@@ -114,7 +114,7 @@ def test_a_full_disk_is_one_line_that_says_what_is_left(capsys):
     ("arguments", "told"),
     [
         ((), "COMMAND"),
-        (("acts",), "no command 'acts'; there are act, watch"),
+        (("acts",), "unknown command 'acts'; did you mean act? Known: act, watch"),
         (("--times",), "COMMAND"),
         (("act", "--tim", "3"), "--tim"),
         (("act", "--times", "0"), "0: expected a whole number from 1 to 9"),

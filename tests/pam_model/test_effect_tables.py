@@ -19,12 +19,12 @@ DOCS = Path(__file__).parents[2] / "docs"
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_up_to_date(name: str) -> None:
     page = (DOCS / name).read_text(encoding="utf-8")
-    assert with_tables(page) == page, "run `python -m pam_model effect-tables`"
+    assert with_tables(page) == page, "run `pam model effect-tables`"
 
 
 def test_the_page_of_effects_is_up_to_date() -> None:
     page = (DOCS / "effects.md").read_text(encoding="utf-8")
-    assert page == page_text(), "run `python -m pam_gap effects`"
+    assert page == page_text(), "run `pam gap effects`"
 
 
 def test_every_effect_stands_in_one_table_of_keys() -> None:

@@ -231,5 +231,5 @@ def test_points_are_read(tmp_path: Path) -> None:
         path.write_text(german, encoding=encoding)
         data = load_measurements(path)
         assert (data.force.tolist(), data.position.tolist()) == ([20.5, 30.5], [0.01, 0.02])
-    with pytest.raises(PamError, match="cannot be read"):
+    with pytest.raises(PamError, match="No such file"):
         load_measurements(tmp_path / "none.csv")

@@ -15,9 +15,11 @@ from pam_model.command_line import DONE, MISTAKE
 from pam_model.commands.new_rig import QUESTIONS, ask
 from pam_model.gas.flow import mass_flow
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.muscle_sizes import SIZES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant
 from pam_model.rig import load_rig
+from pam_model.rig.from_datasheet import BraidFromDatasheet
 from pam_model.unit_hints import read_with_unit
 
 
@@ -76,15 +78,74 @@ def test_names_that_ros_does_not_take_are_refused(tmp_path, capsys, names):
     assert "expected" in capsys.readouterr().err
 
 
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
 def test_a_question_is_asked_again_until_the_answer_can_be_used(monkeypatch, capsys):
     radius = next(question for question in QUESTIONS if question.name == "pulley_radius")
-    monkeypatch.setattr("sys.stdin", io.StringIO("thick\n-1\n0.03\n\n"))
-    assert ask(radius) == 0.03
+    monkeypatch.setattr("sys.stdin", Terminal("thick\n-1\n0.03\n\n"))
+    assert ask(radius, "0.02") == 0.03
     said = capsys.readouterr()
     assert said.err.count("radius of the pulley [m] [0.02]: ") == 3
     assert "thick: expected a number in m above 0" in said.err
     assert said.out == ""
-    assert ask(radius) == 0.02  # Enter
+    assert ask(radius, "0.02") == 0.02  # Enter
+
+
+def test_answers_come_from_a_pipe_as_well(monkeypatch, capsys, tmp_path):
+    path = tmp_path / "arm.yaml"
+    answers = {question.name: "" for question in QUESTIONS} | {"joints": "wrist", "inertia": "0.5"}
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{one}\n" for one in answers.values())))
+    assert main(["new-rig", str(path)]) == DONE
+    assert load_rig(path).joint("wrist").inertia == 0.5
+
+
+@pytest.mark.parametrize(
+    ("piped", "told"),
+    [("", "--joints"), ("arm\n\n", "--diameter"), ("arm\n\nthick\n0.01\n", "thick")],
+)
+def test_answers_of_a_pipe_that_do_not_suffice_are_an_error(
+    piped, told, monkeypatch, capsys, tmp_path
+):
+    monkeypatch.setattr("sys.stdin", io.StringIO(piped))
+    assert main(["new-rig", str(tmp_path / "arm.yaml")]) == MISTAKE
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.startswith("error: ") and told in line
+    assert not (tmp_path / "arm.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["new-rig", "RIG", "--defaults"],
+        ["new-rig", "RIG", "--defaults", "--max-pressure", "3bar"],
+        ["new-rig", "RIG", "--defaults", "--valve", "pressure_regulator"],
+        *(["new-rig", "RIG", "--defaults", "--size", name] for name in SIZES),
+    ],
+)
+def test_a_new_rig_draws_no_caution(options, tmp_path, capsys):
+    path = str(tmp_path / "rig.yaml")
+    assert main([path if word == "RIG" else word for word in options]) == DONE
+    assert driver_main(["check-rig", path, "--check"]) == DONE
+    assert "CAUTION" not in "".join(capsys.readouterr())
+
+
+@pytest.mark.parametrize("name", ["DMSP-20", "dmsp-20", "DMSP20", "mas_20", "DMSP-20-250N-RM-CM"])
+def test_a_size_is_known_as_its_maker_spells_it(name, tmp_path):
+    path = tmp_path / "rig.yaml"
+    assert main(["new-rig", str(path), "--size", name, "--length", "0.3", "--defaults"]) == DONE
+    assert load_rig(path).muscles[0].rest_length == 0.3
+    made = BraidFromDatasheet.of_size("DMSP-20", 0.3)
+    assert load_rig(path).muscles[0].turns == pytest.approx(made.turns, rel=1e-5)
+    assert main(["braid", "--size", name, "--length", "0.3"]) == DONE
+
+
+def test_a_size_and_a_diameter_are_refused_together(tmp_path, capsys):
+    words = ["new-rig", str(tmp_path / "rig.yaml"), "--size", "DMSP-20", "--diameter", "0.02"]
+    assert main(words) == MISTAKE
+    assert "--size states diameter and angle" in capsys.readouterr().err
 
 
 def sized(tmp_path, capsys, *more: str) -> dict:

@@ -94,7 +94,6 @@ def test_long_steps_exchange_gas_as_often(rig: Rig) -> None:
 
 
 def test_one_joint_has_the_whole_reservoir(rig: Rig) -> None:
-    from pam_model.plant.simulate import Plant
 
     parameters = PlantParameters.from_rig(rig)
     alone, robot = Plant(parameters), RobotPlant([parameters])

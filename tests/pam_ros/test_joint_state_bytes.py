@@ -13,10 +13,10 @@ pytest.importorskip("rclpy")
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
+from pam_ros.errors import MalformedMessageError
 from pam_ros.joint_state_bytes import (
     JointStateReader,
     JointStateWriter,
-    MalformedMessageError,
 )
 
 ALPHABET = "abcdefgh_äπ/0123456789"

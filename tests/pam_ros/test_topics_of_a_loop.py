@@ -44,8 +44,8 @@ def wait(until: Callable[[], object]) -> None:
 
 
 def polled(node: Node) -> tuple[PolledTopic, list[Any]]:
-    reader, heard = JointStateReader(), []
-    topic = PolledTopic(node, JointState, "states", lambda data: heard.append(reader.read(data)))
+    heard: list[Any] = []
+    topic = PolledTopic(node, JointState, "states", heard.append, read=JointStateReader().read)
     return topic, heard
 
 

@@ -98,6 +98,7 @@ def wrong_values(kind: str, folder: Path) -> list[str]:
         "number": ["nan", "many", ""],
         "names": ["Elbow", "a,a", "1st", ""],
         "one_of": ["none of them", ""],
+        "muscle_size": ["DMSP-15", "20", ""],
         "named_number": ["x=abc", "x"],
         "input_path": [str(missing)],
         "input_file": [str(missing), str(folder)],
@@ -208,8 +209,8 @@ def test_an_empty_rig_file_is_named(tool, command, tmp_path, capfd, monkeypatch)
 @pytest.mark.parametrize(
     ("tool", "arguments", "told"),
     [
-        ("pam_gap", ["blind", "--cases", "0"], "python -m pam_check blind"),
-        ("pam_gap", ["close-loop"], "python -m pam_demo close-loop"),
+        ("pam_gap", ["blind", "--cases", "0"], "pam check blind"),
+        ("pam_gap", ["close-loop"], "pam demo close-loop"),
         ("pam_check", ["blind", "--cases", "0"], "--cases: 0"),
         ("pam_check", ["faults", "--kind", "encoder_stuk"], "encoder_stuck"),
         ("pam_check", ["processes", "--kind", "nonsense"], "nonsense"),
@@ -304,10 +305,10 @@ def test_one_module_parses_all_command_lines_and_draws_all_progress_bars():
 @pytest.mark.parametrize(
     ("line", "answers"),
     [
-        ("python -m pam_gap dia", ["diagnose"]),
-        ("python -m pam_model braid --an", ["--angle"]),
-        ("python -m pam_sim --v", ["--version"]),
-        ("python -m pam_check faults --ch", ["--check"]),
+        ("pam gap dia", ["diagnose"]),
+        ("pam model braid --an", ["--angle"]),
+        ("pam sim --v", ["--version"]),
+        ("pam check faults --ch", ["--check"]),
     ],
 )
 def test_the_shell_learns_how_a_command_line_goes_on(line, answers, tmp_path):

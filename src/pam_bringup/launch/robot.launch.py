@@ -7,7 +7,7 @@ The driver begins to measure by itself, with all valves vented. Air moves only a
 unnecessary, for robots that may begin to move without a person.
 
 Where robot_state_publisher is installed, it publishes the frames of the joints, with a URDF made of
-the rig file (`python -m pam_model urdf`) or the one of the argument `urdf`.
+the rig file (`pam model urdf`) or the one of the argument `urdf`.
 
 The argument `on_driver_exit` decides what happens when the driver ends. By default all nodes end,
 since model and controller are of no use without the driver. With `on_driver_exit:=restart` the

@@ -101,7 +101,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             Node(
                 package="pam_sim",
-                executable="rig",
+                executable="pam_rig",
                 namespace=arguments["namespace"],
                 parameters=[
                     arguments["rig_file"],

@@ -1,4 +1,4 @@
-"""`python -m pam_bringup`: show a running robot or a recording in a browser."""
+"""`pam bringup`: show a running robot or a recording in a browser."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -17,11 +17,12 @@ from pam_model.argument_types import count, input_path, output_file
 from pam_model.command_line import (
     Arguments,
     Command,
+    NodeCommand,
     Outcome,
     Parser,
+    Tool,
     add_rig,
     chosen_rig,
-    run_program,
 )
 from pam_model.program_signals import end_at_signals
 
@@ -96,6 +97,12 @@ def _wait() -> None:
     ended.wait()
 
 
+def _markers(arguments: Sequence[str] | None) -> int:
+    from pam_bringup.viewer.markers_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run(arguments)
+
+
 COMMANDS = (
     Command(
         "viewer",
@@ -103,25 +110,26 @@ COMMANDS = (
         _declare,
         _view,
         examples=(
-            "python -m pam_bringup viewer --rig my_robot.yaml",
-            "python -m pam_bringup viewer out/demo/bag",
+            "pam bringup viewer --rig my_robot.yaml",
+            "pam bringup viewer out/demo/bag",
         ),
     ),
+    NodeCommand("markers", "publish the muscles for RViz (a ROS node)", _markers),
 )
 
 
+TOOL = Tool("bringup", "Show a running robot or a recording", COMMANDS, default="viewer")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return the exit code."""
-    description = "Tools for a robot that has been brought up."
-    return run_program("python -m pam_bringup", description, COMMANDS, arguments, default="viewer")
+    """Run one command and return the exit code."""
+    return TOOL.run(arguments)
 
 
 def markers() -> int:
-    """Entry point of `ros2 run pam_bringup markers`."""
+    """Entry point of `ros2 run pam_bringup pam_markers`."""
     end_at_signals()
-    from pam_bringup.viewer.markers_node import main as run  # noqa: PLC0415  (rclpy)
-
-    return run()
+    return _markers(None)
 
 
 if __name__ == "__main__":

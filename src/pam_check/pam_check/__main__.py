@@ -1,4 +1,4 @@
-"""`python -m pam_check`: checks of the whole suite, from fault campaigns to blind diagnosis."""
+"""`pam check`: checks of the whole suite, from fault campaigns to blind diagnosis."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -23,7 +23,7 @@ from pam_check.commands import (
     security,
     states,
 )
-from pam_model.command_line import run_program
+from pam_model.command_line import Tool
 
 COMMANDS = (
     *faults.COMMANDS,
@@ -38,10 +38,12 @@ COMMANDS = (
 )
 
 
+TOOL = Tool("check", "Checks of the whole suite, on simulated rigs", COMMANDS)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
-    description = "Checks of the whole suite, on simulated rigs."
-    return run_program("python -m pam_check", description, COMMANDS, arguments)
+    return TOOL.run(arguments)
 
 
 if __name__ == "__main__":

@@ -1,19 +1,39 @@
-"""`ros2 run pam_control controller_node`, also as `python -m pam_control`."""
+"""`pam control node`: the controller."""
 
 from __future__ import annotations
 
-import sys
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
 
+    end_at_signals()
+
+import sys
+from collections.abc import Sequence
+
+from pam_model.command_line import NodeCommand, Tool
 from pam_model.program_signals import end_at_signals
+
+
+def _node(arguments: Sequence[str] | None) -> int:
+    from pam_control.controller_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run(arguments)
+
+
+COMMANDS = (NodeCommand("node", "control position and stiffness of joints (a ROS node)", _node),)
+TOOL = Tool("control", "Position and stiffness control of joints, as a node", COMMANDS)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code."""
+    return TOOL.run(arguments)
 
 
 def controller_node() -> int:
     """Entry point of `ros2 run pam_control controller_node`."""
     end_at_signals()
-    from pam_control.controller_node import main as run  # noqa: PLC0415  (rclpy)
-
-    return run()
+    return _node(None)
 
 
 if __name__ == "__main__":
-    sys.exit(controller_node())
+    sys.exit(main())

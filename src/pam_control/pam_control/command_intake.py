@@ -17,8 +17,7 @@ from pam_control.references.spline import JointSpline
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.trajectory_message import TrajectoryMessage, read_trajectory
 from pam_model.errors import PamError
-
-REPEATED_AFTER = 1.0  # s; the same text is logged again after this time
+from pam_ros.repeated_news import RepeatedNews, place_of
 
 
 class CommandIntake:
@@ -58,6 +57,7 @@ class CommandIntake:
         self._clock = clock
         self._reason_against = reason_against
         self._log = log
+        self._news = RepeatedNews()
         self.rejected = self.slowed = 0
         self.last_rejection = self.last_note = ("", -math.inf)
 
@@ -130,7 +130,8 @@ class CommandIntake:
         if note:
             self.slowed += 1
             self.last_note = (note, self._clock())
-            self._log(f"joint_trajectory: {note}")
+            if self._news.is_due(self.last_note[1], "slowed"):
+                self._log(f"joint_trajectory: {note}")
         return splines, note
 
     def stream(
@@ -174,7 +175,7 @@ class CommandIntake:
         self.rejected += 1
         text = f"{topic}: {error}"
         now = self._clock()
-        if text != self.last_rejection[0] or now - self.last_rejection[1] > REPEATED_AFTER:
+        if self._news.is_due(now, topic, *place_of(error)):
             self._log(text)
         self.last_rejection = (text, now)
 

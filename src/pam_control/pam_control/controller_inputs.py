@@ -15,10 +15,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
-from pam_control.references.trajectory import CommandError
 from pam_control.rig_order import in_order
 from pam_model.rig import Rig
-from pam_ros.joint_state_bytes import JointStateFields, JointStateReader, MalformedMessageError
+from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
 from pam_ros.message_sources import MessageSources
 from pam_ros.polled_topic import PolledTopic
 
@@ -37,7 +36,7 @@ class ControllerInputs:
     rejecting : callable
         Gives a block for a topic, in which a PamError means that its message is rejected.
     take_driver_state : callable
-        Called with each message about the driver's state, as bytes.
+        Called with each message about the driver's state.
 
     Attributes
     ----------
@@ -56,7 +55,7 @@ class ControllerInputs:
         rig: Rig,
         clock: Callable[[], float],
         rejecting: Callable[[str], AbstractContextManager[None]],
-        take_driver_state: Callable[[bytes], object],
+        take_driver_state: Callable[[Any], object],
     ) -> None:
         self.positions: list[float] = []
         self.pressures: list[float] = []
@@ -64,15 +63,10 @@ class ControllerInputs:
         self._joints, self._muscles = rig.joint_names, rig.muscle_names
         self._clock = clock
         self._rejecting = rejecting
-        self._position_reader, self._pressure_reader = JointStateReader(), JointStateReader()
         self._sources = {"joint_states": MessageSources(), "pressure_states": MessageSources()}
         on_joints, on_pressures = self._on_joint_states, self._on_pressure_states
-        self._pressure_topic = PolledTopic(
-            node, JointState, "pressure_states", on_pressures, best_effort=True
-        )
-        self._position_topic = PolledTopic(
-            node, JointState, "joint_states", on_joints, best_effort=True
-        )
+        self._pressure_topic = _measurements(node, "pressure_states", on_pressures)
+        self._position_topic = _measurements(node, "joint_states", on_joints)
         self.topics = [
             self._position_topic,
             self._pressure_topic,
@@ -103,9 +97,8 @@ class ControllerInputs:
         """When the last pressures arrived, wall clock [s]."""
         return self._pressure_topic.arrived
 
-    def _on_joint_states(self, data: bytes) -> None:
+    def _on_joint_states(self, message: JointStateFields) -> None:
         with self._rejecting("joint_states"):
-            message = _read(self._position_reader, data)
             values = in_order(message.name, message.position, self._joints, "position")
             if values is not None:
                 self._sources["joint_states"].hear(message.frame_id, self._clock())
@@ -114,9 +107,8 @@ class ControllerInputs:
                     self._stamp(message, self._position_topic),
                 )
 
-    def _on_pressure_states(self, data: bytes) -> None:
+    def _on_pressure_states(self, message: JointStateFields) -> None:
         with self._rejecting("pressure_states"):
-            message = _read(self._pressure_reader, data)
             values = in_order(message.name, message.effort, self._muscles, "effort")
             if values is not None:
                 self._sources["pressure_states"].hear(message.frame_id, self._clock())
@@ -135,8 +127,7 @@ class ControllerInputs:
         return min(arrived, now - (time.time() - message.stamp)) if message.stamp else arrived
 
 
-def _read(reader: JointStateReader, data: bytes) -> JointStateFields:
-    try:
-        return reader.read(data)
-    except MalformedMessageError as error:
-        raise CommandError(str(error)) from None
+def _measurements(node: Any, topic: str, take: Callable[[JointStateFields], object]) -> PolledTopic:
+    return PolledTopic(
+        node, JointState, topic, take, read=JointStateReader().read, best_effort=True
+    )

@@ -64,8 +64,10 @@ from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
+from pam_ros.subscriptions import subscribe
 
 TEST_EVERY = 0.25  # s
+LARGEST_TRAJECTORY = 2**26  # bytes; the number of points is limited by a parameter
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
 
 
@@ -132,14 +134,13 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._topics = ControllerTopics(self, self.rig, max(1, round(every)))
         latest = QoSProfile(depth=1)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(  # raw: see pam_control.trajectory_message
-            JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10, raw=True
-        )
-        self.create_subscription(JointState, "~/commands", self._on_stream, latest)
-        self.create_subscription(
-            Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest
-        )
-        self.create_subscription(Float64MultiArray, "~/torque_commands", self._on_torque, latest)
+        subscribe(  # bytes, which its own reader reads: see pam_control.trajectory_message
+            self, JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10,
+            read=bytes, most_bytes=LARGEST_TRAJECTORY,
+        )  # fmt: skip
+        subscribe(self, JointState, "~/commands", self._on_stream, latest)
+        subscribe(self, Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest)
+        subscribe(self, Float64MultiArray, "~/torque_commands", self._on_torque, latest)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/lower", self._on_lower)
         self.create_service(Trigger, "~/save_adapted_rig", self._on_save)
@@ -203,9 +204,9 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     # --- messages in ----------------------------------------------------------------------------
 
-    def _on_trajectory(self, data: Any) -> None:
+    def _on_trajectory(self, data: bytes) -> None:
         most = int(self._values["trajectory.max_points"])
-        self.intake.trajectory(bytes(data), most, self._start_of)
+        self.intake.trajectory(data, most, self._start_of)
 
     def _start_of(self, message: TrajectoryMessage) -> float | None:
         return self._seconds(Time(sec=message.seconds, nanosec=message.nanoseconds))
@@ -265,7 +266,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         if self._vent.service_is_ready():
             self._vent.call_async(Trigger.Request())
 
-    def _on_driver_state(self, data: bytes) -> None:
+    def _on_driver_state(self, message: Any) -> None:
         """Follow the driver: while it takes no commands, references are dropped and refused.
 
         When it takes commands again, or was activated anew, the next cycle takes over the joints
@@ -273,10 +274,10 @@ class ControllerNode(Node):  # type: ignore[misc]
         """
         with self._lock:
             if self.rig.people.full_speed_topic:
-                self._controller.reduce_speed(not permits_full_speed(data), self._now())
-            self._driver_reason = reason_against_commands(data)
+                self._controller.reduce_speed(not permits_full_speed(message), self._now())
+            self._driver_reason = reason_against_commands(message)
             self._health.driver = self._driver_reason or "takes commands"
-            before, self._activation = self._activation, activation_of(data)
+            before, self._activation = self._activation, activation_of(message)
             if self._driver_reason or self._activation != before:
                 self._controller.drop_commands()
                 self._reason = self._driver_reason

@@ -20,6 +20,7 @@ from pam_model.errors import PamError
 from pam_model.rig import Rig
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import Parameter, Value
+from pam_ros.program_name import PROGRAM
 
 DESIGNED = -1.0
 _SIZE = "-1: by the size of each joint"
@@ -395,7 +396,7 @@ def create_controller(
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_control controller_node",
+    program=f"{PROGRAM} control node",
     purpose="Controls joint angles and stiffness: receives references and measurements, sends "
     "valve commands.",
     parameters=parameter_table(("<joint>",)),

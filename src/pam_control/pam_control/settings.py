@@ -9,10 +9,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pam_control.feedback.pid import PidGains
+from pam_model.bounds import check_numbers
 
 BY_SIZE = -1.0
 """A value that follows from the size of each joint; see `pam_control.joint_scale`."""
 
+NARROWER: Mapping[str, tuple[float, float]] = {
+    "period": (1e-4, 1.0),
+    "spool_limit": (1e-3, 1.0),
+    "sensitivity": (1.0, math.inf),
+    "lead_ratio": (0.0, 1.0),
+    "phase_margin": (0.0, math.pi),
+}
+"""Numbers for which more than their sign has a meaning."""
 LOOP_FIELDS = (
     "period",
     "measurement_delay",
@@ -118,6 +127,11 @@ class ControlSettings:
         Time-out [s] and filter bandwidth [rad/s] of streamed references.
     allow_nonzero_end_velocity : bool
         Accept trajectories that end with a velocity.
+
+    Raises
+    ------
+    PamError
+        For a number that is not finite, or has a sign or size without a meaning.
     """
 
     period: float = 0.002
@@ -161,6 +175,15 @@ class ControlSettings:
     stream_timeout: float = 0.2
     stream_bandwidth: float = 40.0
     allow_nonzero_end_velocity: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse numbers without a meaning; the node's parameters have narrower bounds."""
+        bounds = {}
+        for entry in dataclasses.fields(self):
+            if entry.type in ("float", "float | None"):
+                low = BY_SIZE if entry.default == BY_SIZE else 0.0
+                bounds[entry.name] = (*NARROWER.get(entry.name, (low, math.inf)), "-")
+        check_numbers(self, "ControlSettings", bounds)
 
     def replace(self, **changes: Any) -> ControlSettings:
         """Return a copy with other values."""

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
+from pam_ros.errors import MalformedMessageError
 
 HEADER = 4  # bytes, the encapsulation header; alignment counts from its end
 LITTLE_ENDIAN = 1  # second byte of the header
@@ -95,7 +96,9 @@ def read_trajectory(data: bytes, most_points: int) -> TrajectoryMessage:
     Raises
     ------
     CommandError
-        For a message with more points, which are not read, or one that cannot be read.
+        For a message with more points, which are not read.
+    MalformedMessageError
+        For bytes that are no trajectory.
     """
     try:
         reader = _Reader(data)
@@ -109,8 +112,11 @@ def read_trajectory(data: bytes, most_points: int) -> TrajectoryMessage:
                 "(trajectory.max_points); send it in parts, or with fewer points"
             )
         points = [_point(reader) for _ in range(count)]
+    except CommandError:
+        raise
     except (struct.error, ValueError) as error:
-        raise CommandError(f"trajectory rejected: it cannot be read: {error}") from None
+        text = str(error) if type(error) is ValueError else type(error).__name__
+        raise MalformedMessageError(text) from None
     return TrajectoryMessage(seconds, nanoseconds, names, points)
 
 

@@ -1,4 +1,4 @@
-"""`python -m pam_demo`: the demo, and `close-loop`, from a hidden effect to better tracking."""
+"""`pam demo`: the demo, and `close-loop`, from a hidden effect to better tracking."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -12,8 +12,8 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 
-from pam_model.argument_types import count, input_file, output_folder
-from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, run_program
+from pam_model.argument_types import count, input_file, number, output_folder
+from pam_model.command_line import Arguments, Command, Outcome, Parser, Tool, add_rig
 
 DEFAULT_EFFECT = "coulomb_friction.torque=0.5"
 EFFECT = "EFFECT.PARAMETER=VALUE"
@@ -29,6 +29,7 @@ def _demo(given: Arguments) -> Outcome:
 def _declare_demo(parser: Parser) -> None:
     add_rig(parser)
     _add_can(parser)
+    _add_rate(parser, "the highest of 500, 250 and 125 that this computer holds")
     parser.add_argument(
         "--joint", default="", metavar="NAME", help="the joint that moves (default: the first)"
     )
@@ -100,6 +101,7 @@ def _robot(given: Arguments) -> Outcome:
 def _declare_robot(parser: Parser) -> None:
     add_rig(parser)
     _add_can(parser)
+    _add_rate(parser, "500; fewer on a slow computer")
     parser.add_argument(
         "--true-effects",
         nargs="+",
@@ -109,6 +111,15 @@ def _declare_robot(parser: Parser) -> None:
     )
     parser.add_argument(
         "--out", type=output_folder, default="out/robot", help="folder (default: %(default)s)"
+    )
+
+
+def _add_rate(parser: Parser, default: str) -> None:
+    parser.add_argument(
+        "--rate",
+        type=number("Hz", least=50.0, most=1000.0),
+        metavar="HZ",
+        help=f"rate of the loops of driver and controller [Hz] (default: {default})",
     )
 
 
@@ -128,7 +139,7 @@ COMMANDS = (
         _declare_demo,
         _demo,
         bad_news="if a target is missed",
-        examples=("python -m pam_demo --rig my_robot.yaml --no-baselines",),
+        examples=("pam demo --rig my_robot.yaml --no-baselines",),
     ),
     Command(
         "close-loop",
@@ -136,22 +147,24 @@ COMMANDS = (
         _declare_close_loop,
         _close_loop,
         bad_news="if a motion is not followed more closely than before",
-        examples=("python -m pam_demo close-loop --hide valve_dead_zone.overlap=0.1",),
+        examples=("pam demo close-loop --hide valve_dead_zone.overlap=0.1",),
     ),
     Command(
         "robot",
         "run a simulated robot until Ctrl-C, for nodes of your own, without ros2 launch",
         _declare_robot,
         _robot,
-        examples=("python -m pam_demo robot --true-effects coulomb_friction.torque=0.6",),
+        examples=("pam demo robot --true-effects coulomb_friction.torque=0.6",),
     ),
 )
 
 
+TOOL = Tool("demo", "Demonstrations of the whole suite on a simulated rig", COMMANDS, default="run")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command (the demo if none is named) and return the exit code."""
-    description = "Demonstrations of the whole suite on a simulated rig."
-    return run_program("python -m pam_demo", description, COMMANDS, arguments, default="run")
+    """Run one command and return the exit code."""
+    return TOOL.run(arguments)
 
 
 if __name__ == "__main__":

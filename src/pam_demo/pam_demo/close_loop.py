@@ -1,4 +1,4 @@
-"""`python -m pam_demo close-loop`: diagnose a hidden effect and compare tracking before and after.
+"""`pam demo close-loop`: diagnose a hidden effect and compare tracking before and after.
 
 The demo runs on a simulated rig with an effect that its rig file does not contain. The recording is
 diagnosed. Then the demo runs again on the same simulated rig, and every node uses the improved rig
@@ -31,12 +31,19 @@ from pam_sim.rig import parse_effects
 from pam_sim.simulated_rig import apply_effects
 
 RESULTS = "close_loop.json"
+RUNS = "runs.json"
 ATTEMPTS = 3
 DEMO_TIMEOUT = 600.0  # s
 
 
 def run_demo(
-    out: Path, rig: Path, effects: Sequence[str], *, true_rig: Path | None = None, can: str = ""
+    out: Path,
+    rig: Path,
+    effects: Sequence[str],
+    *,
+    true_rig: Path | None = None,
+    can: str = "",
+    rate: float | None = None,
 ) -> Path:
     """Run the short demo as a separate process and return its folder.
 
@@ -52,6 +59,8 @@ def run_demo(
         Rig file of the plant, to which `effects` are added; default `rig`.
     can : str, optional
         CAN interface; by default the demo chooses one.
+    rate : float, optional
+        Of the loops [Hz]; by default the demo finds one that this computer holds.
 
     Raises
     ------
@@ -64,6 +73,8 @@ def run_demo(
         command += ["--true-rig", str(true_rig)]
     if can:
         command += ["--can", can]
+    if rate is not None:
+        command += ["--rate", f"{rate:g}"]
     out.mkdir(parents=True, exist_ok=True)
     output = ""
     for attempt in range(1, ATTEMPTS + 1):
@@ -83,6 +94,11 @@ def run_demo(
     raise PamError(f"{out}: the demo failed {ATTEMPTS} times: {last}")
 
 
+def rate_of(folder: Path) -> float:
+    """At which rate the loops ran in a run of the demo [Hz]."""
+    return float(json.loads((folder / RUNS).read_text(encoding="utf-8"))[0]["rate"])
+
+
 def run_demos(
     out: Path,
     runs: int,
@@ -91,16 +107,18 @@ def run_demos(
     *,
     true_rig: Path | None = None,
     can: str = "",
+    rate: float | None = None,
 ) -> list[list[TrackedMotion]]:
     """Run the demo several times, into `out`, `out`_2 and so on; return each run's motions.
 
-    Parameters and errors are those of `run_demo`.
+    Parameters and errors are those of `run_demo`. All runs have the rate of the first.
     """
     folders = [
         out if run == 1 else out.with_name(f"{out.name}_{run}") for run in range(1, runs + 1)
     ]
     for folder in folders:
-        run_demo(folder, rig, effects, true_rig=true_rig, can=can)
+        run_demo(folder, rig, effects, true_rig=true_rig, can=can, rate=rate)
+        rate = rate_of(folder)
     return [tracked_motions(folder) for folder in folders]
 
 
@@ -158,7 +176,10 @@ def close_loop(
     after: list[list[TrackedMotion]] = []
     if diagnosis.improved is not None:
         print("3/4 run the demo on the same rig with the improved rig file")
-        after = run_demos(out / "after", runs, improved.resolve(), effects, true_rig=rig, can=can)
+        after = run_demos(
+            out / "after", runs, improved.resolve(), effects, true_rig=rig, can=can,
+            rate=rate_of(out / "before"),
+        )  # fmt: skip
     else:
         print("3/4 there is no improved rig file, so there is no second run")
     print("4/4 write the page")

@@ -1,4 +1,4 @@
-"""The demo: `python -m pam_demo`, `ros2 run pam_demo demo` or `make demo`.
+"""The demo: `pam demo`, `pam demo` or `make demo`.
 
 Starts the simulated rig, driver, model, controller and a recorder as separate processes, plays the
 motions with the full controller and then with two simpler ones, computes the tracking errors and
@@ -21,6 +21,15 @@ from rich.console import Console
 from pam_check.chain import BusChoice, Chain, best_bus, private_domain
 from pam_check.processes import NodeProcess, Setting
 from pam_demo.figures import evaluate, show, target_text
+from pam_demo.loop_rate import (
+    RATES,
+    NotHeld,
+    TooSlowError,
+    judge,
+    node_settings,
+    rate_sentence,
+    trial,
+)
 from pam_demo.motions import APPROACH, Motion, all_motions
 from pam_demo.page import write_page, write_picture
 from pam_demo.player import TAIL, NotPlayedError, OpenPlayer, Player
@@ -28,6 +37,7 @@ from pam_demo.programs import RECORDER
 from pam_gap.answer.user_units import told
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress
 from pam_model.errors import PamError
+from pam_model.names import unknown
 from pam_model.rig import Rig, load_rig
 from pam_ros.periodic import LOWEST_PRIORITY
 from pam_sim.rig import parse_effects
@@ -69,7 +79,13 @@ def _advance(bar: Progress, before: float, gone: float) -> None:
 def _play(
     player: Player, motion: Motion, chain: Chain, advance: Callable[[float], None]
 ) -> tuple[float, list[str]]:
-    """Play a motion, again if it is interrupted or refused; return its start and the reasons."""
+    """Play a motion, again if it is interrupted or refused; return its start and the reasons.
+
+    Raises
+    ------
+    TooSlowError
+        If it was not played after `MOST_REPEATS` repetitions.
+    """
     repeats: list[str] = []
     while True:
         try:
@@ -77,7 +93,7 @@ def _play(
         except NotPlayedError as error:
             repeats.append(str(error))
             if len(repeats) > MOST_REPEATS:
-                raise PamError(f"{motion.title}: not played again: {error}") from None
+                raise TooSlowError(f"{motion.title}: not played again: {error}") from None
             player.clear_faults(chain.check)
             player.activate(chain.check)
             player.wait_for_controller(START_TIMEOUT, chain.check)
@@ -89,17 +105,23 @@ def perform(
     bag: Path,
     plays: list[tuple[str, Motion]],
     plant: dict[str, Setting],
+    rate: float = RATES[0],
+    *,
+    tries: bool = False,
 ) -> list[dict[str, Any]]:
-    """Run and record the programme; return the law, motion and start time [s] of each run.
+    """Run and record the programme; return law, motion, start time [s] and rate of each run.
 
-    Only the simulated rig gets the parameters in `plant`.
+    Only the simulated rig gets the parameters in `plant`. With `tries`, a trial comes first.
 
     Raises
     ------
+    TooSlowError
+        If the loops do not keep the rate [Hz] in the trial, or a motion cannot be played.
     PamError
         If a process ends or does not become ready.
     """
     runs: list[dict[str, Any]] = []
+    paced = node_settings(rate)
     total = sum(APPROACH + motion.duration + TAIL for _, motion in plays)
     with progress(total, "starting the rig") as bar:
         chain.processes["recorder"] = NodeProcess(
@@ -107,11 +129,11 @@ def perform(
             environment=chain.environment,
             arguments=["--out", str(bag), "--realtime-priority", str(LOWEST_PRIORITY)],
         )
-        rig = chain.start("rig", plant | REALTIME["rig"])
+        rig = chain.start("rig", plant | REALTIME["rig"] | paced["rig"])
         rig.wait_for_output(SIMULATING, COMPILE_TIMEOUT)  # before that, no board answers the driver
         bar.show(0.0, "starting the nodes")
         asked = {"activate_on_start": True, "startup_timeout": START_TIMEOUT}
-        chain.start("driver", asked | REALTIME["driver"])
+        chain.start("driver", asked | REALTIME["driver"] | paced["driver"])
         chain.start("model")
         player.wait_for_driver(START_TIMEOUT, chain.check)
         law_now = ""
@@ -123,17 +145,67 @@ def perform(
                     chain.stop("controller")
                     player.activate(chain.check)
                 bar.show(done, "starting the controller")
-                chain.start("controller", LAWS[law] | REALTIME["controller"])
+                chain.start("controller", LAWS[law] | REALTIME["controller"] | paced["controller"])
                 player.wait_for_controller(START_TIMEOUT, chain.check)
+                if tries and not runs:
+                    bar.show(done, f"trying {rate:g} Hz")
+                    _try(player, chain)
                 law_now = law
             label = f"{motion.title}, {law.replace('_', ' ')}"
             bar.show(done, label)
             advance = partial(_advance, bar, done)
             start, repeats = _play(player, motion, chain, advance)
-            runs.append({"law": law, "motion": motion.name, "start": start, "repeats": repeats})
+            runs.append(
+                {"law": law, "motion": motion.name, "start": start, "repeats": repeats}
+                | {"rate": rate}
+            )
             done += APPROACH + motion.duration + TAIL
         bar.show(total, "done")
     return runs
+
+
+def _try(player: Player, chain: Chain) -> None:
+    """Play the trial and refuse a rate that the loops do not keep.
+
+    Raises
+    ------
+    TooSlowError
+        If too many cycles are late, or the driver vents.
+    """
+    player.start_counting()
+    try:
+        player.play(trial(), chain.check, lambda gone: None)
+    except NotPlayedError as error:
+        raise TooSlowError(str(error)) from None
+    judge(player.late_share())
+
+
+def perform_at_a_rate_that_is_held(
+    chain: Chain,
+    player: Player,
+    bag: Path,
+    plays: list[tuple[str, Motion]],
+    plant: dict[str, Setting],
+) -> tuple[list[dict[str, Any]], list[NotHeld]]:
+    """Run and record the programme at the first of the `RATES` that this computer holds.
+
+    The last one is taken as it is. Returns what `perform` does, and the rates that were not held.
+
+    Raises
+    ------
+    PamError
+        As `perform`, at the last rate.
+    """
+    not_held: list[NotHeld] = []
+    for rate in RATES[:-1]:
+        try:
+            return perform(chain, player, bag, plays, plant, rate, tries=True), not_held
+        except TooSlowError as error:
+            print(f"{rate:g} Hz is too fast for this computer: {error}", flush=True)
+            not_held.append(NotHeld(rate, str(error)))
+            chain.stop_all()
+            shutil.rmtree(bag, ignore_errors=True)
+    return perform(chain, player, bag, plays, plant, RATES[-1]), not_held
 
 
 def chosen_joint(rig: Rig, name: str) -> str:
@@ -145,7 +217,7 @@ def chosen_joint(rig: Rig, name: str) -> str:
         If the rig has no such joint.
     """
     if name and name not in rig.joint_names:
-        raise PamError(f"--joint {name}: the rig has the joints {', '.join(rig.joint_names)}")
+        raise PamError(f"--joint: {unknown('joint', name, rig.joint_names)}")
     return name or rig.joint_names[0]
 
 
@@ -193,10 +265,14 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     # a domain that the user has set is kept, so that the user can watch the topics in it
     environment["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
     chain = Chain([rig_path], bus, environment)
+    not_held: list[NotHeld] = []
     try:
         with chain, open_player(_first(joint, rig), environment) as player:
             plays = programme(motions, not (given.no_baselines or given.short))
-            runs = perform(chain, player, bag, plays, plant)
+            if given.rate is None:
+                runs, not_held = perform_at_a_rate_that_is_held(chain, player, bag, plays, plant)
+            else:
+                runs = perform(chain, player, bag, plays, plant, given.rate)
     finally:
         for name, text in chain.outputs.items():
             (out / f"{name}.log").write_text(text)
@@ -204,15 +280,18 @@ def run(given: Arguments, open_player: OpenPlayer) -> Outcome:
     results = evaluate(bag, runs, {motion.name: motion for motion in motions}, rig, joint)
     (out / "figures.json").write_text(json.dumps(results.as_json(), indent=1))
     muscles = {name: rig.valve_kinds[name] for name in rig.joint(joint).muscles}
-    page = write_page(out / "demo.html", results, str(bus), muscles)
+    sentence = rate_sentence(results.rate, not_held, chosen=given.rate is not None)
+    page = write_page(out / "demo.html", results, str(bus), muscles, sentence)
     write_picture(out / "demo.png", results, muscles)
     show(results, Console())
+    print(sentence)
     print(f"recording: {bag}\npage:      {page}\ntook {time.monotonic() - began:.0f} s")
     missed = [figure for figure in results.figures if figure.met is False]
     return Outcome(
-        {**results.as_json(), "recording": bag, "page": page},
+        {**results.as_json(), "recording": bag, "page": page, "rate_sentence": sentence},
         [
-            f"{figure.text}: {told(figure.value, figure.unit, 3)}, expected {target_text(figure)}"
+            f"{figure.text}: {told(figure.value, figure.unit, 3)}, expected {target_text(figure)}; "
+            f"{figure.reason}"
             for figure in missed
         ],
     )

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure as Canvas
 from pam_demo.figures import (
     LATE,
     NAMES,
-    PERIOD,
     Figure,
     Play,
     Results,
@@ -129,11 +128,14 @@ def _motion_plot(plays: list[Play], muscles: Mapping[str, str]) -> Canvas:
 def _histogram(results: Results) -> Canvas:
     canvas = Canvas(figsize=(10.4, 2.6), layout="constrained")
     columns = canvas.subplots(1, len(results.periods), squeeze=False)[0]
-    edges = np.linspace(0.0, 3.0 * PERIOD, 121)
+    period = 1.0 / results.rate
+    edges = np.linspace(0.0, 3.0 * period, 121)
     for axes, (topic, periods) in zip(columns, results.periods.items(), strict=True):
         inside = np.clip(periods, edges[0], edges[-1])
         axes.hist(1e3 * inside, bins=1e3 * edges, color=COLOURS["full"])
-        axes.axvline(1e3 * (PERIOD + LATE), color=PAIR[0], linewidth=1.0, label="late from here")
+        axes.axvline(
+            1e3 * (1.0 + LATE) * period, color=PAIR[0], linewidth=1.0, label="late from here"
+        )
         axes.set_yscale("log")
         axes.legend(loc="upper right")
         axes.set_title(topic, fontsize=10)
@@ -188,7 +190,9 @@ def _css(figure: Figure) -> str:
     return {None: "", True: "good", False: "bad"}[figure.met]
 
 
-def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str]) -> Path:
+def write_page(
+    path: Path, results: Results, bus: str, muscles: Mapping[str, str], rate_sentence: str
+) -> Path:
     """Write the page.
 
     Parameters
@@ -201,6 +205,8 @@ def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str
         Description of the bus.
     muscles : mapping
         Muscle -> kind of its valve, in the order of the recorded arrays.
+    rate_sentence : str
+        At which rate the loops ran, and why.
 
     Returns
     -------
@@ -222,6 +228,7 @@ def write_page(path: Path, results: Results, bus: str, muscles: Mapping[str, str
     )
     html = template.render(
         bus=bus,
+        rate_sentence=rate_sentence,
         headline=[by_key[key] for key in HEADLINE if key in by_key],
         figures=results.figures,
         notes=results.notes,

@@ -43,6 +43,14 @@ class Player(Protocol):
         """Activate the driver, so that valves may move again."""
         ...
 
+    def start_counting(self) -> None:
+        """Count late cycles of the loops of driver and controller from now on."""
+        ...
+
+    def late_share(self) -> float:
+        """Share of late and skipped cycles since then, of the loop that has more; 1 if unknown."""
+        ...
+
     def play(
         self, motion: Motion, check: Callable[[], None], progress: Callable[[float], None]
     ) -> float:

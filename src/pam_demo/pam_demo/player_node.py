@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
@@ -22,10 +23,14 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from pam_check.chain import set_environment
 from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
 from pam_demo.player import TAIL, NotPlayedError, VentedError
+from pam_demo.recording import LOOP_COUNTS
 from pam_model.errors import PamError
+from pam_ros.foreign_text import SENTENCE, plain
 from pam_ros.start import start_ros
+from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
 
 Progress = Callable[[float], None]
+LOOPS = ("pam_driver: loop", "pam_controller: loop")
 ANSWER_TIMEOUT = 10.0  # s, for the driver's services
 RETRY_AFTER = 0.3  # s
 TURN = 0.1  # s; a signal is seen between two turns
@@ -47,18 +52,45 @@ class PlayerNode(Node):  # type: ignore[misc]
 
         self._fault = self._refused = ""
         self._refusals = 0
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        self._counts: dict[str, list[tuple[float, float]]] = {}
+        subscribe(
+            self, DiagnosticArray, "/diagnostics", self._on_diagnostics, 10,
+            most_bytes=MOST_BYTES_OF_DIAGNOSTICS,
+        )  # fmt: skip
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             if status.name == "pam_driver: safety":
-                self._fault = status.message if status.level == DiagnosticStatus.ERROR else ""
+                faulty = status.level == DiagnosticStatus.ERROR
+                self._fault = plain(status.message, SENTENCE) if faulty else ""
             elif status.name == "pam_controller: commands":
                 values = {pair.key: pair.value for pair in status.values}
-                refusals = int(values["rejected messages"])
+                told = values.get("rejected messages", "")
+                if not re.fullmatch("[0-9]{1,9}", told):
+                    continue  # of another node
+                refusals = int(told)
                 if refusals > self._refusals:
-                    self._refused = values["last rejection"]
+                    self._refused = plain(values.get("last rejection", ""), SENTENCE)
                 self._refusals = refusals  # another controller counts anew
+            elif status.name in LOOPS:
+                counted = {pair.key: pair.value for pair in status.values}
+                cycles, late, skipped = (float(counted[key]) for key in LOOP_COUNTS)
+                self._counts.setdefault(status.name, []).append((cycles, late + skipped))
+
+    def start_counting(self) -> None:
+        """Count late cycles of the loops of driver and controller from now on."""
+        self._counts = {}
+
+    def late_share(self) -> float:
+        """Share of late and skipped cycles since then, of the loop that has more; 1 if unknown."""
+        shares = []
+        for name in LOOPS:
+            counts = self._counts.get(name, [])
+            if len(counts) < 2:  # its diagnostics come once a second
+                return 1.0
+            (cycles_before, late_before), (cycles, late) = counts[0], counts[-1]
+            shares.append((late - late_before) / max(cycles - cycles_before, 1.0))
+        return max(shares)
 
     def wait_for_controller(self, timeout: float, check: Callable[[], None]) -> None:
         """Wait until a controller is connected and follows a reference.
@@ -76,8 +108,8 @@ class PlayerNode(Node):  # type: ignore[misc]
             If `timeout` passes.
         """
         received: list[Any] = []
-        subscription = self.create_subscription(
-            JointState, "pam_controller/reference", received.append, QoSProfile(depth=1)
+        subscription = subscribe(
+            self, JointState, "pam_controller/reference", received.append, QoSProfile(depth=1)
         )
         deadline = time.monotonic() + timeout
         publishers = (self._trajectory, self._stream, self._stiffness)

@@ -31,10 +31,12 @@ from rosbags.typesys import Stores, TypesysError, get_typestore
 from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
+from pam_ros.foreign_text import plain
 from pam_ros.node_end import end_node
 from pam_ros.periodic import take_priority
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
+from pam_ros.subscriptions import subscribe
 
 NOT_RECORDED = ("/parameter_events",)
 LOOK_EVERY = 0.2  # s
@@ -55,16 +57,19 @@ class Recorder(Node):  # type: ignore[misc]
         for topic, types in self.get_topic_names_and_types():
             if topic in self._topics or topic in NOT_RECORDED or not self.count_publishers(topic):
                 continue
-            package, folder, name = types[0].split("/")
+            package, _, name = types[0].rpartition("/")
             try:
-                message = getattr(importlib.import_module(f"{package}.{folder}"), name)
+                message = getattr(importlib.import_module(package.replace("/", ".")), name)
                 connection = self._writer.add_connection(topic, types[0], typestore=self._typestore)
-            except (ImportError, AttributeError, TypesysError):
-                self.get_logger().warning(f"{topic}: type {types[0]} is not known, not recorded")
+            except (ImportError, AttributeError, ValueError, TypesysError):
+                self.get_logger().warning(
+                    f"{plain(topic)}: type {plain(types[0])} is not known, not recorded"
+                )
                 self._topics[topic] = None
                 continue
-            self._topics[topic] = self.create_subscription(
-                message, topic, partial(self._write, connection), self._qos(topic), raw=True
+            write, qos = partial(self._write, connection), self._qos(topic)
+            self._topics[topic] = subscribe(
+                self, message, topic, write, qos, raw=True, most_bytes=None
             )
 
     def keep(self) -> None:

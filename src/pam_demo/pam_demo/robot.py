@@ -1,4 +1,4 @@
-"""`python -m pam_demo robot`: the simulated robot, for nodes of one's own, without `ros2 launch`.
+"""`pam demo robot`: the simulated robot, for nodes of one's own, without `ros2 launch`.
 
 Simulated rig, driver, model and controller run in the ROS domain of the terminal until Ctrl-C.
 """
@@ -11,6 +11,7 @@ from pathlib import Path
 from pam_check.chain import BusChoice, Chain, best_bus
 from pam_check.processes import Setting
 from pam_demo.demo import COMPILE_TIMEOUT, REALTIME, SIMULATING, START_TIMEOUT
+from pam_demo.loop_rate import RATES, node_settings
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import load_rig
 from pam_sim.rig import parse_effects
@@ -46,20 +47,23 @@ def run(given: Arguments) -> Outcome:
         plant["hidden_effects"] = " ".join(given.true_effects)
     bus = BusChoice("socketcan", given.can) if given.can else best_bus()
     chain = Chain([rig_path], bus, {})
+    paced = node_settings(given.rate or RATES[0])
     out: Path = given.out
     out.mkdir(parents=True, exist_ok=True)
     print(f"rig {rig_path}, bus: {bus}; starting (the first start takes a minute)", flush=True)
     try:
         with chain:
             # before the boards simulate, none answers the driver
-            chain.start("rig", plant | REALTIME["rig"]).wait_for_output(SIMULATING, COMPILE_TIMEOUT)
-            chain.start("controller", REALTIME["controller"])
+            simulated = plant | REALTIME["rig"] | paced["rig"]
+            chain.start("rig", simulated).wait_for_output(SIMULATING, COMPILE_TIMEOUT)
+            chain.start("controller", REALTIME["controller"] | paced["controller"])
             chain.start("model")
             asked: dict[str, Setting] = {
                 "activate_on_start": True,
                 "startup_timeout": START_TIMEOUT,
             }
-            chain.start("driver", asked | REALTIME["driver"]).wait_for_output(ACTIVE, START_TIMEOUT)
+            driver = chain.start("driver", asked | REALTIME["driver"] | paced["driver"])
+            driver.wait_for_output(ACTIVE, START_TIMEOUT)
             print(f"{', '.join(rig.joint_names)}: ready to move; Ctrl-C ends it", flush=True)
             said: dict[str, int] = {}
             while True:

@@ -1,4 +1,4 @@
-"""`python -m pam_driver`: tools for the buses and boards of a robot."""
+"""`pam driver`: tools for the buses and boards of a robot."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 
 from pam_model.argument_types import count, input_file, number
-from pam_model.command_line import Arguments, Command, Outcome, Parser, run_program
+from pam_model.command_line import Arguments, Command, NodeCommand, Outcome, Parser, Tool
 from pam_model.program_signals import end_at_signals
 
 
@@ -132,14 +132,21 @@ def _declare_set(parser: Parser) -> None:
     add("--dbc", type=input_file, metavar="FILE", help="CAN database of boards of kind pam_board")
 
 
+def _node(arguments: Sequence[str] | None) -> int:
+    from pam_driver.driver_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run(arguments)
+
+
 COMMANDS = (
+    NodeCommand("node", "drive the valve boards of a robot (a ROS node)", _node),
     Command(
         "check-rig",
         "check rig file, DBC files, identifiers and bus load without a bus, and show the wiring",
         _declare_check_rig,
         _check_rig,
         bad_news="if a bus would carry too much, or measurements come too rarely",
-        examples=("python -m pam_driver check-rig config/two_buses.yaml",),
+        examples=("pam driver check-rig config/two_buses.yaml",),
     ),
     Command(
         "scan",
@@ -148,8 +155,8 @@ COMMANDS = (
         _scan,
         bad_news="if nothing was received",
         examples=(
-            "python -m pam_driver scan --channel can0",
-            "python -m pam_driver scan --channel can0 --identify",
+            "pam driver scan --channel can0",
+            "pam driver scan --channel can0 --identify",
         ),
     ),
     Command(
@@ -158,7 +165,7 @@ COMMANDS = (
         _declare_monitor,
         _monitor,
         bad_news="if a board is missing or something is wrong",
-        examples=("python -m pam_driver monitor config/elbow.yaml --channel can0",),
+        examples=("pam driver monitor config/elbow.yaml --channel can0",),
     ),
     Command(
         "set",
@@ -166,23 +173,23 @@ COMMANDS = (
         _declare_set,
         _set,
         bad_news="if it ended early",
-        examples=("python -m pam_driver set config/elbow_canopen.yaml outputs flexor 10",),
+        examples=("pam driver set config/elbow_canopen.yaml outputs flexor 10",),
     ),
 )
 
 
+TOOL = Tool("driver", "Tools for the buses and boards of a robot, and the driver node", COMMANDS)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
-    description = "Tools for the buses and boards of a robot. The node is: ros2 run pam_driver"
-    return run_program("python -m pam_driver", description, COMMANDS, arguments)
+    return TOOL.run(arguments)
 
 
 def driver_node() -> int:
     """Entry point of `ros2 run pam_driver driver_node`."""
     end_at_signals()
-    from pam_driver.driver_node import main as run  # noqa: PLC0415  (rclpy)
-
-    return run()
+    return _node(None)
 
 
 if __name__ == "__main__":

@@ -18,11 +18,12 @@ from pam_ros.parameters import NodeParameters
 
 
 class DriverParts(NamedTuple):
-    """A driver, its buses by name, and its diagnostics."""
+    """A driver, its buses by name, its diagnostics, and what is odd about its boards."""
 
     driver: Driver
     ports: dict[str, CanPort]
     diagnostics: DriverDiagnostics
+    doubts: tuple[str, ...]
 
 
 def assemble_driver(rig: Rig, values: NodeParameters[Rig]) -> DriverParts:
@@ -56,7 +57,8 @@ def assemble_driver(rig: Rig, values: NodeParameters[Rig]) -> DriverParts:
     bitrates = {
         name: float(rig.buses[name].bitrate) if name in rig.buses else usual for name in ports
     }
-    return DriverParts(driver, ports, DriverDiagnostics(driver, ports, bitrates))
+    diagnostics = DriverDiagnostics(driver, ports, bitrates)
+    return DriverParts(driver, ports, diagnostics, wiring.doubts)
 
 
 def _open(rig: Rig, wiring: RigWiring, values: NodeParameters[Rig]) -> dict[str, CanPort]:

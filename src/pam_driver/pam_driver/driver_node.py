@@ -16,7 +16,7 @@ import gc
 import logging
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -25,7 +25,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
@@ -48,7 +47,7 @@ from pam_ros.diagnostics import diagnostic_array
 from pam_ros.driver_state import LATCHED, driver_state_message
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
-from pam_ros.joint_state_bytes import JointStateReader, MalformedMessageError
+from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
 from pam_ros.lifecycle import refuse_impossible_transitions
 from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, tell_mistake
@@ -102,15 +101,22 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._topics = DriverTopics(self, self._rig, keeps_nan)
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         # taken by the I/O thread; two publishers in one cycle are both heard
-        self._commands = PolledTopic(self, JointState, "valve_commands", self._on_valve_commands)
+        self._commands = PolledTopic(
+            self,
+            JointState,
+            "valve_commands",
+            self._on_valve_commands,
+            read=JointStateReader().read,
+        )
         self.polled_topics = [self._commands]
-        self._reader = JointStateReader()
         for name, topic in PEOPLE_TOPICS.items():
             if getattr(self._rig.people, f"{name}_topic"):
                 # not latched: the last word of a publisher that has ended must not count as new;
                 # polled, so that they are also heard while the end of the node lowers the joints
                 hear = partial(self._on_people, name)
-                self.polled_topics.append(PolledTopic(self, Bool, topic, hear))
+                # what cannot be read does not permit anything
+                forbid = partial(self._on_people, name, Bool(data=False))
+                self.polled_topics.append(PolledTopic(self, Bool, topic, hear, malformed=forbid))
         self.create_service(Trigger, "~/vent", self._on_vent)
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
         # a plain publisher: that of a lifecycle node is silent until the node is active
@@ -146,7 +152,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             made = assemble_driver(self._rig, self._values)
         except PamError as error:
             return self._fail(str(error))
-        self._driver, self._ports, self._diagnostics = made
+        self._driver, self._ports, self._diagnostics, doubts = made
         self._loop = PeriodicLoop(
             partial(self._cycle, made.driver),
             1.0 / self._values.number("rate"),
@@ -157,6 +163,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._loop.start()
         names = ", ".join(port.name for port in made.ports.values())
         self.get_logger().info(f"measuring on {names}, valves vented")
+        for line in doubts:
+            self.get_logger().warning(line)
         for board in made.driver.boards.values():
             for line in weaker_promises(board):
                 self.get_logger().warning(f"{board.name}: {line}")
@@ -278,34 +286,32 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         for topic in self.polled_topics:
             topic.poll()
 
-    def _on_valve_commands(self, data: bytes) -> None:
+    def _on_valve_commands(self, message: JointStateFields) -> None:
         driver = self._driver
         if driver is None:
             self.get_logger().warning(
                 "valve_commands refused: not configured", throttle_duration_sec=1.0
             )
             return
+        waited = self._commands.waited
+        # its age when it arrived; a stamp of zero means "now", as in other ROS interfaces
+        age = time.time() - waited - message.stamp if message.stamp else 0.0
+        command = NamedCommand(
+            message.name,
+            message.position,
+            message.velocity,
+            message.effort,
+            age,
+            message.frame_id,
+        )
         try:
-            message = self._reader.read(data)
-            waited = self._commands.waited
-            # its age when it arrived; a stamp of zero means "now", as in other ROS interfaces
-            age = time.time() - waited - message.stamp if message.stamp else 0.0
-            command = NamedCommand(
-                message.name,
-                message.position,
-                message.velocity,
-                message.effort,
-                age,
-                message.frame_id,
-            )
             driver.set_commands(command, time.monotonic() - waited)
-        except (CommandError, MalformedMessageError) as error:
+        except CommandError as error:
             self.get_logger().warning(f"valve_commands refused: {error}", throttle_duration_sec=1.0)
 
-    def _on_people(self, name: str, data: bytes) -> None:
+    def _on_people(self, name: str, message: Any) -> None:
         if self._driver is not None:
-            permits = bool(deserialize_message(data, Bool).data)
-            self._driver.people.hear_topic(name, permits, time.monotonic())
+            self._driver.people.hear_topic(name, bool(message.data), time.monotonic())
 
     def _on_vent(self, request: Any, response: Any) -> Any:
         if self._driver is None:
@@ -394,7 +400,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         )
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run until SIGINT or SIGTERM; returns the exit code."""
     ended = HELP.answer(arguments)
     if ended is not None:

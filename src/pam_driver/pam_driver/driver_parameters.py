@@ -11,6 +11,7 @@ from pam_driver.safety.people_inputs import FULL_SPEED
 from pam_model.errors import PamError
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.program_name import PROGRAM
 
 _D = DriverSettings()
 
@@ -115,7 +116,7 @@ PEOPLE_TOPICS: Final = {
 """By input for people, its topic: true permits motion, or full speed."""
 
 HELP: Final = NodeHelp(
-    program="ros2 run pam_driver driver_node",
+    program=f"{PROGRAM} driver node",
     purpose="Drives the valve boards of a rig over a CAN bus: valve commands in, measurements out. "
     "It vents on every fault, and stays vented until the fault is cleared. It is a lifecycle node; "
     "with autostart it begins to measure by itself, and activate_on_start asks for moving air too.",

@@ -3,6 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
+
+from pam_model.bounds import check_numbers
+
+BOUNDS: Final = {
+    "command_timeout": (0.005, 1.0, "s"),
+    "sensor_timeout": (0.005, 1.0, "s"),
+    "board_timeout": (0.15, 5.0, "s"),
+    "over_pressure_margin": (0.0, 100e3, "Pa"),
+    "velocity_bandwidth": (1.0, 500.0, "Hz"),
+    "vented_pressure": (1e3, 200e3, "Pa"),
+    "exhaust_timeout": (0.0, 600.0, "s"),
+    "loop_delay_limit": (0.001, 1.0, "s"),
+    "period": (0.001, 1.0, "s"),
+    "lowering_speed": (0.05, 5.0, "rad/s"),
+    "lowering_timeout": (0.0, 60.0, "s"),
+}
+"""Lowest and highest value and unit of each number, as the parameters of the node have them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +56,11 @@ class DriverSettings:
         stop one of category 0.
     start_up_check : bool
         An activation first tests every valve and sensor with small pulses of air.
+
+    Raises
+    ------
+    PamError
+        For a number outside its `BOUNDS`.
     """
 
     command_timeout: float = 0.1
@@ -52,3 +75,7 @@ class DriverSettings:
     lowering_speed: float = 0.5
     lowering_timeout: float = 4.0
     start_up_check: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a number that the node would refuse."""
+        check_numbers(self, "DriverSettings", BOUNDS)

@@ -1,4 +1,4 @@
-"""`python -m pam_gap`: diagnose a recording, watch a running rig, write the page of effects."""
+"""`pam gap`: diagnose a recording, watch a running rig, write the page of effects."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -28,15 +28,16 @@ from pam_model.command_line import (
     NodeCommand,
     Outcome,
     Parser,
+    Tool,
     add_rig,
     run_command,
-    run_program,
 )
 from pam_model.program_signals import end_at_signals
+from pam_ros.program_name import PROGRAM
 
 MOVED = {
-    "blind": "python -m pam_check blind",
-    "close-loop": "python -m pam_demo close-loop",
+    "blind": f"{PROGRAM} check blind",
+    "close-loop": f"{PROGRAM} demo close-loop",
 }
 
 
@@ -278,8 +279,8 @@ DIAGNOSE = Command(
     _diagnose,
     bad_news="if a joint's verdict is not `none`",
     examples=(
-        "python -m pam_gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report",
-        "python -m pam_gap diagnose A B --locked C --rig RIG.yaml --out OUT",
+        "pam gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report",
+        "pam gap diagnose A B --locked C --rig RIG.yaml --out OUT",
     ),
 )
 COMMANDS = (
@@ -291,8 +292,8 @@ COMMANDS = (
         _import,
         bad_news="if a diagnosis would refuse the log",
         examples=(
-            "python -m pam_gap import log.mat --rig RIG.yaml --out OUT",
-            "python -m pam_gap import log.mat --map OUT/map.yaml --rig RIG.yaml --out OUT",
+            "pam gap import log.mat --rig RIG.yaml --out OUT",
+            "pam gap import log.mat --map OUT/map.yaml --rig RIG.yaml --out OUT",
         ),
     ),
     Command(
@@ -301,7 +302,7 @@ COMMANDS = (
         _declare_compare,
         _compare,
         bad_news="if something changed by more than noise",
-        examples=("python -m pam_gap compare out/before out/after --out out/compare",),
+        examples=("pam gap compare out/before out/after --out out/compare",),
     ),
     Command(
         "fleet",
@@ -310,8 +311,8 @@ COMMANDS = (
         _fleet,
         bad_news="if an effect changed or a recording failed",
         examples=(
-            "python -m pam_gap fleet RECORDINGS --rig RIG.yaml --out OUT --workers 4",
-            "python -m pam_gap fleet RECORDINGS --rigs TABLE.csv --out OUT",
+            "pam gap fleet RECORDINGS --rig RIG.yaml --out OUT --workers 4",
+            "pam gap fleet RECORDINGS --rigs TABLE.csv --out OUT",
         ),
     ),
     Command("effects", "write the page of effects", _declare_effects, _effects),
@@ -322,32 +323,39 @@ COMMANDS = (
         _declare_record,
         _record,
         bad_news="if the recording misses something",
-        examples=("python -m pam_gap record --rig RIG.yaml --out recording",),
+        examples=("pam gap record --rig RIG.yaml --out recording",),
     ),
     NodeCommand("monitor", "watch the gap on live topics (a ROS node)", _monitor),
     NodeCommand("play", "play a proposed experiment on the rig (a ROS node)", _play),
 )
 
 
+TOOL = Tool(
+    "gap",
+    "Find where a rig differs from its rig file, from recordings",
+    COMMANDS,
+    moved=MOVED,
+)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
-    description = "Find where a rig differs from its rig file, from recordings of it."
-    return run_program("python -m pam_gap", description, COMMANDS, arguments, moved=MOVED)
+    return TOOL.run(arguments)
 
 
 def diagnose(arguments: Sequence[str] | None = None) -> int:
-    """Entry point of `ros2 run pam_gap diagnose`."""
-    return run_command(DIAGNOSE, "ros2 run pam_gap diagnose", arguments)
+    """Entry point of `ros2 run pam_gap pam_diagnose`."""
+    return run_command(DIAGNOSE, f"{PROGRAM} gap diagnose", arguments)
 
 
 def monitor() -> int:
-    """Entry point of `ros2 run pam_gap monitor`."""
+    """Entry point of `ros2 run pam_gap pam_monitor`."""
     end_at_signals()
     return _monitor(None)
 
 
 def play() -> int:
-    """Entry point of `ros2 run pam_gap play`."""
+    """Entry point of `ros2 run pam_gap pam_play`."""
     end_at_signals()
     return _play(None)
 

@@ -25,12 +25,7 @@ from pam_gap.recordings.saturation import without_saturated
 from pam_gap.recordings.still_channels import without_still
 from pam_gap.rules import DEFAULT, Rules
 from pam_gap.rules.recording_rules import RecordingRules
-from pam_model.errors import PamError
 from pam_model.rig import Rig
-
-
-class UnknownJointError(PamError):
-    """The rig has no joint with this name."""
 
 
 def diagnose(
@@ -69,7 +64,7 @@ def diagnose(
     ------
     RecordingError
         For recordings of another rig, or without the necessary channels.
-    UnknownJointError
+    UnknownNameError
         For a joint that the rig does not have.
     """
     given = [recordings] if isinstance(recordings, Recording) else list(recordings)
@@ -89,15 +84,15 @@ def joints_to_diagnose(
     ------
     RecordingError
         When there is no recording, or the recordings are of another rig or in other units.
-    UnknownJointError
+    UnknownNameError
         For a joint that the rig does not have.
     """
+    if joint is not None:
+        rig.joint(joint)
     if not recordings:
         raise RecordingError("no recording given; expected at least one")
     numbers = joints_recorded(rig, recordings)
     if joint is not None:
-        if joint not in rig.joint_names:
-            raise UnknownJointError(f"no joint {joint!r}; it has {', '.join(rig.joint_names)}")
         numbers = [number for number in numbers if rig.joint_names[number] == joint]
         if not numbers:
             raise RecordingError(

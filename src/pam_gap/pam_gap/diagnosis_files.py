@@ -1,4 +1,4 @@
-"""`python -m pam_gap diagnose RECORDING... --rig RIG --out DIR`: a diagnosis from files to files.
+"""`pam gap diagnose RECORDING... --rig RIG --out DIR`: a diagnosis from files to files.
 
 It writes diagnosis.json, report.html and, where an effect was found, rig_improved.yaml, which
 simulation, model node and controller can read in place of the rig file. For a verdict of `unknown`
@@ -17,7 +17,6 @@ from pathlib import Path
 from pam_gap.answer.diagnosis import Diagnosis
 from pam_gap.answer.provenance import provenance
 from pam_gap.diagnose_recordings import (
-    UnknownJointError,
     diagnose_joint,
     joints_to_diagnose,
     prepared,
@@ -36,6 +35,7 @@ from pam_gap.recordings.recording import (
 from pam_gap.rules import DEFAULT, Rules, changed
 from pam_model.command_line import Arguments, Outcome, Progress, progress
 from pam_model.errors import PamError
+from pam_model.names import unknown
 from pam_model.rig import Rig, load_rig, save_rig
 
 IMPROVED_RIG, RETUNED_RIG = "rig_improved.yaml", "rig_retuned.yaml"
@@ -95,12 +95,11 @@ def to_diagnose(
         For a rig file or recording that cannot be used.
     """
     rig = load_rig(rig_path)
+    if joint is not None and joint not in rig.joint_names:
+        raise PamError(f"{rig_path}: {unknown('joint', joint, rig.joint_names)}")
     column_map = None if map_path is None else load_column_map(map_path)
     read = import_as_mounted(recordings, rig, *mounted, rules, column_map)
-    try:
-        return rig, read, joints_to_diagnose(rig, read, joint)
-    except UnknownJointError as error:
-        raise PamError(f"{rig_path}: {error}") from None
+    return rig, read, joints_to_diagnose(rig, read, joint)
 
 
 def joint_folder(out: str | Path, rig: Rig, numbers: Sequence[int], number: int) -> Path:

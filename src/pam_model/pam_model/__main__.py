@@ -1,4 +1,4 @@
-"""`python -m pam_model`: models, muscles and rig files from the command line."""
+"""`pam model`: models, muscles and rig files from the command line."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -12,11 +12,19 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 
-from pam_model.command_line import run_program
+from pam_model.command_line import NodeCommand, Tool
 from pam_model.commands import catalogue, identify, new_rig, rig_sections, size
 from pam_model.program_signals import end_at_signals
 
+
+def _node(arguments: Sequence[str] | None) -> int:
+    from pam_model.model_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run(arguments)
+
+
 COMMANDS = (
+    NodeCommand("node", "estimate forces, torques and stiffness of a robot (a ROS node)", _node),
     *catalogue.COMMANDS,
     *identify.COMMANDS,
     *rig_sections.COMMANDS,
@@ -25,21 +33,18 @@ COMMANDS = (
 )
 
 
+TOOL = Tool("model", "Muscle models, rig files, design of joints, and the model node", COMMANDS)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
-    description = (
-        "Models of pneumatic muscles: list, draw, fit and compare them; design a muscle "
-        "or a joint; new rig files, their sections and URDF."
-    )
-    return run_program("python -m pam_model", description, COMMANDS, arguments)
+    return TOOL.run(arguments)
 
 
 def model_node() -> int:
     """Entry point of `ros2 run pam_model model_node`."""
     end_at_signals()
-    from pam_model.model_node import main as run  # noqa: PLC0415  (rclpy)
-
-    return run()
+    return _node(None)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from pam_model.errors import PamError
+from pam_model.muscle_sizes import size_name
 from pam_model.unit_hints import other_units, read_with_unit
 
 WrongArgument = argparse.ArgumentTypeError
@@ -96,6 +98,14 @@ def one_of(*values: str) -> Callable[[str], str]:
         return text
 
     return read
+
+
+def muscle_size(text: str) -> str:
+    """A size of muscle that can be bought, as its maker spells it."""
+    try:
+        return size_name(text)
+    except PamError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def named_number(text: str) -> tuple[str, float]:

@@ -1,6 +1,6 @@
 """The command line of every tool of the suite.
 
-A tool is a list of `Command`s that `run_program` parses and runs. This module gives all of them
+A `Tool` parses a command line and runs one of its `Command`s. This module gives all of them
 the same options, messages and exit codes (docs/exit_codes.md):
 
 - `--json` prints the result as one JSON document on standard output, and nothing else there;
@@ -25,7 +25,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, field, is_dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +33,7 @@ from typing import Any, Final
 from pam_model.argument_types import input_file
 from pam_model.errors import PamError
 from pam_model.linear_algebra_threads import use_one_thread
+from pam_model.names import unknown
 from pam_model.program_signals import (
     STOPPED,
     Terminated,
@@ -41,6 +42,7 @@ from pam_model.program_signals import (
     interruptible,
 )
 from pam_ros.errors import ParameterError
+from pam_ros.program_name import PROGRAM
 from pam_ros.version import version_line
 
 DONE: Final = 0
@@ -97,7 +99,7 @@ class Command:
     bad_news : str
         Condition on which --check ends with exit code 1; empty without --check.
     examples : sequence of str
-        Command lines for the help text.
+        Command lines for the help text; the word `pam` at their beginning is shown as `PROGRAM`.
     """
 
     name: str
@@ -143,80 +145,98 @@ class _VersionAction(argparse.Action):
         parser.exit()
 
 
-def run_program(
-    program: str,
-    description: str,
-    commands: Sequence[Command | NodeCommand],
-    arguments: Sequence[str] | None = None,
-    *,
-    default: str = "",
-    moved: Mapping[str, str] | None = None,
-) -> int:
-    """Parse a command line, run the command that it names, and return the exit code.
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """The commands of one package, which the user runs as `pam NAME COMMAND`.
 
-    Parameters
+    Attributes
     ----------
-    program : str
-        What the user types before the command, for example "python -m pam_model".
-    description : str
-        Purpose of the tool.
-    commands : sequence of Command or NodeCommand
+    name : str
+        What the user types; empty for the program `pam` itself, whose commands are tools.
+    summary : str
+        Purpose of the tool, one line.
+    commands : sequence of Command, NodeCommand or Tool
         All commands of the tool.
-    arguments : sequence of str, optional
-        Words of the command line; those of the process by default.
-    default : str, optional
+    default : str
         The command that runs if none is named.
-    moved : mapping of str to str, optional
+    moved : mapping of str to str
         Former commands, each with the command line that replaces it.
     """
-    if "_ARGCOMPLETE" in os.environ:
-        _complete(program, commands)
-    if arguments is None:  # the program itself, not a caller within another one
-        end_at_signals()
-        use_one_thread()
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    names = [command.name for command in commands]
-    of_program = ("-h", "--help", "--version")
-    if default and (not given or (given[0].startswith("-") and given[0] not in of_program)):
-        given.insert(0, default)
-    if given and given[0] in (moved or {}):
-        print(f"error: {given[0]} is now: {(moved or {})[given[0]]}", file=sys.stderr)
-        return MISTAKE
-    if given and given[0] in names:
-        command = commands[names.index(given[0])]
-        if isinstance(command, NodeCommand):
+
+    name: str
+    summary: str
+    commands: Sequence[Command | NodeCommand | Tool]
+    default: str = ""
+    moved: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def program(self) -> str:
+        """What the user types before the command."""
+        return f"{PROGRAM} {self.name}".rstrip()
+
+    def run(self, arguments: Sequence[str] | None = None) -> int:
+        """Parse a command line, run the command that it names, and return the exit code.
+
+        Parameters
+        ----------
+        arguments : sequence of str, optional
+            Words of the command line; those of the process by default.
+        """
+        if "_ARGCOMPLETE" in os.environ:
+            _complete(self)
+        if arguments is None:  # the program itself, not a caller within another one
+            end_at_signals()
+            use_one_thread()
+        given = list(sys.argv[1:] if arguments is None else arguments)
+        by_name = {command.name: command for command in self.commands}
+        of_program = ("-h", "--help", "--version")
+        if self.default and (not given or (given[0][:1] == "-" and given[0] not in of_program)):
+            given.insert(0, self.default)
+        if given and given[0] in self.moved:
+            print(f"error: {given[0]} is now: {self.moved[given[0]]}", file=sys.stderr)
+            return MISTAKE
+        if given and given[0] in by_name:
+            command = by_name[given[0]]
+            if isinstance(command, Command):
+                return run_command(command, f"{self.program} {command.name}", given[1:])
             return command.run(given[1:])
-        return run_command(command, f"{program} {command.name}", given[1:])
-    parser = _OneLineParser(prog=program, description=description)
-    parser.add_argument("--version", action=_VersionAction)
-    listed = parser.add_subparsers(metavar="COMMAND", required=True, title="commands")
-    for command in commands:
-        note = " (the default)" if command.name == default else ""
-        listed.add_parser(command.name, help=command.summary + note)
-    try:
-        if given and not given[0].startswith("-"):
-            parser.error(f"no command {given[0]!r}; there are {', '.join(names)}")
-        parser.parse_args(given)
-    except SystemExit as end:
-        return _code_of(end)
-    raise AssertionError("a command that is listed has run")
+        parser = _OneLineParser(prog=self.program, description=f"{self.summary}.")
+        parser.add_argument("--version", action=_VersionAction)
+        listed = parser.add_subparsers(metavar="COMMAND", required=True, title="commands")
+        for command in self.commands:
+            note = " (the default)" if command.name == self.default else ""
+            listed.add_parser(command.name, help=command.summary + note)
+        try:
+            if given and not given[0].startswith("-"):
+                parser.error(unknown("command", given[0], by_name))
+            parser.parse_args(given)
+        except SystemExit as end:
+            return _code_of(end)
+        raise AssertionError("a command that is listed has run")
 
 
-def _complete(program: str, commands: Sequence[Command | NodeCommand]) -> None:
+def _complete(tool: Tool) -> None:
     """Answer the shell that asks how a command line goes on, and end the process.
 
     The shell asks by an environment variable, for which it needs argcomplete itself.
     """
     import argcomplete  # noqa: PLC0415
 
-    parser = _OneLineParser(prog=program)
+    parser = _OneLineParser(prog=tool.program)
+    _declare_all(tool, parser)
+    argcomplete.autocomplete(parser)
+
+
+def _declare_all(tool: Tool, parser: Parser) -> None:
+    """Give a parser all commands of a tool with their options."""
     parser.add_argument("--version", action=_VersionAction)
     listed = parser.add_subparsers()
-    for command in commands:
+    for command in tool.commands:
         one = listed.add_parser(command.name, help=command.summary)
         if isinstance(command, Command):
             _declare(command, one)
-    argcomplete.autocomplete(parser)
+        elif isinstance(command, Tool):
+            _declare_all(command, one)
 
 
 def _declare(command: Command, parser: Parser) -> None:
@@ -252,7 +272,7 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
         prog=program,
         description=f"{command.summary[0].upper()}{command.summary[1:]}.",
         epilog="".join(
-            ["examples:\n", *(f"  {line}\n" for line in command.examples)]
+            ["examples:\n", *(f"  {_typed(line)}\n" for line in command.examples)]
             if command.examples
             else []
         ),
@@ -274,6 +294,11 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
             print(f"check failed: {line}", file=sys.stderr)
         return BAD_NEWS
     return DONE
+
+
+def _typed(line: str) -> str:
+    """An example as it is typed here."""
+    return f"{PROGRAM}{line[3:]}" if line.startswith("pam ") else line
 
 
 def _carry_out(command: Command, chosen: Arguments) -> Outcome:

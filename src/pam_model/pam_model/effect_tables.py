@@ -1,6 +1,6 @@
 """The tables of effects in the pages of docs/, generated from the registry.
 
-A page holds a table between two comments; `python -m pam_model effect-tables` rewrites it:
+A page holds a table between two comments; `pam model effect-tables` rewrites it:
 
     <!-- effects: muscle -->
     <!-- end of effects -->

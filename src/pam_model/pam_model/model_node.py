@@ -1,6 +1,6 @@
 """Node that estimates and publishes muscle forces, joint torques and stiffness.
 
-`ros2 run pam_model model_node --ros-args --params-file config/elbow.yaml`
+`pam model node --ros-args --params-file config/elbow.yaml`
 """
 
 from __future__ import annotations
@@ -24,15 +24,12 @@ from pam_model.joints.joint_estimator import JointEstimator
 from pam_model.rig import rig_of_node
 from pam_model.robot import compose
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
-from pam_ros.joint_state_bytes import (
-    JointStateFields,
-    JointStateReader,
-    MalformedMessageError,
-)
+from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
 from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.polled_topic import PolledTopic
+from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
 
 PARAMETERS = (
@@ -66,10 +63,12 @@ class ModelNode(Node):  # type: ignore[misc]
         self._joint_stiffness = self.create_publisher(Float64MultiArray, "joint_stiffness", 1)
         self._stiffness_heard = Audience(self._joint_stiffness).present
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._pressure_reader, self._position_reader = JointStateReader(), JointStateReader()
         self.polled_topics = [
-            PolledTopic(self, JointState, "pressure_states", self._take_pressures),
-            PolledTopic(self, JointState, "joint_states", self._take_positions),
+            PolledTopic(self, JointState, topic, take, read=JointStateReader().read)
+            for topic, take in (
+                ("pressure_states", self._take_pressures),
+                ("joint_states", self._take_positions),
+            )
         ]
         rate = self._declared.number("publish_rate")
         self.create_timer(1.0 / rate, self._publish)
@@ -87,27 +86,18 @@ class ModelNode(Node):  # type: ignore[misc]
         for topic in self.polled_topics:
             topic.poll()
 
-    def _read(self, reader: JointStateReader, data: bytes) -> JointStateFields | None:
-        """A measurement; a message that cannot be read is left out, and said in the log."""
-        try:
-            message = reader.read(data)
-        except MalformedMessageError as error:
-            self.get_logger().warning(f"a measurement is {error}", throttle_duration_sec=1.0)
-            return None
+    def _stamp(self, message: JointStateFields) -> float:
+        return message.stamp if message.stamp > 0.0 else self._now()
+
+    def _take_pressures(self, message: JointStateFields) -> None:
         self._messages += 1
-        return message
+        self._estimator.take_pressures(self._stamp(message), message.name, message.effort)
 
-    def _take_pressures(self, data: bytes) -> None:
-        message = self._read(self._pressure_reader, data)
-        if message is not None:
-            stamp = message.stamp if message.stamp > 0.0 else self._now()
-            self._estimator.take_pressures(stamp, message.name, message.effort)
-
-    def _take_positions(self, data: bytes) -> None:
-        message = self._read(self._position_reader, data)
-        if message is not None:
-            stamp = message.stamp if message.stamp > 0.0 else self._now()
-            self._estimator.take_positions(stamp, message.name, message.position, message.velocity)
+    def _take_positions(self, message: JointStateFields) -> None:
+        self._messages += 1
+        self._estimator.take_positions(
+            self._stamp(message), message.name, message.position, message.velocity
+        )
 
     def _publish(self) -> None:
         self._poll()
@@ -153,7 +143,7 @@ class ModelNode(Node):  # type: ignore[misc]
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_model model_node",
+    program=f"{PROGRAM} model node",
     purpose="Estimates muscle lengths and forces, joint torques and stiffness from the measured "
     "pressures and angles.",
     parameters=PARAMETERS,

@@ -12,10 +12,30 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-ENCODINGS: Final = ("utf-8-sig", "utf-16", "cp1252")
-"""In the order in which they are tried; each refuses nearly all texts of the ones before it."""
-_COMMA: Final = re.compile(r'"?[-+]?\d+,\d+([eE][-+]?\d+)?"?')
-_POINT: Final = re.compile(r'"?[-+]?\d*\.\d+([eE][-+]?\d+)?"?')
+_COMMA: Final = re.compile(r'"?[-+]?\s*\d+,\d+([eE][-+]?\d+)?"?')
+_POINT: Final = re.compile(r'"?[-+]?\s*\d*\.\d+([eE][-+]?\d+)?"?')
+
+
+def encoding_of(start: bytes) -> str:
+    """The encoding of a text: UTF-8, UTF-16 with a byte order mark, or Windows-1252.
+
+    Parameters
+    ----------
+    start : bytes
+        The text, or its beginning, which may end within a character.
+
+    Raises
+    ------
+    UnicodeError
+        When it is no text in any of these encodings.
+    """
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    for encoding in ("utf-8-sig", "cp1252"):
+        with contextlib.suppress(UnicodeError):
+            codecs.getincrementaldecoder(encoding)().decode(start)
+            return encoding
+    raise UnicodeError("neither text in UTF-8, UTF-16 nor Windows-1252")
 
 
 def decoded(content: bytes) -> str:
@@ -26,10 +46,7 @@ def decoded(content: bytes) -> str:
     UnicodeError
         When it is no text in any of these encodings.
     """
-    marked = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    with contextlib.suppress(UnicodeError):
-        return content.decode("utf-16" if marked else "utf-8-sig")
-    return content.decode(ENCODINGS[-1])
+    return content.decode(encoding_of(content))
 
 
 def separator(header: str) -> str:
@@ -37,15 +54,16 @@ def separator(header: str) -> str:
     return next((s for s in (";", "\t") if header.count(s) >= max(header.count(","), 1)), ",")
 
 
-def decimal_mark(lines: Sequence[str], between: str) -> str:
+def decimal_mark(lines: Sequence[str], between: str | None) -> str:
     """The decimal mark of the numbers, "," or ".".
 
     Parameters
     ----------
     lines : sequence of str
         Some lines below the names.
-    between : str
-        What separates the columns; where that is a comma, the decimal mark is a point.
+    between : str or None
+        What separates the columns, None for blanks; where that is a comma, the decimal mark is a
+        point.
     """
     if between == ",":
         return "."

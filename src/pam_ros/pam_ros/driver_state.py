@@ -15,7 +15,8 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
+
+from pam_ros.foreign_text import SENTENCE, plain
 
 LATCHED: Final = QoSProfile(
     depth=1,
@@ -61,43 +62,42 @@ def driver_state_message(
     )
 
 
-def reason_against_commands(data: bytes) -> str:
+def reason_against_commands(message: Any) -> str:
     """Why the driver takes no commands in the state of this message; empty if it does.
 
     Parameters
     ----------
-    data : bytes
-        The message as it was received.
+    message : diagnostic_msgs.msg.DiagnosticStatus
+        The message.
     """
-    values = _values(data)
-    state, reason = values.get("state", ""), values.get("reason", "")
+    values = _values(message)
+    state, reason = plain(values.get("state", "")), plain(values.get("reason", ""), SENTENCE)
     if state in COMMANDABLE:
         return ""
     return f"the driver is {state or 'in an unknown state'}" + (f" ({reason})" if reason else "")
 
 
-def activation_of(data: bytes) -> str:
+def activation_of(message: Any) -> str:
     """Which activation the message tells of; empty if it does not say.
 
     Parameters
     ----------
-    data : bytes
-        The message as it was received.
+    message : diagnostic_msgs.msg.DiagnosticStatus
+        The message.
     """
-    return _values(data).get("activation", "")
+    return _values(message).get("activation", "")
 
 
-def permits_full_speed(data: bytes) -> bool:
+def permits_full_speed(message: Any) -> bool:
     """Whether the message says that full speed is permitted; one that does not say it, does not.
 
     Parameters
     ----------
-    data : bytes
-        The message as it was received.
+    message : diagnostic_msgs.msg.DiagnosticStatus
+        The message.
     """
-    return _values(data).get("speed") == FULL
+    return _values(message).get("speed") == FULL
 
 
-def _values(data: bytes) -> dict[str, str]:
-    message = deserialize_message(data, DiagnosticStatus)
+def _values(message: Any) -> dict[str, str]:
     return {pair.key: pair.value for pair in message.values}

@@ -7,7 +7,7 @@ is made, which then writes or reads the whole message in one call.
 
 Source of the layout: OMG, Common Data Representation (CDR) as in DDS-XTypes 1.3, section 7.4.1,
 little-endian, with the alignment counted from the end of the encapsulation's four bytes. A
-message in another layout (big-endian) is read by rclpy.
+message in another layout (big-endian) is read by `pam_ros.message_decoder`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from typing import Final, NamedTuple
+
+from pam_ros.errors import MalformedMessageError
 
 _KIND: Final = b"\x00\x01"  # encapsulation: CDR, little-endian
 _BODY_AT: Final = 4  # after the kind and two bytes of options
@@ -51,10 +53,6 @@ class JointStateFields(NamedTuple):
     def stamp(self) -> float:
         """The stamp [s]; 0 if the publisher set none."""
         return self.seconds + 1e-9 * self.nanoseconds
-
-
-class MalformedMessageError(ValueError):
-    """Bytes that are not a sensor_msgs/JointState."""
 
 
 class _Form:
@@ -195,7 +193,7 @@ class JointStateReader:
         self._form = _form_of(data)
         fields = self._form.read(data)
         if fields is None:
-            raise MalformedMessageError("not a sensor_msgs/JointState: it ends too early")
+            raise MalformedMessageError("it ends too early")
         return fields
 
 
@@ -242,7 +240,7 @@ def _form_of(data: bytes) -> _Form:
         length = count()
         found = data[at : at + length - 1]
         if length < 1 or len(found) != length - 1:
-            raise MalformedMessageError("not a sensor_msgs/JointState: a text of a wrong length")
+            raise MalformedMessageError("a text of a wrong length")
         at += length
         return found.decode()
 
@@ -256,22 +254,20 @@ def _form_of(data: bytes) -> _Form:
             if lengths[-1]:
                 at += -(at - _BODY_AT) % 8 + 8 * lengths[-1]
             if at > len(data):
-                raise MalformedMessageError("not a sensor_msgs/JointState: it ends too early")
+                raise MalformedMessageError("it ends too early")
     except (struct.error, UnicodeDecodeError) as error:
-        raise MalformedMessageError(f"not a sensor_msgs/JointState: {error}") from None
+        raise MalformedMessageError(f"no sensor_msgs/JointState ({type(error).__name__})") from None
     first, second, third = lengths
     return _Form(frame_id, names, texts, (first, second, third))
 
 
 def _read_by_rclpy(data: bytes) -> JointStateFields:
     """The fields of a message in another layout."""
-    from rclpy.serialization import deserialize_message  # noqa: PLC0415  (seldom needed)
-    from sensor_msgs.msg import JointState  # noqa: PLC0415
+    from sensor_msgs.msg import JointState  # noqa: PLC0415  (seldom needed)
 
-    try:
-        message = deserialize_message(data, JointState)
-    except Exception as error:  # the kind depends on the middleware
-        raise MalformedMessageError(f"not a sensor_msgs/JointState: {error}") from None
+    from pam_ros.message_decoder import decode  # noqa: PLC0415
+
+    message = decode(data, JointState)
     return JointStateFields(
         message.header.stamp.sec,
         message.header.stamp.nanosec,

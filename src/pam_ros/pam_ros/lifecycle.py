@@ -6,6 +6,8 @@ from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rcl
 
+from pam_ros.foreign_text import shown
+
 
 def refuse_impossible_transitions(node: Any) -> None:
     """Make a lifecycle node refuse a requested transition that its state does not allow.
@@ -24,8 +26,15 @@ def refuse_impossible_transitions(node: Any) -> None:
         try:
             return change_state(request, response)
         except _rcl.RCLError:
-            asked = request.transition.label or request.transition.id
-            node.get_logger().warning(f"transition {asked} refused: not possible in this state")
+            asked = (
+                shown(request.transition.label)
+                if request.transition.label
+                else (f"{request.transition.id:d}")
+            )
+            node.get_logger().warning(
+                f"transition {asked} refused: not possible in this state",
+                throttle_duration_sec=1.0,
+            )
             response.success = False
             return response
 

@@ -11,6 +11,8 @@ import secrets
 from collections import deque
 from typing import Any, Final
 
+from pam_ros.foreign_text import plain
+
 # So many changes of the source within so long [s] mean that two publishers take turns.
 _CHANGES: Final = 2
 _CHANGE_MEMORY: Final = 1.0
@@ -49,4 +51,4 @@ class MessageSources:
         changes = self._changed_at
         if len(changes) < _CHANGES or now - changes[0] > _CHANGE_MEMORY:
             return ""
-        return " and ".join(source or "one without a name" for source in self._sources or ())
+        return " and ".join(plain(source) or "one without a name" for source in self._sources or ())

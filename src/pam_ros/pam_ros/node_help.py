@@ -51,7 +51,7 @@ class NodeHelp:
     Attributes
     ----------
     program : str
-        The command, for example "ros2 run pam_model model_node".
+        The command, for example "pam model node".
     purpose : str
         What the node does, in plain sentences.
     parameters : sequence of Parameter

@@ -21,6 +21,7 @@ from rcl_interfaces.msg import (
 )
 
 from pam_ros.errors import ParameterError
+from pam_ros.foreign_text import shown, value_shown
 
 Value = bool | int | float | str
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
@@ -68,7 +69,7 @@ class Parameter:
         if type(value) is not kind:
             expected = {float: "a number", int: "a whole number", bool: "true or false"}
             raise ParameterError(
-                f"{self.name} = {value!r}: must be {expected.get(kind, 'text')}"
+                f"{self.name} = {value_shown(value)}: must be {expected.get(kind, 'text')}"
                 + (f" in {self.unit}" if self.unit != "-" else "")
             )
         if isinstance(value, int | float) and not isinstance(value, bool):
@@ -188,12 +189,13 @@ class NodeParameters[Described]:
                 if parameter is None:
                     if entry.name.split(".")[0] in _OF_ROS:
                         continue
+                    told = shown(entry.name)
                     raise ParameterError(
-                        f"{entry.name}: is only read from the parameter file when the node starts"
+                        f"{told}: is only read from the parameter file when the node starts"
                     )
                 value = parameter.check(entry.value)
                 if not parameter.changeable:
-                    raise ParameterError(f"{entry.name}: can only be changed by a restart")
+                    raise ParameterError(f"{parameter.name}: can only be changed by a restart")
                 changes[entry.name] = value
             # a value that is set again and again must not cost a new design each time
             changes = {name: new for name, new in changes.items() if new != self._values[name]}

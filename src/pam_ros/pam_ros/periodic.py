@@ -91,7 +91,7 @@ class PeriodicLoop:
     Raises
     ------
     ValueError
-        For a period that is not above zero.
+        For a period that is not above zero, or a priority outside 0 to 99.
     """
 
     def __init__(
@@ -101,8 +101,10 @@ class PeriodicLoop:
         name: str = "periodic",
         priority: int = 0,
     ) -> None:
-        if not 0.0 < period < float("inf"):
+        if not (isinstance(period, int | float) and 0.0 < period < float("inf")):
             raise ValueError(f"period = {period} s must be above 0")
+        if not (isinstance(priority, int) and 0 <= priority <= 99):
+            raise ValueError(f"priority = {priority}: must be from 0 to 99")
         self.period = period
         self._step = step
         self._name = name

@@ -2,7 +2,7 @@
 
 An executor wakes its thread for every message, and this thread then competes with the loop for the
 interpreter. A loop that uses the latest messages once in a cycle can take them itself, which saves
-both. The messages are taken as bytes, see `pam_ros.joint_state_bytes`.
+both. The messages are taken as bytes and pass the guarded decoder of `pam_ros.subscriptions`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from pam_ros.subscriptions import subscribe
 
 MOST_TAKEN: Final = 32
 """Messages that are taken in one call; a flood of them must not stop the loop that takes them."""
@@ -32,7 +34,11 @@ class PolledTopic:
     topic : str
         Name of the topic.
     take : callable
-        Called by `poll` with the bytes of each message, oldest first.
+        Called by `poll` with each message, oldest first.
+    read : callable, optional
+        As for `pam_ros.subscriptions.subscribe`.
+    malformed : callable, optional
+        As for `pam_ros.subscriptions.subscribe`.
     best_effort : bool, optional
         Whether lost messages stay lost, as it suits measurements.
     latched : bool, optional
@@ -54,8 +60,10 @@ class PolledTopic:
         node: Any,
         message_type: Any,
         topic: str,
-        take: Callable[[bytes], object],
+        take: Callable[[Any], object],
         *,
+        read: Callable[[bytes], Any] | None = None,
+        malformed: Callable[[], object] | None = None,
         best_effort: bool = False,
         latched: bool = False,
     ) -> None:
@@ -65,14 +73,16 @@ class PolledTopic:
             reliability=reliability.BEST_EFFORT if best_effort else reliability.RELIABLE,
             durability=durability.TRANSIENT_LOCAL if latched else durability.VOLATILE,
         )
-        self.subscription = node.create_subscription(message_type, topic, take, qos, raw=True)
+        self.subscription = subscribe(
+            node, message_type, topic, take, qos, read=read, malformed=malformed
+        )
         # rclpy has no subscription outside of an executor; the warnings about publishers of
         # another quality of service stay with the node
         node._subscriptions.remove(self.subscription)
         self._node = node
         self.arrived = self.waited = 0.0
         self._polled_at = time.monotonic()
-        self._take = take
+        self._take = self.subscription.callback
         self._message_type = message_type
         self._handle = self.subscription.handle
 

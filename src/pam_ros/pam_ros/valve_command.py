@@ -16,6 +16,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
+from pam_ros.foreign_text import shown
+
 FLOW: Final = "flow"
 PRESSURE_REGULATOR: Final = "pressure_regulator"
 
@@ -147,13 +149,15 @@ class ValveCommandFormat:
         for place, name in enumerate(names):
             index = self._index.get(name)
             if index is None:
-                raise ValveCommandError("name", f"no muscle called {name[:64]!r}")
+                raise ValveCommandError("name", f"no muscle called {shown(name)}")
             if commands[index] is not None:
-                raise ValveCommandError("name", f"{name} is named twice")
+                raise ValveCommandError("name", f"{self.names[index]} is named twice")
             used, unused = (position, effort) if self._is_flow[index] else (effort, position)
             stray = any(len(other) and not math.isnan(other[place]) for other in (unused, velocity))
             if stray or not len(used):
-                raise ValveCommandError("field", f"{name}: {_EXPECTED[self._kinds[index]]}")
+                raise ValveCommandError(
+                    "field", f"{self.names[index]}: {_EXPECTED[self._kinds[index]]}"
+                )
             commands[index] = used[place]
         return [value for value in commands if value is not None]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pam_ros.program_name import PROGRAM
+
 _MODELS = "pam_model"
 
 
@@ -11,12 +13,14 @@ def version_line(program: str) -> str:
     Parameters
     ----------
     program : str
-        What the user types, such as "python -m pam_gap" or "ros2 run pam_sim rig"; a script that
-        names no package tells that of pam_model.
+        What the user types, such as "pam gap diagnose" or "python -m pam_check.blind.cases"; what
+        names no package tells the version of pam_model.
     """
     from importlib import metadata  # noqa: PLC0415  (only this answer needs the time)
 
-    words = (word.partition(".")[0] for word in program.split())
+    words = [word.partition(".")[0] for word in program.removeprefix(PROGRAM).split()]
+    if program.startswith(f"{PROGRAM} "):
+        words[0] = f"pam_{words[0]}"
     package = next((word for word in words if word.startswith("pam_")), _MODELS)
     try:
         return f"{package} {metadata.version(package)}"

@@ -1,4 +1,4 @@
-"""`python -m pam_sim`: a simulated rig on a CAN bus without ROS, and the tables of faults."""
+"""`pam sim`: a simulated rig on a CAN bus without ROS, and the tables of faults."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -13,7 +13,15 @@ import sys
 from collections.abc import Sequence
 
 from pam_model.argument_types import count, input_file, named_number, number
-from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, run_program
+from pam_model.command_line import (
+    Arguments,
+    Command,
+    NodeCommand,
+    Outcome,
+    Parser,
+    Tool,
+    add_rig,
+)
 from pam_model.errors import PamError
 from pam_model.program_signals import end_at_signals
 
@@ -104,15 +112,21 @@ def _declare_fault_tables(parser: Parser) -> None:
     )
 
 
+def _node(arguments: Sequence[str] | None) -> int:
+    from pam_sim.rig_node import main as run  # noqa: PLC0415  (rclpy)
+
+    return run(arguments)
+
+
 COMMANDS = (
+    NodeCommand("node", "a simulated rig on a CAN bus, with faults to inject (a ROS node)", _node),
     Command(
         "rig",
         "run a simulated rig on a CAN bus, without ROS",
         _declare_rig,
         _rig,
         examples=(
-            "python -m pam_sim rig --rig config/elbow.yaml --interface udp_multicast "
-            "--channel 239.74.163.2",
+            "pam sim rig --rig config/elbow.yaml --interface udp_multicast --channel 239.74.163.2",
         ),
     ),
     Command(
@@ -120,23 +134,23 @@ COMMANDS = (
         "update the tables of states and faults in a page of the documentation",
         _declare_fault_tables,
         _fault_tables,
-        examples=("python -m pam_sim fault-tables docs/safety_tables.md",),
+        examples=("pam sim fault-tables docs/safety_tables.md",),
     ),
 )
 
 
+TOOL = Tool("sim", "A simulated rig with valve boards, as a program and as a node", COMMANDS)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code."""
-    description = "A simulated rig with valve boards. The ROS node is: ros2 run pam_sim rig"
-    return run_program("python -m pam_sim", description, COMMANDS, arguments)
+    return TOOL.run(arguments)
 
 
 def rig_node() -> int:
-    """Entry point of `ros2 run pam_sim rig`."""
+    """Entry point of `ros2 run pam_sim pam_rig`."""
     end_at_signals()
-    from pam_sim.rig_node import main as run  # noqa: PLC0415  (rclpy)
-
-    return run()
+    return _node(None)
 
 
 if __name__ == "__main__":

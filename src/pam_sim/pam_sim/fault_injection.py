@@ -12,7 +12,9 @@ from collections.abc import Callable, Mapping
 
 from pam_driver.boards.protocol import Address
 from pam_model.errors import PamError
+from pam_model.names import unknown
 from pam_model.rig import Rig
+from pam_ros.foreign_text import shown
 from pam_sim import device_fault_injection
 from pam_sim.fault_stage import FOR_EVER, Injection, Stage, Values
 from pam_sim.faults import rig_faults
@@ -213,7 +215,7 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
     """
     name, *pairs = text.split()[:16] or [""]
     if name not in INJECTIONS:
-        raise PamError(f"fault {name[:64]!r}: expected one of {', '.join(INJECTIONS)}")
+        raise PamError(unknown("fault", name, INJECTIONS))
     kind = next(kind for kind in ALL_KINDS if kind.name == name)
     values = {key: 0.5 * (low + high) for key, (low, high) in ranges_on(kind, rig).items()}
     for pair in pairs:
@@ -224,7 +226,7 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
             value = math.nan
         if key not in values or not math.isfinite(value):
             raise PamError(
-                f"fault {name}: {pair[:64]!r}: expected "
+                f"fault {name}: {shown(pair)}: expected "
                 f"{' or '.join(f'{key}=NUMBER' for key in values) or 'no value'}"
             )
         values[key] = value
@@ -232,7 +234,7 @@ def parse_injection(text: str, rig: Rig) -> tuple[str, dict[str, float]]:
 
 
 def inject(stage: Stage, name: str, values: Values, draw: random.Random) -> None:
-    """Inject a fault now; KeyError for a fault that is not one of the rig."""
+    """Inject a fault now; UnknownNameError for a fault that is not one of the rig."""
     INJECTIONS[name](stage, values, draw)
 
 

@@ -1,6 +1,6 @@
 """Runs a simulated rig on a CAN bus, without ROS.
 
-`python -m pam_sim rig --rig config/elbow.yaml --interface udp_multicast --channel 239.74.163.2`
+`pam sim rig --rig config/elbow.yaml --interface udp_multicast --channel 239.74.163.2`
 """
 
 from __future__ import annotations

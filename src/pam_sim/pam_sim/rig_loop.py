@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from pam_driver.can_bus.bus import CanPort
+from pam_model.bounds import within
 from pam_model.errors import PamError
 from pam_ros.periodic import PeriodicLoop
 from pam_sim.fault_injection import inject, mend, parse_injection
@@ -59,6 +60,7 @@ class RigLoop:
         self._later: list[tuple[float, Callable[[], None]]] = []
         self._asked: deque[Callable[[], None]] = deque()
         self._draw = random.Random(0)
+        within("rate", rate, unit="Hz", above=0.0)
         self._loop = PeriodicLoop(self._turn, 1.0 / rate, "simulated rig", realtime_priority)
         self.truth: GroundTruth = rig.ground_truth()
         self.truth_time = time.time()

@@ -1,6 +1,6 @@
 """A simulated rig on a CAN bus as a ROS node, which also publishes the true state on topics.
 
-`ros2 run pam_sim rig --ros-args --params-file config/elbow.yaml -p bus.interface:=udp_multicast
+`pam sim node --ros-args --params-file config/elbow.yaml -p bus.interface:=udp_multicast
 -p bus.channel:=239.74.163.2`
 """
 
@@ -29,11 +29,14 @@ from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
 from pam_model.rig import Rig, load_rig, rig_of_node
 from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
+from pam_ros.foreign_text import shown
 from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
+from pam_ros.subscriptions import subscribe
 from pam_sim.boards.protocol import BoardSettings
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.rig import parse_effects
@@ -151,7 +154,7 @@ class RigNode(Node):  # type: ignore[misc]
         self._supply = self.create_publisher(FluidPressure, "ground_truth/supply_pressure", 1)
         self._supply_heard = Audience(self._supply).present
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(String, "~/inject_fault", self._on_fault, 10)
+        subscribe(self, String, "~/inject_fault", self._on_fault, 10)
         self.create_service(Trigger, "~/mend_faults", self._on_mend)
         self.steady_timers = SteadyTimers()
         self.steady_timers.add(1.0 / truth_rate, self._publish)
@@ -180,9 +183,9 @@ class RigNode(Node):  # type: ignore[misc]
         try:
             self._loop.inject(message.data)
         except PamError as error:
-            self.get_logger().warning(f"inject_fault refused: {error}")
+            self.get_logger().warning(f"inject_fault refused: {error}", throttle_duration_sec=1.0)
         else:
-            self.get_logger().info(f"fault injected: {message.data}")
+            self.get_logger().info(f"fault injected: {shown(message.data)}")
 
     def _on_mend(self, request: Any, response: Any) -> Any:
         self._loop.mend()
@@ -220,7 +223,7 @@ def _make_node() -> RigNode:
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_sim rig",
+    program=f"{PROGRAM} sim node",
     purpose="Simulates a rig and its valve boards in real time on a CAN bus. The boards send their "
     "measurements over the bus, and the node publishes the true state on topics.",
     parameters=PARAMETERS,

@@ -15,13 +15,16 @@ import numpy.typing as npt
 
 from pam_driver.boards.protocol import Address, Frame, KindOptions, WiredBoard
 from pam_driver.boards.wiring import RigWiring, kind_name
+from pam_model.bounds import within
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError, RigError
+from pam_model.names import unknown
 from pam_model.plant.layout import MUSCLES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.robot_plant import RobotPlant
 from pam_model.plant.simulate import DEFAULT_STEP, initial_state
 from pam_model.rig import Rig
+from pam_ros.foreign_text import shown
 from pam_sim.boards.protocol import BoardSettings, SimulatedBoard, TwinKind
 from pam_sim.boards.register import twin_called
 from pam_sim.boards.sensors import BoardSensors, SensorQuality
@@ -112,10 +115,8 @@ class SimulatedRig:
         now: float = 0.0,
     ) -> None:
         self.faults = RigFaults()
-        if not (10.0 <= rate <= 10_000.0):
-            raise PamError(f"rate = {rate:g} Hz must be from 10 to 10000 Hz")
-        if not 0.0 < step <= 0.002:
-            raise PamError(f"step = {step:g} s must be above 0 and at most 0.002 s")
+        within("rate", rate, 10.0, 10_000.0, "Hz")
+        within("step", step, high=0.002, unit="s", above=0.0)
         _check_same(rig, truth)
         self.rig = rig
         wiring = RigWiring(rig, options)
@@ -308,11 +309,15 @@ def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[Pl
         parts = name.split(".")
         owner, key = (parts[0], parts[1:]) if len(parts) == 3 else ("", parts)
         effect = EFFECTS.get(key[0])
-        if len(key) != 2 or effect is None or key[1] not in effect.parameters:
+        if len(key) != 2:
             raise PamError(
-                f"effect {name}: expected <effect>.<parameter> or <name>.<effect>.<parameter>, "
-                f"with an effect of {', '.join(EFFECTS)}"
+                f"effect {shown(name)}: expected <effect>.<parameter> or "
+                "<name>.<effect>.<parameter>"
             )
+        if effect is None:
+            raise PamError(unknown("effect", key[0], EFFECTS))
+        if key[1] not in effect.parameters:
+            raise PamError(f"effect {key[0]}: {unknown('parameter', key[1], effect.parameters)}")
         entry = effect.parameters[key[1]]
         if not entry.low <= value <= entry.high:
             raise PamError(
@@ -337,7 +342,8 @@ def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[Pl
             hit = True
         if not hit:
             kind = "joint or muscle" if effect.scope == "muscle" else "joint"
-            raise PamError(f"effect {name}: the rig has no {kind} called {owner}")
+            known = [*rig.joint_names, *(rig.muscle_names if effect.scope == "muscle" else ())]
+            raise PamError(f"effect {name}: {unknown(kind, owner, known)}")
     return plants
 
 

@@ -1,6 +1,6 @@
 """Publishes the muscles as markers, for RViz and Foxglove beside the model of the robot.
 
-`ros2 run pam_bringup markers --ros-args --params-file config/elbow.yaml`
+`pam bringup markers --ros-args --params-file config/elbow.yaml`
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ from pam_model.rig import rig_of_node
 from pam_model.robot import compose
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
+from pam_ros.subscriptions import subscribe
 
 PARAMETERS = (
     Parameter("rate", 20.0, "Hz", 1.0, 100.0, "of the markers"),
@@ -60,8 +62,8 @@ class MarkersNode(Node):  # type: ignore[misc]
         self._positions: dict[str, float] = {}
         self._pressures: dict[str, float] = {}
         self._markers = self.create_publisher(MarkerArray, "~/muscles", 1)
-        self.create_subscription(JointState, "joint_states", self._take_positions, _LATEST)
-        self.create_subscription(JointState, "pressure_states", self._take_pressures, _LATEST)
+        subscribe(self, JointState, "joint_states", self._take_positions, _LATEST)
+        subscribe(self, JointState, "pressure_states", self._take_pressures, _LATEST)
         self.create_timer(1.0 / self._declared.number("rate"), self._publish)
 
     def _take_positions(self, message: JointState) -> None:
@@ -83,7 +85,7 @@ class MarkersNode(Node):  # type: ignore[misc]
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_bringup markers",
+    program=f"{PROGRAM} bringup markers",
     purpose="Publishes the muscles as markers, with their length and, as colour, their pressure.",
     parameters=PARAMETERS,
     other_keys="the keys of the rig file, which docs/rig_file.md describes",

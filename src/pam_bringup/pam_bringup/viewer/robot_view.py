@@ -7,7 +7,7 @@ are shown by the same code.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
 from pam_bringup.viewer.arm_drawing import Stroke, arm_strokes
@@ -15,6 +15,7 @@ from pam_gap.live.live_gap import LiveWindow
 from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.rig import Rig
 from pam_model.robot import compose
+from pam_ros.foreign_text import SENTENCE, plain
 
 TOPICS = {
     "joint_states": "sensor_msgs/msg/JointState",
@@ -34,6 +35,7 @@ SHOW_EVERY = 0.02  # s, between two shown values of a topic
 DRAW_EVERY = 0.05  # s, between two drawings of the arm
 GAP_EVERY = 2.0  # s
 GAP_WINDOW = 6.0  # s
+MOST_SHOWN = 100  # warnings, and values of the driver's state
 LEVELS = ("ok", "warning", "error", "no data")
 
 
@@ -98,7 +100,8 @@ class RobotView:
         prefix = {"joint_states": JOINTS, "pressure_states": PRESSURES}.get(topic, COMMANDS)
         values = message.effort if topic == "pressure_states" else message.position
         if topic == "valve_commands":
-            values = [self._command(*entry) for entry in zip(*self._commands(message), strict=True)]
+            fields = zip(*self._commands(message), strict=False)
+            values = [self._command(*entry) for entry in fields]
         self._window.take(prefix, time, list(message.name), [float(value) for value in values])
         if self._gap_at == math.inf or self._gap_at > time + 10.0 * GAP_EVERY:
             self._gap_at = time + GAP_WINDOW
@@ -119,6 +122,19 @@ class RobotView:
     def _command(_name: str, position: float, effort: float) -> float:
         return position if math.isfinite(position) else effort
 
+    def _joints_of(
+        self, names: Sequence[str], values: Sequence[float]
+    ) -> Iterator[tuple[str, float]]:
+        """The values of the robot's joints; each other name would become a curve of its own."""
+        known = self._rig.joint_names
+        return (pair for pair in zip(names, values, strict=False) if pair[0] in known)
+
+    def _muscles_of(
+        self, names: Sequence[str], values: Sequence[float]
+    ) -> Iterator[tuple[str, float]]:
+        known = self._rig.muscle_names
+        return (pair for pair in zip(names, values, strict=False) if pair[0] in known)
+
     def _number(self, path: str, time: float, value: float) -> None:
         if math.isfinite(value):  # a gap of the curve; one NaN would empty the viewer's plot
             self._sink.number(path, time, value)
@@ -135,23 +151,25 @@ class RobotView:
             self._sink.lines(time, strokes)
 
     def _show_pressure_states(self, time: float, message: Any) -> None:
-        for name, pressure in zip(message.name, message.effort, strict=False):
+        for name, pressure in self._muscles_of(message.name, message.effort):
             self._pressures[name] = float(pressure)
             self._number(f"pressure/{name}", time, 1e-3 * float(pressure))
 
     def _show_valve_commands(self, time: float, message: Any) -> None:
         for name, position, effort in zip(*self._commands(message), strict=False):
+            if name not in self._rig.muscle_names:
+                continue
             if math.isfinite(position):
                 self._number(f"valve/{name}", time, float(position))
             elif math.isfinite(effort):
                 self._number(f"pressure/{name}_asked", time, 1e-3 * float(effort))
 
     def _show_reference(self, time: float, message: Any) -> None:
-        for name, position in zip(message.name, message.position, strict=False):
+        for name, position in self._joints_of(message.name, message.position):
             self._number(f"angle/{name}/reference", time, float(position))
 
     def _show_error(self, time: float, message: Any) -> None:
-        for name, position in zip(message.name, message.position, strict=False):
+        for name, position in self._joints_of(message.name, message.position):
             self._number(f"error/{name}", time, 1e3 * float(position))
 
     def _show_stiffness_commands(self, time: float, message: Any) -> None:
@@ -169,17 +187,19 @@ class RobotView:
 
     def _show_state(self, time: float, message: Any) -> None:
         told = [entry for entry in message.values if entry.value and entry.key not in FOR_PROGRAMS]
-        rows = [f"- {entry.key}: {entry.value}" for entry in told]
-        self._state = "\n".join([f"**{message.message}**", "", *rows])
+        rows = [f"- {plain(entry.key)}: {plain(entry.value, SENTENCE)}" for entry in told]
+        self._state = "\n".join([f"**{plain(message.message, SENTENCE)}**", "", *rows[:MOST_SHOWN]])
         self._tell(time)
 
     def _show_diagnostics(self, time: float, message: Any) -> None:
         for status in message.status:
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
-            if level:
-                self._warnings[status.name] = f"- {LEVELS[level]}: {status.name}: {status.message}"
-            else:
-                self._warnings.pop(status.name, None)
+            name = plain(status.name)
+            if level == 0:
+                self._warnings.pop(name, None)
+            elif name in self._warnings or len(self._warnings) < MOST_SHOWN:
+                named = LEVELS[min(level, len(LEVELS) - 1)]
+                self._warnings[name] = f"- {named}: {name}: {plain(status.message, SENTENCE)}"
         self._tell(time)
 
     def _tell(self, time: float) -> None:

@@ -20,6 +20,7 @@ from pam_ros.end_signals import EndSignals
 from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
+from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
 
 TYPES = {kind.__name__: kind for kind in (DiagnosticArray, DiagnosticStatus, JointState)}
 TYPES["Float64MultiArray"] = Float64MultiArray
@@ -36,7 +37,8 @@ class ViewerNode(Node):  # type: ignore[misc]
         for topic, kind in TOPICS.items():
             qos = _LATCHED if topic == "pam_driver/state" else _SENSED
             take = partial(self._take, topic)
-            self.create_subscription(TYPES[kind.rsplit("/", 1)[-1]], topic, take, qos)
+            message_type = TYPES[kind.rsplit("/", 1)[-1]]
+            subscribe(self, message_type, topic, take, qos, most_bytes=MOST_BYTES_OF_DIAGNOSTICS)
 
     def _take(self, topic: str, message: Any) -> None:
         self._view.take(topic, time.time(), message)

@@ -1,4 +1,4 @@
-"""`python -m pam_check blind`: draw hidden effects, diagnose the recordings, open labels, score.
+"""`pam check blind`: draw hidden effects, diagnose the recordings, open labels, score.
 
 The cases are drawn in a separate process (`pam_check.blind.cases`). The diagnoses run in processes
 that get only recordings and rig files (`pam_check.blind.diagnosing_process`). The digest of the

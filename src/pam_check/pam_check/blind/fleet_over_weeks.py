@@ -1,7 +1,7 @@
 """A robot over weeks: one effect grows from some week on, another is repaired, one file is corrupt.
 
 The truth plant of the blind check is recorded at even intervals of time, each time with another
-motion and other noise. `python -m pam_gap fleet` then sees the folder and nothing else, and the
+motion and other noise. `pam gap fleet` then sees the folder and nothing else, and the
 changes that it reports are compared with the true dates.
 """
 

@@ -1,4 +1,4 @@
-"""`python -m pam_check board`: plays the rules of docs/can_protocol.md against a board."""
+"""`pam check board`: plays the rules of docs/can_protocol.md against a board."""
 
 from __future__ import annotations
 

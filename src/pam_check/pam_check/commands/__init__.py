@@ -1,1 +1,1 @@
-"""The commands of `python -m pam_check`, one file per subject."""
+"""The commands of `pam check`, one file per subject."""

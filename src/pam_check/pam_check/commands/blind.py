@@ -134,7 +134,7 @@ COMMANDS = (
         _declare_blind,
         _blind,
         bad_news="if a diagnosis crashed",
-        examples=("python -m pam_check blind --cases 120 --seed 1097762585 --experiments",),
+        examples=("pam check blind --cases 120 --seed 1097762585 --experiments",),
     ),
     Command(
         "sensitivity",
@@ -142,8 +142,8 @@ COMMANDS = (
         _declare_sensitivity,
         _sensitivity,
         examples=(
-            "python -m pam_check blind --cases 24 --keep-evidence --out out/blind",
-            "python -m pam_check sensitivity out/blind --rediagnose 2",
+            "pam check blind --cases 24 --keep-evidence --out out/blind",
+            "pam check sensitivity out/blind --rediagnose 2",
         ),
     ),
     Command(
@@ -151,6 +151,6 @@ COMMANDS = (
         "decide a finished campaign again with the rules of this version, and tell what changes",
         _declare_decide_again,
         _decide_again,
-        examples=("python -m pam_check decide-again out/blind",),
+        examples=("pam check decide-again out/blind",),
     ),
 )

@@ -78,8 +78,8 @@ COMMANDS = (
         _board,
         bad_news="if the board breaks a rule",
         examples=(
-            "python -m pam_check board --channel can0 --board 0",
-            "python -m pam_check board --interface udp_multicast --channel 239.74.163.2 --yes",
+            "pam check board --channel can0 --board 0",
+            "pam check board --interface udp_multicast --channel 239.74.163.2 --yes",
         ),
     ),
 )

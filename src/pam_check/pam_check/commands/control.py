@@ -168,8 +168,8 @@ COMMANDS = (
         bad_news="if an error is above 1.1 times the PID's, a joint is in a limit cycle or a valve "
         "is at its end",
         examples=(
-            "python -m pam_check rough-control --tries 0",
-            "python -m pam_check rough-control --effects hysteresis payload",
+            "pam check rough-control --tries 0",
+            "pam check rough-control --effects hysteresis payload",
         ),
     ),
     Command(
@@ -179,7 +179,7 @@ COMMANDS = (
         _learning,
         bad_news="if the last repetition has more than a quarter of the first error and more than "
         "the encoder's noise, or one has more than the first",
-        examples=("python -m pam_check learning --effects hysteresis coulomb_friction+payload",),
+        examples=("pam check learning --effects hysteresis coulomb_friction+payload",),
     ),
     Command(
         "stiffness",
@@ -204,7 +204,7 @@ COMMANDS = (
         _declare_improved_rig,
         _improved_rig,
         bad_news="if an error above 1 mrad is more than half of that before, or an error grows",
-        examples=("python -m pam_check improved-rig --effects hysteresis payload",),
+        examples=("pam check improved-rig --effects hysteresis payload",),
     ),
     Command(
         "rough-rig",

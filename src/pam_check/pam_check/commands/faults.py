@@ -87,8 +87,8 @@ COMMANDS = (
         _faults,
         bad_news="if a fault is out of bounds",
         examples=(
-            "python -m pam_check faults --kind encoder_stuck --trials 50",
-            "python -m pam_check faults --rig config/elbow_canopen.yaml",
+            "pam check faults --kind encoder_stuck --trials 50",
+            "pam check faults --rig config/elbow_canopen.yaml",
         ),
     ),
     Command(

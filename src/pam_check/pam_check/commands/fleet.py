@@ -29,7 +29,7 @@ def _declare(parser: Parser) -> None:
         type=number("days", least=0.0),
         default=0.0,
         metavar="DAYS",
-        help="as for python -m pam_gap fleet (default: 0, diagnose all in full)",
+        help="as for `fleet` of the tool gap (default: 0, diagnose all in full)",
     )
     parser.add_argument(
         "--out", type=output_folder, default="out/fleet_check", help="folder (default: %(default)s)"
@@ -49,6 +49,6 @@ COMMANDS = (
         _declare,
         _run,
         bad_news="if a change is not found at the right week",
-        examples=("python -m pam_check fleet --recordings 60 --workers 2",),
+        examples=("pam check fleet --recordings 60 --workers 2",),
     ),
 )

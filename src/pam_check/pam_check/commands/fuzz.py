@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pam_check.commands.common_arguments import add_inputs
-from pam_model.argument_types import output_folder
+from pam_check.commands.common_arguments import add_inputs, add_seed
+from pam_model.argument_types import number, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig
 
 
@@ -11,7 +11,7 @@ def _declare_fuzz(parser: Parser) -> None:
     parser.add_argument(
         "target",
         metavar="TARGET",
-        help="frames, driver, board, commands, references, measurements, injections or all",
+        help="frames, driver, board, commands, references, measurements, injections, files or all",
     )
     add_rig(parser)
     add_inputs(parser)
@@ -46,6 +46,23 @@ def _fuzz_callbacks(given: Arguments) -> Outcome:
     return run(given, (DriverNode, ControllerNode, ModelNode, RigNode, MonitorNode))
 
 
+def _declare_fuzz_topics(parser: Parser) -> None:
+    add_rig(parser)
+    parser.add_argument(
+        "--seconds",
+        type=number("s", least=1.0, most=1e6),
+        default=60.0,
+        help="how long (default: %(default)s)",
+    )
+    add_seed(parser, 0)
+
+
+def _fuzz_topics(given: Arguments) -> Outcome:
+    from pam_check.fuzz.topics_node import run  # noqa: PLC0415  (rclpy)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "fuzz",
@@ -53,7 +70,7 @@ COMMANDS = (
         _declare_fuzz,
         _fuzz,
         bad_news="if anything failed",
-        examples=("python -m pam_check fuzz frames --count 10000000",),
+        examples=("pam check fuzz frames --count 10000000",),
     ),
     Command(
         "fuzz-callbacks",
@@ -61,5 +78,13 @@ COMMANDS = (
         _declare_fuzz_callbacks,
         _fuzz_callbacks,
         bad_news="if anything failed",
+    ),
+    Command(
+        "fuzz-topics",
+        "send spoilt bytes to every subscription of a running chain",
+        _declare_fuzz_topics,
+        _fuzz_topics,
+        bad_news="if a process ended or wrote a traceback, or the arm left its bounds",
+        examples=("python -m pam_check fuzz-topics --seconds 600",),
     ),
 )

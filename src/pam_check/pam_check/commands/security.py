@@ -29,7 +29,7 @@ COMMANDS = (
         "write the SROS 2 policy of a rig",
         _declare_security,
         _security,
-        examples=("python -m pam_check security my_policy.xml --rig my_robot.yaml",),
+        examples=("pam check security my_policy.xml --rig my_robot.yaml",),
     ),
     Command(
         "security-check",

@@ -1,6 +1,6 @@
 """How good a rig file is that was written from what the controller has learnt.
 
-`python -m pam_check adapted-rig` draws rigs whose numbers differ from the rig file within its
+`pam check adapted-rig` draws rigs whose numbers differ from the rig file within its
 tolerance, and which have a load, grease and dry friction that nobody has written down, in the
 independent plant of the blind check. The controller plays the arm motion, and what it has learnt is
 written as a rig file. Two controllers without adaptation then play the motions of the table of

@@ -1,6 +1,6 @@
 """How well the controller knows the stiffness of a joint whose dimensions are a little off.
 
-`python -m pam_check stiffness` draws rigs whose numbers differ from the rig file within its
+`pam check stiffness` draws rigs whose numbers differ from the rig file within its
 tolerance, in the independent plant of the blind check, and plays the arm motion, or the small test
 motion of a joint that rests (`stiffness_test.amplitude`), at a drawn position. The true stiffness
 at the true pressures and angle is the derivative of the ideal braided muscle (Chou and Hannaford,

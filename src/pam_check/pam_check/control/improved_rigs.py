@@ -1,6 +1,6 @@
 """How much better the controller tracks a rough rig with the rig file that a diagnosis improved.
 
-`python -m pam_check improved-rig` hides an effect as `rough-control` does. The controller, which
+`pam check improved-rig` hides an effect as `rough-control` does. The controller, which
 has the nominal rig file, plays both motions. What its sensors and its log show of them is
 diagnosed. The controller then plays the motions with other noise, with either rig file.
 Both are shown without adaptation, where the rig file alone counts, and with it, for motions that

@@ -1,6 +1,6 @@
 """How the error of a repeated motion falls while the controller learns it.
 
-`python -m pam_check learning` hides an effect, or several at once, in the independent plant of the
+`pam check learning` hides an effect, or several at once, in the independent plant of the
 blind check, gives the controller the nominal rig file, and repeats one motion. Nothing is known
 before the first repetition.
 """

@@ -1,6 +1,6 @@
 """How well the controller tracks on rigs that are not their rig file.
 
-`python -m pam_check rough-control` hides every effect, one after the other, in the independent
+`pam check rough-control` hides every effect, one after the other, in the independent
 plant of the blind check, gives the controller the nominal rig file, and plays two motions. Beside
 it runs a PID with feedforward that was tuned on that very rig (`tuned_pid`). What the tuning found
 is kept in a file, because it takes about a minute per rig; the rest takes a second per motion. What

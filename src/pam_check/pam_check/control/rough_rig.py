@@ -1,6 +1,6 @@
 """One rig as real ones are, beside one that is its rig file: what diagnosis and learning bring.
 
-`python -m pam_check rough-rig` hides several effects of ordinary size at once in the independent
+`pam check rough-rig` hides several effects of ordinary size at once in the independent
 plant of the blind check, and makes the dimensions differ from the rig file. It plays the arm's
 motion with a PID that was tuned on that very rig, with the controller that has the rig file as it
 was written, with the improved rig file of a diagnosis, and after it has learnt the motion. The same

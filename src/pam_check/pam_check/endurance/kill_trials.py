@@ -1,6 +1,6 @@
 """Kills a driving process many times and measures how soon the boards' watchdogs vent.
 
-`python -m pam_check kill-trials --trials 200` forks a process that runs the suite's driver at
+`pam check kill-trials --trials 200` forks a process that runs the suite's driver at
 500 Hz in real time and commands simulated boards over a loopback multicast bus. The process is
 ended by SIGKILL while air flows. Each board has to vent within its watchdog period plus 10 ms.
 """

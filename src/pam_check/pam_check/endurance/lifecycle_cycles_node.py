@@ -1,6 +1,6 @@
 """Configures, activates, deactivates and cleans up a driver process again and again.
 
-`python -m pam_check lifecycle --cycles 1000 --unplugged 200` runs a simulated rig and a driver on a
+`pam check lifecycle --cycles 1000 --unplugged 200` runs a simulated rig and a driver on a
 loopback multicast bus and monitors the driver's threads, file handles, sockets and memory. In some
 randomly drawn cycles the bus is lost while the driver is active, in one of four ways: python-can
 raises ENETDOWN, python-can raises ENODEV, the boards send nothing, or the process of the boards is

@@ -1,6 +1,6 @@
 """Moves sixteen muscles on simulated boards for hours, and looks for leaks and drift.
 
-`python -m pam_check soak --hours 2` runs boards, plant, the driver's bus port, driver and
+`pam check soak --hours 2` runs boards, plant, the driver's bus port, driver and
 controller at 500 Hz and the model at 100 Hz in one process on a virtual clock. The wall clock is
 50 ppm faster than the monotonic clock, as with an uncorrected quartz crystal. The run checks
 memory, handles, threads, stamps, heartbeats and commands. It does not cover sockets, ROS messages

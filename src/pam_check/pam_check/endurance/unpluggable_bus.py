@@ -2,7 +2,7 @@
 
 It is an interface of python-can with the name INTERFACE, which python-can finds as a plug-in
 (`can.interface` in this package's setup.py), so that the normal driver program can use it:
-`PAM_UNPLUGGED=/tmp/plug ros2 run pam_driver driver_node --ros-args -p bus.interface:=unpluggable
+`PAM_UNPLUGGED=/tmp/plug pam driver node --ros-args -p bus.interface:=unpluggable
 -p bus.channel:=239.74.163.2 -p bus.options:=port=43113 ...`. While the file contains the number of
 a system error, every call raises this error, as SocketCAN does: ENETDOWN (100) for an interface
 that is set down, ENODEV (19) for an adapter that is unplugged and cannot be opened again.

@@ -1,6 +1,6 @@
 """Injects every fault many times and compares the reactions with docs/safety_tables.md.
 
-`python -m pam_check faults --trials 600 --out out/faults` runs boards, plant, bus, driver, model
+`pam check faults --trials 600 --out out/faults` runs boards, plant, bus, driver, model
 and controller in one process on a virtual clock. Each trial is a fork of one moving chain, so each
 fault occurs in another phase of the motion.
 """
@@ -178,7 +178,7 @@ def run(given: Arguments) -> Outcome:
 
 def _command_line(given: Arguments) -> str:
     """The command that makes the same table again, for the page with the table."""
-    words = ["python -m pam_check faults"]
+    words = ["./pam check faults"]
     words += [] if given.rig is None else [f"--rig {given.rig}"]
     words += [] if given.trials is None else [f"--trials {given.trials}"]
     words += [f"--kind {name}" for name in given.kind or ()]

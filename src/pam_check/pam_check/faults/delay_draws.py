@@ -1,6 +1,6 @@
 """One delay on the way of commands or measurements and one hidden effect, drawn at random.
 
-`python -m pam_check delays --draws 500` asks one question of every draw: does the joint stay below
+`pam check delays --draws 500` asks one question of every draw: does the joint stay below
 the speed limit in its rig file, and does the loop either track or stop? The controller knows
 neither the delay nor the effect. Frames are delayed without a trace; messages between the processes
 carry stamps that tell their age.

@@ -28,7 +28,9 @@ from pam_driver.boards.pam_board.codec import (
 )
 from pam_driver.can_bus.bus import CanPort
 from pam_model.errors import PamError
+from pam_ros.foreign_text import SENTENCE, plain
 from pam_ros.start import start_ros
+from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
 
 _PERIOD = 0.01  # s, of the references
 
@@ -74,7 +76,10 @@ class FaultOperator(Node):  # type: ignore[misc]
             for name in ("pam_rig/mend_faults", "pam_driver/clear_faults", "pam_driver/vent")
         }
         self._lifecycle = self.create_client(ChangeState, "pam_driver/change_state")
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        subscribe(
+            self, DiagnosticArray, "/diagnostics", self._on_diagnostics, 10,
+            most_bytes=MOST_BYTES_OF_DIAGNOSTICS,
+        )  # fmt: skip
         self._started = time.monotonic()
         self._next = self._started
 
@@ -197,9 +202,9 @@ class FaultOperator(Node):  # type: ignore[misc]
         for status in message.status:
             if status.name == "pam_driver: safety":
                 if status.level == DiagnosticStatus.ERROR:
-                    self.fault = status.message
+                    self.fault = plain(status.message, SENTENCE)
                 elif "suspected" in status.message:
-                    self.suspicion = status.message
+                    self.suspicion = plain(status.message, SENTENCE)
 
 
 @contextlib.contextmanager

@@ -1,6 +1,6 @@
 """The rig's faults once each on real processes: rig, driver and controller over a bus and ROS.
 
-`python -m pam_check processes --out out/faults/processes.md` complements
+`pam check processes --out out/faults/processes.md` complements
 `pam_check.faults.campaign`, which gives the statistics: here sockets, ROS, threads and the host's
 scheduler take part. A fault is out of bounds if it must vent and does not vent within its bound
 plus `HOST`, or if it must be tolerated and stops the joint.

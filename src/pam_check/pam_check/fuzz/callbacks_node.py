@@ -1,9 +1,10 @@
 """Calls the callbacks of the nodes with random and mutated messages.
 
-`python -m pam_check fuzz-callbacks --count 1000000` creates the nodes in this process, calls the
-callback of each subscription with that many messages of its type, and calls the timers in between.
-No exception may escape, and a driver that was not activated must not allow air flow. Names, sizes,
-numbers and stamps are random; types are correct, because ROS checks them.
+`pam check fuzz-callbacks --count 1000000` creates the nodes in this process, calls the
+callback of each subscription with that many messages, and calls the timers in between. No exception
+may escape, and a driver that was not activated must not allow air flow. One half are messages of
+the topic's type with random names, sizes, numbers and stamps; the other half are their bytes,
+spoilt (`pam_check.fuzz.message_bytes`). The subscriptions are those that the nodes have.
 """
 
 from __future__ import annotations
@@ -26,14 +27,15 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from pam_check.chain import private_domain, set_environment
 from pam_check.fuzz.fuzz_run import BLOCK
+from pam_check.fuzz.message_bytes import drawn, spoilt
 from pam_check.fuzz.random_targets import ViolationError, injection, names, numbers
 from pam_driver.boards.pam_board.codec import BoardCodec, FrameError, ValveCommand
 from pam_driver.can_bus.bus import CanPort, open_bus
 from pam_model.command_line import Arguments, Outcome, chosen_rig
-from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
+from pam_ros.subscriptions import GuardedTopic
 
 CHANNEL: Final = "fuzz"
 _SECONDS = (0, 0, 1, -1, -(2**31), 2**31 - 1)
@@ -69,16 +71,15 @@ class Messages:
         )
 
     def message(self, kind: type) -> Any:
-        """One of this type.
-
-        Raises
-        ------
-        PamError
-            For an unknown type.
-        """
-        if kind not in self._by_type:
-            raise PamError(f"no messages of type {kind.__name__} can be drawn")
+        """One of this type, around the names of the rig or with any values."""
+        if kind not in self._by_type or self._draw.random() < 0.2:
+            return drawn(kind, self._draw)
         return self._by_type[kind]()
+
+    def data(self, kind: type) -> bytes:
+        """The bytes of a message of this type, every other time spoilt."""
+        data = bytes(serialize_message(self.message(kind)))
+        return data if self._draw.random() < 0.5 else spoilt(data, self._draw)
 
     def _numbers(self) -> list[float]:
         return numbers(self._draw, len(self._draw.choice(self._names)))
@@ -119,7 +120,9 @@ class Messages:
 
 
 @contextmanager
-def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[Any]]:
+def made_nodes(
+    rig: Path, kinds: Sequence[Callable[[], Any]], parameters: Sequence[str] = ()
+) -> Iterator[list[Any]]:
     """One node of each kind for a rig file, with a configured driver; they end with the context.
 
     Parameters
@@ -128,6 +131,8 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
         Rig file of the nodes.
     kinds : sequence of callable
         The nodes' classes, the driver's first.
+    parameters : sequence of str, optional
+        Further parameters, as after -p.
 
     Raises
     ------
@@ -140,7 +145,9 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
         for key, value in (("interface", "virtual"), ("channel", f"{CHANNEL}_{name}")):
             arguments += ["-p", f"{name}:bus.{key}:={value}"]
     with set_environment(private_domain()):
-        start_ros([*arguments, "-p", "pam_driver:autostart:=false"])
+        for parameter in ("pam_driver:autostart:=false", *parameters):
+            arguments += ["-p", parameter]
+        start_ros(arguments)
     nodes: list[Any] = []
     try:
         for kind in kinds:
@@ -158,22 +165,21 @@ def made_nodes(rig: Path, kinds: Sequence[Callable[[], Any]]) -> Iterator[list[A
         rclpy.try_shutdown()
 
 
-def callbacks(node: Any) -> list[tuple[str, type, Callable[[Any], Any]]]:
-    """Topic, type and callback of every subscription, including those that a loop polls."""
+def callbacks(node: Any) -> list[tuple[str, type, GuardedTopic]]:
+    """Topic, type and callback of every subscription, including those that a loop polls.
+
+    Raises
+    ------
+    ViolationError
+        For a subscription without the guarded decoder.
+    """
     polled = [one.subscription for one in getattr(node, "polled_topics", ())]
-    return [
-        (one.topic_name, one.msg_type, _taking_messages(one))
-        for one in (*node.subscriptions, *polled)
-        if not one.topic_name.startswith(("/parameter", "/rosout"))
-    ]
-
-
-def _taking_messages(subscription: Any) -> Callable[[Any], Any]:
-    """The callback of a subscription; one that takes serialized messages is given them."""
-    callback: Callable[[Any], Any] = subscription.callback
-    if not subscription.raw:
-        return callback
-    return lambda message: callback(serialize_message(message))
+    found = []
+    for one in (*node.subscriptions, *polled):
+        if not isinstance(one.callback, GuardedTopic) or not one.raw:
+            raise ViolationError(f"{one.topic_name}: does not pass the guarded decoder")
+        found.append((one.topic_name, one.msg_type, one.callback))
+    return found
 
 
 def no_air(port: CanPort, codec: BoardCodec, now: float) -> None:
@@ -191,7 +197,11 @@ def no_air(port: CanPort, codec: BoardCodec, now: float) -> None:
 
 
 def fuzz_callbacks(
-    rig: Path, count: int, seed: int, kinds: Sequence[Callable[[], Any]]
+    rig: Path,
+    count: int,
+    seed: int,
+    kinds: Sequence[Callable[[], Any]],
+    parameters: Sequence[str] = (),
 ) -> dict[str, list[str]]:
     """Send messages through every callback; return the escaped exceptions by node and topic.
 
@@ -205,18 +215,22 @@ def fuzz_callbacks(
         Seed of the first block.
     kinds : sequence of callable
         The nodes' classes, the driver's first.
+    parameters : sequence of str, optional
+        Further parameters of the nodes, as after -p.
 
     Raises
     ------
     PamError
-        If a node cannot be created, or subscribes to a type that cannot be drawn.
+        If a node cannot be created.
+    ViolationError
+        For a subscription without the guarded decoder.
     """
     failed: dict[str, list[str]] = {}
     codec = BoardCodec.from_dbc()
     given = load_rig(rig)
     port = open_bus("virtual", f"{CHANNEL}_pam_driver")
     try:
-        with made_nodes(rig, kinds) as nodes:
+        with made_nodes(rig, kinds, parameters) as nodes:
             for node in nodes:
                 for topic, message_type, callback in callbacks(node):
                     escaped = failed.setdefault(f"{node.get_name()} {topic}", [])
@@ -224,7 +238,7 @@ def fuzz_callbacks(
                         messages = Messages(given, random.Random(block))
                         try:
                             for _ in range(BLOCK):
-                                callback(messages.message(message_type))
+                                callback(messages.data(message_type))
                             for timer in node.timers:
                                 timer.callback()
                             no_air(port, codec, time.monotonic())

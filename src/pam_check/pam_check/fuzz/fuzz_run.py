@@ -1,9 +1,9 @@
 """Feeds random and mutated input into the suite; only PamError may escape.
 
-`python -m pam_check fuzz frames --count 10000000`; other targets are `driver`, `board`, `commands`,
-`references`, `measurements` and `injections`. Half of the input is noise, the other half are valid
-messages with a few changed bits or fields. The seeds of failed blocks are kept in `--corpus` and
-tried first next time.
+`pam check fuzz frames --count 10000000`; other targets are `driver`, `board`, `commands`,
+`references`, `measurements`, `injections` and `files`. Half of the input is noise, the other half
+are valid messages with a few changed bits or fields; `files` are sound files with some damage. The
+seeds of failed blocks are kept in `--corpus` and tried first next time.
 """
 
 from __future__ import annotations
@@ -12,16 +12,26 @@ import json
 import random
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from pam_check.fuzz.random_targets import TARGETS
+from pam_check.fuzz.random_targets import TARGETS as INTERFACES
+from pam_check.fuzz.random_targets import Target
 from pam_model.argument_types import make_parents
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 
+
+def _files(rig: Rig) -> Target:
+    from pam_check.fuzz.damaged_files import files_target  # noqa: PLC0415  (readers of all formats)
+
+    return files_target(rig)
+
+
+TARGETS: Final[Mapping[str, Callable[[Rig], Target]]] = {**INTERFACES, "files": _files}
+"""All targets; `files` damages files of every kind that is read, about 30 a second."""
 BLOCK = 1000  # inputs per seed; few, so that a failure is reproduced quickly
 
 

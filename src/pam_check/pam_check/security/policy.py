@@ -1,7 +1,7 @@
 """The topics and services that each node may use, as data and as an SROS 2 policy file.
 
-`python -m pam_check security config/security_policy.xml` writes the policy (schema 0.2.0 of sros2).
-docs/security.md explains how to enable it. `python -m pam_check security-check` compares it with
+`pam check security config/security_policy.xml` writes the policy (schema 0.2.0 of sros2).
+docs/security.md explains how to enable it. `pam check security-check` compares it with
 what running nodes really use.
 """
 

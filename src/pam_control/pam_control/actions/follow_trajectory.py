@@ -16,6 +16,7 @@ from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
 from pam_control.references.trajectory import CommandError, JointNameError, PastTrajectoryError
 from pam_control.references.trajectory import TrajectoryPoint as Point
+from pam_ros.foreign_text import all_shown
 from pam_ros.long_actions import GoalEnd, LongActions
 from pam_ros.parameters import Value
 from pam_ros.steady_timers import SteadyTimers
@@ -106,7 +107,7 @@ class FollowTrajectory:
         try:
             goal = self._follow(handle.request)
         except GoalError as error:
-            self._node.get_logger().warning(f"{NAME}: {error}")
+            self._node.get_logger().warning(f"{NAME}: {error}", throttle_duration_sec=1.0)
             self._end(handle, GoalEnd.ABORTED, error.code, str(error))
             return
         before, old = self._handle, self._goal
@@ -144,7 +145,7 @@ class FollowTrajectory:
         if not names or len(set(names)) != len(names) or not set(names) <= set(known):
             raise GoalError(
                 GoalCode.INVALID_JOINTS,
-                f"joint_names = {names}, expected some or all of {known}, each once",
+                f"joint_names = {all_shown(names)}, expected some or all of {known}, each once",
             )
         patience = request.goal_time_tolerance
         tolerances = goal_tolerances(

@@ -14,6 +14,7 @@ from enum import IntEnum
 from typing import Protocol
 
 from pam_control.references.trajectory import CommandError
+from pam_ros.foreign_text import shown
 from pam_ros.parameters import Parameter, Value
 
 ERASED = -1.0
@@ -193,7 +194,7 @@ def _overridden(
     found = dict(defaults)
     seen = set()
     for entry in given:
-        what = f"{field} of {entry.name!r}"
+        what = f"{field} of {shown(entry.name)}"
         if entry.name not in defaults:
             known = ", ".join(defaults)
             raise GoalError(

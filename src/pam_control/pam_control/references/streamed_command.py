@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from pam_control.references.trajectory import LARGEST, CommandError
+from pam_ros.foreign_text import shown
 
 
 def check_streamed_command(
@@ -43,7 +44,7 @@ def check_streamed_command(
         raise CommandError(f"{what}: a joint is named twice")
     for index, name in enumerate(names):
         if name not in limits:
-            raise CommandError(f"{what}: unknown joint {name!r}; known: {', '.join(limits)}")
+            raise CommandError(f"{what}: unknown joint {shown(name)}; known: {', '.join(limits)}")
         lower, upper = limits[name]
         position = positions[index]
         velocity = velocities[index] if len(velocities) else 0.0

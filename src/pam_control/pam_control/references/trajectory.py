@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pam_model.errors import PamError
+from pam_ros.foreign_text import shown
 
 # [rad/s], [rad/s^2]: no joint moves so fast, and larger numbers would overflow a spline.
 LARGEST = {"velocities": 100.0, "accelerations": 1e5}
@@ -71,7 +72,9 @@ def check_trajectory(
     for name in names:
         if name not in limits:
             known = ", ".join(limits)
-            raise JointNameError(f"trajectory rejected: unknown joint {name!r}; known: {known}")
+            raise JointNameError(
+                f"trajectory rejected: unknown joint {shown(name)}; known: {known}"
+            )
     if len(set(names)) != len(names):
         raise JointNameError("trajectory rejected: a joint is named twice")
     previous = -math.inf

@@ -318,6 +318,15 @@ class ExplainsPromises(Protocol):
         """By the name of a promise: what its absence means, and what makes up for it."""
 
 
+@runtime_checkable
+class HasDoubts(Protocol):
+    """What a kind may offer in addition: what is odd about boards that can be used."""
+
+    @property
+    def doubts(self) -> Sequence[str]:
+        """One line for each, known after `problems`; a person reads them before air is on."""
+
+
 class BoardKind(Protocol):
     """A kind of board with its options; the registered `MakeKind` makes it once for a rig."""
 

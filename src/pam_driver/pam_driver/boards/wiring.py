@@ -11,6 +11,7 @@ from pam_driver.boards.protocol import (
     Board,
     BoardKind,
     Channel,
+    HasDoubts,
     Identifiers,
     JointWire,
     KindOptions,
@@ -47,6 +48,8 @@ class RigWiring:
         What is wired to each board, in the order in which the rig file names them.
     kinds : dict of str to BoardKind
         The kinds in use, by name.
+    doubts : tuple of str
+        What is odd about boards that can be used, as a flaw in a line of a device's file.
 
     Raises
     ------
@@ -82,6 +85,12 @@ class RigWiring:
             problems += kind.problems([b for b in self.boards.values() if kind_name(b) == name])
         if problems:
             raise RigError("\n".join(problems))
+        self.doubts = tuple(
+            line
+            for kind in self.kinds.values()
+            if isinstance(kind, HasDoubts)
+            for line in kind.doubts
+        )
         self.muscles = tuple(muscles.values())
         self.sensors = tuple(sensors.values())
         self.joints = tuple(joints.values())

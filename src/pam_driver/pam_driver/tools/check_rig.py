@@ -92,7 +92,7 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
     for address, board in boards.items():
         found.problems += _too_slow(address, board, rate, found.wires)
         found.missing_promises[board.name] = weaker_promises(board)
-    found.cautions = [*_overfilled(rig), *_too_heavy(compose(rig))]
+    found.cautions = [*wiring.doubts, *_overfilled(rig), *_too_heavy(compose(rig))]
     return found
 
 

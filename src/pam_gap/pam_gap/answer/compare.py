@@ -19,6 +19,7 @@ from pam_gap.answer.user_units import spoken
 from pam_gap.inference.confidence import NORMAL_90
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
+from pam_model.reading import read_text, reading
 
 SURE = 1.96
 """Standard deviations from which a difference is more than noise (two-sided, 5 %)."""
@@ -109,10 +110,8 @@ def letter(place: int) -> str:
 
 
 def _read(path: Path) -> Answer:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, UnicodeDecodeError) as error:
-        raise PamError(f"{path}: not a diagnosis: no JSON ({error})") from None
+    with reading(path, "a diagnosis: no JSON"):
+        content = json.loads(read_text(path))
     if not isinstance(content, dict) or any(key not in content for key in _NEEDED):
         raise PamError(
             f"{path}: not a diagnosis; expected the keys {', '.join(_NEEDED)}, as `diagnose` "

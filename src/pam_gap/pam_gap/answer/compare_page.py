@@ -1,4 +1,4 @@
-"""`python -m pam_gap compare`: the page, the table in the terminal, and the JSON."""
+"""`pam gap compare`: the page, the table in the terminal, and the JSON."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from pam_gap.answer.compare import (
 from pam_gap.answer.page_style import STYLE, VERDICT_WORDS
 from pam_gap.answer.user_units import interval_digits, plain, spoken, told, user_unit
 from pam_model.command_line import Arguments, Outcome
+from pam_model.reading import reading
 
 PAGE = "compare.html"
 _COLOURS = ("#c2410c", "#00798c", "#6b46c1", "#4a5568", "#b7791f")
@@ -234,7 +235,8 @@ def _document(joints: Sequence[JointComparison]) -> list[dict[str, Any]]:
 
 def run(given: Arguments) -> Outcome:
     """Compare diagnoses; the command of `pam_gap.__main__`."""
-    joints = compare([read_answers(path) for path in given.diagnoses])
+    with reading(", ".join(map(str, given.diagnoses)), "diagnoses as `diagnose` writes them"):
+        joints = compare([read_answers(path) for path in given.diagnoses])
     out = Path(given.out)
     out.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context({"font.size": 9}):

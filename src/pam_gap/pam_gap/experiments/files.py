@@ -8,6 +8,7 @@ the rest. docs/next_experiment.md describes how to play the files.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 from pathlib import Path
@@ -18,8 +19,8 @@ import pandas as pd
 import yaml
 
 from pam_gap.experiments.excitations import Excitation
-from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.reading import read_text, reading
 from pam_model.rig import Rig
 
 FOLDER = "next_experiment"
@@ -127,9 +128,9 @@ def read_experiment(folder: Path) -> Excitation:
     PamError
         When a file is missing or does not have the expected content.
     """
-    try:
-        details = json.loads((folder / DETAILS).read_text(encoding="utf-8"))
-        table = pd.read_csv(folder / COMMANDS)
+    with reading(folder, f"a proposed experiment of a diagnosis, {DETAILS} and {COMMANDS}"):
+        details = json.loads(read_text(folder / DETAILS))
+        table = pd.read_csv(io.StringIO(read_text(folder / COMMANDS)))
         # `commands_table` writes the agonist's pressure before the antagonist's.
         agonist_name, antagonist_name = (c for c in table.columns if c.startswith("pressure."))
         agonist, antagonist = (table[c].to_numpy(float) for c in (agonist_name, antagonist_name))
@@ -146,8 +147,3 @@ def read_experiment(folder: Path) -> Excitation:
             (float(details["open_commands"][0]), float(details["open_commands"][1])),
             str(details["mounting"]),
         )
-    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
-        raise PamError(
-            f"{folder}: not a proposed experiment ({error}); expected {DETAILS} and {COMMANDS} as "
-            "a diagnosis writes them"
-        ) from error

@@ -1,6 +1,6 @@
 """Plays a proposed experiment on the rig in place of the controller.
 
-`ros2 run pam_gap play --ros-args --params-file RIG -p experiment:=OUT/next_experiment`
+`pam gap play --ros-args --params-file RIG -p experiment:=OUT/next_experiment`
 
 The driver must be active and no controller may run. First the joint moves to the state in which the
 experiment begins. At the end both muscles are vented and the node ends. The muscles of other joints
@@ -33,7 +33,9 @@ from pam_model.rig import rig_of_node
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.periodic import PeriodicLoop
+from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
+from pam_ros.subscriptions import subscribe
 from pam_ros.valve_command import ValveCommandFormat
 
 PARAMETERS = (
@@ -75,8 +77,8 @@ class PlayNode(Node):  # type: ignore[misc]
         self._problem = ""
         self.done = False
         self._commands = self.create_publisher(JointState, "valve_commands", QoSProfile(depth=1))
-        self.create_subscription(JointState, "joint_states", self._take_positions, _SENSED)
-        self.create_subscription(JointState, "pressure_states", self._take_pressures, _SENSED)
+        subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
+        subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
         self.loop = PeriodicLoop(self._cycle, 1.0 / parameters.number("rate"), "play")
         self.loop.start()
 
@@ -86,8 +88,9 @@ class PlayNode(Node):  # type: ignore[misc]
         return time.monotonic()
 
     def _take_positions(self, message: Any) -> None:
-        if self._joint.name in message.name:
-            self._position = float(message.position[message.name.index(self._joint.name)])
+        positions = dict(zip(message.name, message.position, strict=False))
+        if self._joint.name in positions:
+            self._position = float(positions[self._joint.name])
             self._position_at = self._now()
 
     def _take_pressures(self, message: Any) -> None:
@@ -145,10 +148,9 @@ class PlayNode(Node):  # type: ignore[misc]
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_gap play",
+    program=f"{PROGRAM} gap play",
     purpose="Plays a proposed experiment on the rig in place of the controller: the joint moves. "
-    "The driver must be active and no controller may run. At the end both muscles are vented. The "
-    "same as: python -m pam_gap play",
+    "The driver must be active and no controller may run. At the end both muscles are vented.",
     parameters=PARAMETERS,
     other_keys="the keys of the rig file, which docs/rig_file.md describes",
     example="--ros-args --params-file RIG.yaml -p experiment:=OUT/next_experiment",

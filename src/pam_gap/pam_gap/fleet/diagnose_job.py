@@ -26,6 +26,7 @@ from pam_gap.fleet.workers import one_line
 from pam_gap.rules import DEFAULT, Rules
 from pam_model.command_line import plain
 from pam_model.errors import PamError
+from pam_model.reading import read_text, reading
 
 DONE = "done.json"
 
@@ -77,9 +78,11 @@ def key_of(task: Task) -> dict[str, str]:
 
 def kept_result(task: Task, key: Mapping[str, str]) -> dict[str, Any] | None:
     """The kept result of a recording; None if there is none or it was made from something else."""
+    place = task.folder / DONE
     try:
-        kept = json.loads((task.folder / DONE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        with reading(place, "a kept result"):
+            kept = json.loads(read_text(place))
+    except PamError:
         return None
     if not isinstance(kept, dict) or kept.get("key") != dict(key):
         return None

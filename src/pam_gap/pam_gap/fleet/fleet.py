@@ -1,4 +1,4 @@
-"""`python -m pam_gap fleet`: many recordings diagnosed in parallel, and what changed over weeks.
+"""`pam gap fleet`: many recordings diagnosed in parallel, and what changed over weeks.
 
 Each recording is diagnosed (`diagnose_job`). Then the effects that several recordings of a joint
 show are fitted on all of them (`tracking`), and steps and slopes are sought (`change_points`).

@@ -21,6 +21,8 @@ from pam_gap.fleet.tracking import TrackTask, effects_to_follow, follow, typical
 from pam_gap.fleet.workers import run_all
 from pam_gap.rules import DEFAULT
 from pam_model.command_line import plain, progress
+from pam_model.errors import PamError
+from pam_model.reading import read_text, reading
 
 RULES = DEFAULT.fleet
 
@@ -73,8 +75,9 @@ class _Entry:
 
 def _read_rows(path: Path) -> Rows | None:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        with reading(path, "kept rows"):
+            found = json.loads(read_text(path))
+    except PamError:
         return None
     return found if isinstance(found, list) else None
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +15,9 @@ from pam_gap.fleet.recording_time import read_date
 from pam_gap.recordings.import_csv import TABLES, is_table
 from pam_gap.recordings.import_recording import is_bag
 from pam_model.errors import PamError
+from pam_model.reading import read_text, reading
 from pam_model.rig import load_rig
+from pam_ros.foreign_text import all_shown, shown
 
 COLUMNS = ("recording", "rig", "robot", "time")
 
@@ -107,16 +111,18 @@ def many_rigs(folder: Path, table: Path) -> list[Job]:
     PamError
         For a table, recording or rig file that cannot be used.
     """
-    try:
-        rows = pd.read_csv(table, dtype=str, comment="#", skipinitialspace=True)
-    except (ValueError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())
-        raise PamError(f"{table}: not a readable CSV table ({reason})") from None
+    with reading(table, "a readable CSV table"):
+        return _many_rigs(folder, table)
+
+
+def _many_rigs(folder: Path, table: Path) -> list[Job]:
+    text = io.StringIO(read_text(table))
+    rows = pd.read_csv(text, dtype=str, comment="#", skipinitialspace=True)
     rows.columns = [str(name).strip() for name in rows.columns]
     for column in ("recording", "rig"):
         if column not in rows.columns:
             raise PamError(
-                f"{table}: no column {column!r}; found {', '.join(rows.columns)}; expected "
+                f"{table}: no column {column!r}; found {all_shown(rows.columns)}; expected "
                 f"{', '.join(COLUMNS)}, of which robot and time may be left out"
             )
     jobs: list[Job] = []
@@ -126,9 +132,10 @@ def many_rigs(folder: Path, table: Path) -> list[Job]:
         entry = {str(key): str(value).strip() for key, value in row.items()}
         recording, rig = folder / entry["recording"], table.parent / entry["rig"]
         if not entry["recording"] or not recording.exists():
-            raise PamError(f"{where}: recording {recording}: there is no such file or folder")
+            name = shown(entry["recording"])
+            raise PamError(f"{where}: recording {name}: there is no such file or folder")
         if not rig.is_file():
-            raise PamError(f"{where}: rig {rig}: there is no such file")
+            raise PamError(f"{where}: rig {shown(entry['rig'])}: there is no such file")
         if rig not in checked:
             load_rig(rig)
             checked.add(rig)
@@ -144,8 +151,8 @@ def many_rigs(folder: Path, table: Path) -> list[Job]:
         )
     if not jobs:
         raise PamError(f"{table}: no recording in this table")
-    names = [job.name for job in jobs]
-    for name in names:
-        if names.count(name) > 1:
-            raise PamError(f"{table}: recording {name} stands in several lines; expected one")
+    for name, count in Counter(job.name for job in jobs).items():
+        if count > 1:
+            told = f"recording {shown(name)} stands in several lines; expected one"
+            raise PamError(f"{table}: {told}")
     return jobs

@@ -7,14 +7,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.recordings.broken_bag import read_bag
+from pam_gap.recordings.import_csv import is_table, read_columns
 from pam_gap.recordings.import_recording import is_bag
-from pam_gap.recordings.text_table import numbers, read_text_table
 from pam_model.errors import PamError
+from pam_ros.foreign_text import shown
 
 EARLIEST = datetime(2000, 1, 1, tzinfo=UTC).timestamp()
 """A stamp before this is no date but the time since some start [s]."""
@@ -49,7 +49,8 @@ def read_date(text: str, where: str) -> float:
     try:
         found = datetime.fromisoformat(text.strip())
     except ValueError:
-        raise PamError(f"{where}: {text!r} is no date; expected ISO 8601, as 2026-03-31") from None
+        expected = "expected ISO 8601, as 2026-03-31"
+        raise PamError(f"{where}: {shown(text)} is no date; {expected}") from None
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
@@ -67,16 +68,11 @@ def first_stamp(path: Path) -> float | None:
     try:
         if is_bag(path):
             stamp, _ = read_bag(path, _start)
-        elif path.suffix.lower() in (".parquet", ".pq"):
-            stamp = float(pd.read_parquet(path, columns=["time"])["time"].iloc[0])
-        elif ".csv" in path.name.lower():
-            stamp = float(numbers(read_text_table(path, rows=1)["time"])[0])
-        elif path.suffix.lower() == ".npz":
-            with np.load(path, allow_pickle=False) as file:
-                stamp = float(np.ravel(file["time"])[0])
+        elif is_table(path):
+            stamp = float(read_columns(path, rows=1).columns["time"][0])
         else:
             return None
-    except Exception:  # each reader reports damage with exceptions of its own
+    except (PamError, KeyError, IndexError):
         return None
     return stamp if np.isfinite(stamp) and stamp >= EARLIEST else None
 

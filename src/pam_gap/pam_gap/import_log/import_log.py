@@ -1,4 +1,4 @@
-"""`python -m pam_gap import LOG --rig RIG --out OUT`: a log of any program, understood and shown.
+"""`pam gap import LOG --rig RIG --out OUT`: a log of any program, understood and shown.
 
 Without a map it proposes one and, on a terminal, asks about every channel. It writes the map, a
 page that shows what was understood, and the recording as a Parquet table with the channels of the
@@ -14,24 +14,31 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pam_gap.diagnose_recordings import joints_to_diagnose, what_is_missing
+from pam_gap.diagnose_recordings import joints_to_diagnose, usable_parts, what_is_missing
 from pam_gap.import_log.preview_page import Preview, conversion, render
 from pam_gap.import_log.propose_map import Proposed, map_text, propose, wanted_channels
+from pam_gap.prediction.identifiable import what_is_missing as not_identifiable_for
+from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.bag_columns import read_bag_columns
+from pam_gap.recordings.belongs_to_rig import NO_JOINT
 from pam_gap.recordings.column_map import ColumnMap, load_column_map
+from pam_gap.recordings.computed_channels import without_computed
 from pam_gap.recordings.import_csv import is_table, read_columns
 from pam_gap.recordings.import_recording import is_bag, read_raw
 from pam_gap.recordings.recording import Array, RawRecording, Recording, RecordingError, resample
+from pam_gap.recordings.text_table import Table
+from pam_gap.rules import DEFAULT
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
+from pam_ros.foreign_text import all_shown, shown
 
 MAP, PAGE, TABLE = "map.yaml", "preview.html", "recording.parquet"
 Ask = Callable[[str], str]
 
 
-def columns_of(path: Path) -> tuple[dict[str, Array], list[str]]:
-    """Every column of numbers in a log, and remarks on what is missing of a damaged bag.
+def columns_of(path: Path) -> Table:
+    """Every column of a log, and remarks on what could not be read.
 
     Raises
     ------
@@ -40,11 +47,11 @@ def columns_of(path: Path) -> tuple[dict[str, Array], list[str]]:
     """
     if is_bag(path):
         channels, damage = read_bag_columns(path)
-        return {name: channel.value for name, channel in channels.items()}, damage
+        return Table({name: channel.value for name, channel in channels.items()}, remarks=damage)
     if is_table(path):
-        return read_columns(path), []
+        return read_columns(path)
     raise RecordingError(
-        f"{path}: not a log; expected a bag, or a CSV, Parquet, NPZ, MAT, HDF5 or JSON file"
+        f"{path}: not a log; expected a bag, or a CSV, text, Parquet, NPZ, MAT, HDF5 or JSON file"
     )
 
 
@@ -79,9 +86,9 @@ def ask_about(
     kept: list[Proposed] = []
     for channel in ([] if is_bag else ["time"]) + wanted_channels(rig):
         offer = offers.get(channel)
-        shown = "-" if offer is None else " ".join((offer.column, offer.unit)).strip()
+        offered = "-" if offer is None else " ".join((offer.column, offer.unit)).strip()
         while True:
-            answer = ask(f"{channel} [{shown}]: ").strip() or shown
+            answer = ask(f"{channel} [{offered}]: ").strip() or offered
             if answer == "-":
                 break
             column = next(
@@ -91,28 +98,44 @@ def ask_about(
             if column is not None:
                 kept.append(Proposed(channel, column, answer[len(column) :].strip()))
                 break
-            ask(f"no column {answer!r}; the log has {', '.join(columns)} (press Enter)")
+            ask(f"no column {shown(answer)}; the log has {all_shown(columns)} (press Enter)")
     return kept
 
 
 def _proposed_map(
-    path: Path, columns: Mapping[str, Array], rig: Rig, out: Path, rate: float, ask: Ask | None
+    path: Path, table: Table, rig: Rig, out: Path, rate: float, ask: Ask | None
 ) -> Path:
     """Write the map that is proposed or confirmed; return its path."""
-    bag = is_bag(path)
-    proposed = propose(columns, rig, is_bag=bag)
+    bag, columns = is_bag(path), table.columns
+    proposed = propose(columns, rig, is_bag=bag, units=table.units)
     if ask is not None:
         proposed = ask_about(proposed, columns, rig, is_bag=bag, ask=ask)
     if rate:
         proposed = [one for one in proposed if one.channel != "time"]
     place = out / MAP
     place.write_text(map_text(proposed, rate), encoding="utf-8")
+    if all(one.channel == "time" for one in proposed):
+        raise RecordingError(f"{path}: no column was mapped: {_why_none(table, rig, place)}")
     if not bag and not rate and all(one.channel != "time" for one in proposed):
         raise RecordingError(
-            f"{path}: no column looks like a time ({', '.join(list(columns)[:12])}); state --rate "
+            f"{path}: no column looks like a time ({all_shown(columns)}); state --rate "
             f"[Hz], or name the column in {place} and give it with --map"
         )
     return place
+
+
+def _why_none(table: Table, rig: Rig, place: Path) -> str:
+    """Why nothing is proposed, and what to do."""
+    if not rig.joints:
+        return NO_JOINT
+    texts = [f"column {shown(name)} holds {text}" for name, text in table.texts.items()
+             if not np.isfinite(table.columns[name]).any()]  # fmt: skip
+    told = f"; {'; '.join(texts[:3])}" if texts else ""
+    return (
+        f"none of {all_shown(table.columns) or 'its columns, of which there are none,'} looks like "
+        f"a pressure, position or command of the rig file{told}; name the columns in {place} and "
+        "give it with --map"
+    )
 
 
 def _problems(rig: Rig, recording: Recording | None) -> list[str]:
@@ -123,6 +146,18 @@ def _problems(rig: Rig, recording: Recording | None) -> list[str]:
     except PamError as error:
         return [str(error)]
     return []
+
+
+def _no_verdict(rig: Rig, recording: Recording | None) -> list[str]:
+    """Why a diagnosis of this recording alone ends in `not_identifiable`; nothing is fitted."""
+    if recording is None:
+        return []
+    measured = without_computed(recording, rig)
+    found: list[str] = []
+    for joint in joints_to_diagnose(rig, [measured]):
+        problem = PredictionProblem(rig, joint, usable_parts(rig, joint, [measured]), rules=DEFAULT)
+        found += not_identifiable_for(problem)
+    return list(dict.fromkeys(found))
 
 
 def _missing(rig: Rig, recording: Recording | None) -> list[str]:
@@ -163,9 +198,9 @@ def import_log(
     RecordingError
         When the log or the map cannot be read, or no column fits.
     """
-    columns, damage = columns_of(path)
+    table = columns_of(path)
     out.mkdir(parents=True, exist_ok=True)
-    used = map_path or _proposed_map(path, columns, rig, out, rate, ask)
+    used = map_path or _proposed_map(path, table, rig, out, rate, ask)
     column_map: ColumnMap = load_column_map(used)
     raw: RawRecording | None = None
     recording: Recording | None = None
@@ -178,20 +213,21 @@ def import_log(
     problems += _problems(rig, recording)
     preview = Preview(
         path,
-        _summary(columns),
+        _summary(table.columns),
         column_map,
         recording,
         problems,
         _missing(rig, recording),
-        damage,
+        table.remarks,
+        [] if problems else _no_verdict(rig, recording),
     )
     (out / PAGE).write_text(render(preview), encoding="utf-8")
     if recording is not None and not problems:
-        table = {"time": recording.time} | {
-            name: np.where(recording.valid[name], values, np.nan)
-            for name, values in recording.values.items()
+        values = {"time": recording.time} | {
+            name: np.where(recording.valid[name], column, np.nan)
+            for name, column in recording.values.items()
         }
-        pd.DataFrame(table).to_parquet(out / TABLE, index=False)
+        pd.DataFrame(values).to_parquet(out / TABLE, index=False)
     return preview
 
 
@@ -203,11 +239,14 @@ def run(given: Arguments) -> Outcome:
         ask=input if terminal and given.map is None else None,
     )  # fmt: skip
     for channel, entry in preview.column_map.channels.items():
-        print(f"{channel}: {' + '.join(entry.columns)} {conversion(entry, channel)}".rstrip())
+        made_of = " + ".join(map(shown, entry.columns))
+        print(f"{channel}: {made_of} {conversion(entry, channel)}".rstrip())
     for text in preview.damage:
         print(f"warning: {text}", file=sys.stderr)
     for text in preview.problems:
         print(f"refused: {text}")
+    for text in preview.no_verdict:
+        print(f"no verdict can follow: {text}")
     print(f"written: {given.out}")
     return Outcome(
         {
@@ -216,6 +255,7 @@ def run(given: Arguments) -> Outcome:
             "problems": list(preview.problems),
             "missing": list(preview.missing),
             "damage": list(preview.damage),
+            "no_verdict": list(preview.no_verdict),
         },
-        list(preview.problems),
+        [*preview.problems, *preview.no_verdict],
     )

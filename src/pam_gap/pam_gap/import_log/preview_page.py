@@ -19,8 +19,11 @@ from pam_gap.answer.traces import IMPROVED, thinned
 from pam_gap.answer.user_units import told, user_unit
 from pam_gap.recordings.column_map import ColumnMap, MappedColumn, unit_of
 from pam_gap.recordings.recording import COMMANDS, Recording
+from pam_ros.foreign_text import shown
 
 POINTS = 3000
+MOST_UNUSED = 300
+"""Columns that are listed although they are not used."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,9 @@ class Preview:
     missing : sequence of str
         What a diagnosis cannot judge without channels that are not there.
     damage : sequence of str
-        What is missing of a bag that was cut off.
+        What could not be read.
+    no_verdict : sequence of str
+        Why no verdict can follow from this recording alone.
     """
 
     source: Path
@@ -52,6 +57,7 @@ class Preview:
     problems: Sequence[str]
     missing: Sequence[str]
     damage: Sequence[str] = ()
+    no_verdict: Sequence[str] = ()
 
 
 _PAGE = """<!doctype html>
@@ -63,6 +69,7 @@ _PAGE = """<!doctype html>
 <div class="verdict" style="--verdict: {{ '#c2410c' if p.problems else '#00798c' }}">
 <b>{{ 'A diagnosis would refuse this' if p.problems else 'Understood' }}</b>
 {% for text in p.problems %}{{ text }}<br>{% else %}{{ summary }}{% endfor %}
+{% for text in p.no_verdict %}<br>No verdict can follow: {{ text }}{% endfor %}
 {% for text in p.damage %}<br>Damaged: {{ text }}.{% endfor %}</div>
 {% if rows %}<h2>Channels</h2>
 <div class="wide" tabindex="0"><table>
@@ -83,7 +90,7 @@ _PAGE = """<!doctype html>
 <th class="n">largest</th></tr>
 {% for row in unused %}<tr><td>{{ row[0] }}</td><td class="n">{{ row[1] }}</td>
 <td class="n">{{ '%.4g' % row[2] }}</td><td class="n">{{ '%.4g' % row[3] }}</td></tr>{% endfor %}
-</table></div>{% endif %}
+</table></div>{% if more %}<p class="quiet">and {{ more }} more</p>{% endif %}{% endif %}
 {{ script | safe }}
 </main></body></html>
 """
@@ -105,7 +112,7 @@ def _row(recording: Recording, column_map: ColumnMap, channel: str) -> dict[str,
     unit = _unit(channel)
     return {
         "channel": channel,
-        "column": " + ".join(entry.columns),
+        "column": " + ".join(map(shown, entry.columns)),
         "how": conversion(entry, channel) or "as it is",
         "low": told(float(values.min()), unit, 3),
         "high": told(float(values.max()), unit, 3),
@@ -142,6 +149,7 @@ def render(preview: Preview) -> str:
     """Return the page as text."""
     recording, used = preview.recording, preview.column_map.columns
     script, plots = _plots(recording) if recording is not None else ("", [])
+    unused = [(shown(name), *size) for name, size in preview.columns.items() if name not in used]
     summary = ""
     if recording is not None:
         summary = (
@@ -162,6 +170,7 @@ def render(preview: Preview) -> str:
             if recording.has(channel)
         ],
         plots=plots,
-        unused=[(name, *size) for name, size in preview.columns.items() if name not in used],
+        unused=unused[:MOST_UNUSED],
+        more=max(len(unused) - MOST_UNUSED, 0),
         script=script,
     )

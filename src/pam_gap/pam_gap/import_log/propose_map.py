@@ -1,8 +1,8 @@
 """Proposes which column of a log is which channel of a rig, and in which unit, to be checked.
 
-A column is judged by the words of its name (the muscle or joint, "pressure", "angle", a unit), by
-its number among columns of one kind, and by the size of its values. The proposal is a draft of a
-map file: the user confirms or mends it.
+A column is judged by the words of its name (the muscle or joint, "pressure", "angle", "measured" or
+"desired"), by its unit, by its number among columns of one kind, and by the size of its values. The
+proposal is a draft of a map file: the user confirms or mends it.
 """
 
 from __future__ import annotations
@@ -18,33 +18,70 @@ import yaml
 from pam_gap.recordings.column_map import unit_of
 from pam_gap.recordings.import_rosbag import ESTIMATES, GROUND_TRUTH
 from pam_gap.recordings.recording import COMMANDS, JOINTS, MUSCLES, PRESSURES, SUPPLY, Array
+from pam_gap.recordings.table_layout import unit_spelt
 from pam_model.rig import Rig
 from pam_model.unit_hints import RECORDED, units_that_fit
 
-_WORDS: Final[Mapping[str, tuple[str, ...]]] = {
-    "time": ("time", "t", "stamp", "timestamp", "seconds", "sec"),
-    PRESSURES: ("pressure", "pressures", "press", "p", "pres", "druck"),
-    COMMANDS: (
+_WORDS: Final[Mapping[str, frozenset[str]]] = {
+    kind: frozenset(words.split())
+    for kind, words in {
+        "time": "time t stamp timestamp ts seconds sec elapsed zeit",
+        PRESSURES: "pressure pressures press p pres druck",
+        COMMANDS: "command commands cmd valve u input action",
+        ".position": "angle position pos q theta phi joint encoder",
+        ".effort": "force load cell effort torque f",
+        SUPPLY: "supply tank source",
+    }.items()
+}
+"""Words that speak for a kind of channel."""
+_ASKED: Final = frozenset(
+    [
         "command",
         "commands",
         "cmd",
-        "valve",
-        "u",
-        "input",
-        "action",
-        "setpoint",
+        "des",
         "desired",
-    ),
-    ".position": ("angle", "position", "pos", "q", "theta", "phi", "joint", "encoder"),
-    ".effort": ("force", "load", "cell", "effort", "torque", "f"),
-    SUPPLY: ("supply", "tank", "source"),
-}
-"""Words that speak for a kind of channel."""
+        "ref",
+        "reference",
+        "target",
+        "setpoint",
+        "setp",
+        "sp",
+        "set",
+        "goal",
+        "soll",
+    ]
+)
+"""Words of what was asked for: a column with one is a command of the valve, or no channel."""
+_SEEN: Final = frozenset(
+    [
+        "obs",
+        "observed",
+        "feedback",
+        "fb",
+        "measured",
+        "meas",
+        "actual",
+        "act",
+        "sensor",
+        "reading",
+        "ist",
+    ]
+)
+"""Words of what was measured, which do not say what it is."""
+_SIDES: Final = (
+    frozenset(["ago", "agonist", "agon"]),
+    frozenset(["ant", "antago", "antagonist", "antag"]),
+)
+"""What the first and the second muscle of a joint are called without their names."""
 _UNIT_WORDS: Final = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "mrad": "mrad", "bar": "bar", "kpa": "kPa",
     "mpa": "MPa", "psi": "psi", "mbar": "mbar", "ms": "ms", "us": "us", "ns": "ns", "mm": "mm",
     "cm": "cm", "kn": "kN", "mn": "mN", "percent": "per cent",
 }  # fmt: skip
+_FRACTIONS: Final = {"ms": 1e-3, "msec": 1e-3, "us": 1e-6, "usec": 1e-6, "ns": 1e-9, "nsec": 1e-9}
+"""Columns that hold the rest of a time of day in whole seconds, and their unit [s]."""
+_DAY: Final = 86400.0
 _KIND, _OWNER, _NUMBER = 2.0, 3.0, 1.5
 """What a word of the kind, a word of the muscle or joint, and the right number count."""
 _OWN_NAME: Final = 100.0
@@ -62,11 +99,14 @@ class Proposed:
         Which column for which channel.
     unit : str
         Its unit; empty for that of the rig contract.
+    more : tuple of (str, float)
+        Columns that are added, with their weights, for a time in several columns.
     """
 
     channel: str
     column: str
     unit: str = ""
+    more: tuple[tuple[str, float], ...] = ()
 
 
 def wanted_channels(rig: Rig) -> list[str]:
@@ -118,31 +158,95 @@ def _measured(columns: Mapping[str, Array]) -> dict[str, Array]:
     }
 
 
-def _score(channel: str, place: int, column: str) -> float:
-    """How well the name of a column fits a channel; 0 without a word of its kind."""
+def _expected(channel: str, rig: Rig) -> str:
+    """The unit of a channel of this rig; that of a command depends on the kind of its valve."""
+    if channel == "time":
+        return "s"
+    if channel.startswith(COMMANDS):
+        kind = rig.muscle(channel.removeprefix(COMMANDS)).valve.kind
+        return "-" if kind == "flow" else "Pa gauge"
+    return unit_of(channel)
+
+
+class _Column:
+    """What the name of a column says, found once for all channels.
+
+    Attributes
+    ----------
+    name : str
+        The column.
+    words : frozenset of str
+        The words and numbers in it.
+    unit : str
+        The unit in brackets, in a word, or below the name; empty where none is stated.
+    """
+
+    def __init__(self, name: str, below: str) -> None:
+        self.name = name
+        listed = words_of(name)
+        self.words = frozenset(listed)
+        bracket = re.search(r"[\[(]([^\])]*)[\])]\s*$", name)
+        in_bracket = unit_spelt(bracket[1]) if bracket else None
+        in_words = next((_UNIT_WORDS[w] for w in reversed(listed) if w in _UNIT_WORDS), "")
+        self.unit = in_bracket or in_words or below
+
+    def is_of(self, expected: str) -> bool:
+        """Whether the stated unit, if any, is one of a quantity."""
+        known = dict(RECORDED.get(expected, ()))
+        return not self.unit or self.unit in known or self.unit == expected.split(maxsplit=1)[0]
+
+
+def _owner_score(channel: str, words: frozenset[str], rig: Rig) -> float:
+    """How well the words name the muscle or joint of a channel."""
+    owner = channel.partition(".")[2].partition(".")[0]
+    named = sum(word in words for word in words_of(owner))
+    for joint in rig.joints:
+        if owner in joint.muscles and words & _SIDES[joint.muscles.index(owner)]:
+            named += 1
+    return _OWNER * named
+
+
+def _kind_score(kind: str, column: _Column, expected: str, owner: float) -> float:
+    """How well the words name the kind of a channel; 0 where they speak against it."""
+    words = column.words
+    asked = bool(words & _ASKED)
+    quantity = words & (_WORDS[".position"] | _WORDS["time"] | _WORDS[".effort"])
+    if kind != COMMANDS:
+        if asked and not words & (_WORDS[COMMANDS] - _ASKED):
+            return 0.0  # a set point is no measurement
+        seen = kind == PRESSURES and words & _SEEN and (owner or column.unit)
+        return _KIND * len(words & _WORDS[kind]) + (_KIND / 2.0 if seen else 0.0)
+    if asked and quantity - {"t"}:
+        return 0.0  # the reference of a joint
+    if words & _WORDS[PRESSURES] and (expected == "-" or not asked):
+        return 0.0  # a pressure is the command of a regulator alone
+    return _KIND * len(words & (_WORDS[COMMANDS] | _ASKED))
+
+
+def _score(channel: str, place: int, column: _Column, rig: Rig) -> float:
+    """How well a column fits a channel by its name and unit; 0 where it does not."""
     for rank, name in enumerate(_own_names(channel)):
-        if column == name or (name.startswith("/") and column.endswith(name)):
+        if column.name == name or (name.startswith("/") and column.name.endswith(name)):
             return _OWN_NAME - rank
-    words = words_of(column)
-    kind = _KIND * sum(word in _WORDS[_kind(channel)] for word in set(words))
+    expected = _expected(channel, rig)
+    if not column.is_of(expected):
+        return 0.0
+    owner = _owner_score(channel, column.words, rig)
+    kind = _kind_score(_kind(channel), column, expected, owner)
     if not kind:
         return 0.0
-    owner = channel.partition(".")[2].partition(".")[0]
-    named = _OWNER * sum(word in words for word in words_of(owner))
-    numbers = [int(word) for word in words if word.isdigit()]
     others = sum(
-        word in _WORDS[other] for word in set(words) for other in _WORDS if other != _kind(channel)
+        len(column.words & words) for other, words in _WORDS.items() if other != _kind(channel)
     )
-    return kind + named + _NUMBER * (place in numbers) - 0.5 * others
+    numbered = _NUMBER * (str(place) in {word.lstrip("0") for word in column.words})
+    return kind + owner + numbered - 0.5 * others
 
 
-def _unit(channel: str, column: str, values: Array, rig: Rig) -> str:
+def _unit(channel: str, column: _Column, values: Array, rig: Rig) -> str:
     """The unit that the name states, or that the size of the values suggests; empty for SI."""
-    expected = "s" if channel == "time" else unit_of(channel) or "-"
-    known = dict(RECORDED.get(expected, ()))
-    for word in words_of(column):
-        if _UNIT_WORDS.get(word) in known:
-            return _UNIT_WORDS[word]
+    expected = _expected(channel, rig)
+    if column.unit:
+        return column.unit if column.unit in dict(RECORDED.get(expected, ())) else ""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     supply = rig.supply_pressure - rig.gas.ambient_pressure
     limits = {
@@ -155,7 +259,13 @@ def _unit(channel: str, column: str, values: Array, rig: Rig) -> str:
     return fitting[0][0] if fitting else ""
 
 
-def propose(columns: Mapping[str, Array], rig: Rig, *, is_bag: bool = False) -> list[Proposed]:
+def propose(
+    columns: Mapping[str, Array],
+    rig: Rig,
+    *,
+    is_bag: bool = False,
+    units: Mapping[str, str] | None = None,
+) -> list[Proposed]:
     """The columns that fit the channels of a rig best, each used once.
 
     Parameters
@@ -166,41 +276,76 @@ def propose(columns: Mapping[str, Array], rig: Rig, *, is_bag: bool = False) -> 
         The rig that was recorded.
     is_bag : bool
         Whether the log has stamps of its own, so that no time is sought.
+    units : mapping of str to str, optional
+        Units that the log states apart from the names, by column.
     """
     channels = ([] if is_bag else ["time"]) + wanted_channels(rig)
-    columns = _measured(columns)
+    columns = {n: values for n, values in _measured(columns).items() if np.isfinite(values).any()}
+    read = [_Column(name, (units or {}).get(name, "")) for name in columns]
     places: dict[str, int] = {}
-    scored: list[tuple[float, str, str]] = []
+    scored: list[tuple[float, str, _Column]] = []
     for channel in channels:
         kind = "time" if channel == "time" else _kind(channel)
         place = places[kind] = places.get(kind, 0) + 1
-        for column in columns:
-            score = _time_score(column) if kind == "time" else _score(channel, place, column)
-            scored.append((score, channel, column))
+        for column in read:
+            if kind == "time":
+                score = _time_score(column, columns[column.name])
+            else:
+                score = _score(channel, place, column, rig)
+            if score > 0.0:
+                scored.append((score, channel, column))
     best = max((score for score, _, _ in scored), default=0.0)
     # In a bag of the suite, what has another name is something else.
     least = _LEAST_OWN if is_bag and best >= _LEAST_OWN else 0.0
-    found: dict[str, str] = {}
+    found: dict[str, _Column] = {}
+    used: set[str] = set()
     for score, channel, column in sorted(scored, key=lambda s: -s[0]):
-        if score > least and channel not in found and column not in found.values():
+        if score > least and channel not in found and column.name not in used:
             found[channel] = column
+            used.add(column.name)
     return [
         Proposed(
-            channel, found[channel], _unit(channel, found[channel], columns[found[channel]], rig)
+            channel,
+            found[channel].name,
+            _unit(channel, found[channel], columns[found[channel].name], rig),
+            _rest_of_time(columns, found[channel].name) if channel == "time" else (),
         )
         for channel in channels
         if channel in found
     ]
 
 
-def _time_score(column: str) -> float:
-    return _KIND * sum(word in _WORDS["time"] for word in words_of(column))
+def _time_score(column: _Column, values: Array) -> float:
+    named = len(column.words & _WORDS["time"])
+    if not named or not column.is_of("s"):
+        return 0.0
+    return _KIND * named + float(np.all(np.diff(values[np.isfinite(values)]) >= 0.0))
+
+
+def _rest_of_time(columns: Mapping[str, Array], time: str) -> tuple[tuple[str, float], ...]:
+    """The columns that a time in whole seconds lacks: the date, and the fraction of a second."""
+    values = columns[time][np.isfinite(columns[time])]
+    if np.any(values != np.round(values)) or np.unique(values).size > 0.5 * values.size:
+        return ()
+    rest = [
+        (name, unit) for name, column in columns.items()
+        if (unit := _FRACTIONS.get(name.strip().lower())) is not None
+        and np.nanmin(column) >= 0.0 and np.nanmax(column) * unit < 1.0
+    ]  # fmt: skip
+    dates = [
+        (name, 1.0) for name, column in columns.items()
+        if name != time and {"date", "datum"} & set(words_of(name))
+        and np.nanmax(column) > 1e3 * _DAY and np.nanmax(values) < 2.0 * _DAY
+    ]  # fmt: skip
+    return (*dates[:1], *rest[:1]) if rest else ()
 
 
 def map_text(proposed: list[Proposed], rate: float = 0.0) -> str:
     """The map file of a proposal."""
 
     def entry(one: Proposed) -> Any:
+        if one.more:
+            return {"columns": {one.column: 1.0, **dict(one.more)}}
         return {"column": one.column, "unit": one.unit} if one.unit else one.column
 
     content: dict[str, Any] = {}

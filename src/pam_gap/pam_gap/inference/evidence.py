@@ -24,9 +24,11 @@ from pam_gap.inference.score import Score
 from pam_gap.inference.search_growth import GrowthStep, grows
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.locate import StageGap, worst_stage
+from pam_gap.recordings.array_files import npz_arrays
 from pam_gap.rules import Rules
 from pam_model.effects import EFFECTS
 from pam_model.errors import PamError
+from pam_model.reading import reading
 
 FORMAT = 6
 
@@ -123,16 +125,16 @@ class KeptEvidence:
         PamError
             When the file cannot be read or is of another format.
         """
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                about = json.loads(str(file["about"]))
-                floor, present = file["floor"], file["present"]
-                motion = file.get("motion")
-                background = file["background"]
-                sums, counts = file["sums"], file["counts"]
-                simulated = file["simulated_sums"]
-        except (OSError, KeyError, ValueError) as error:
-            raise PamError(f"{path}: not the evidence of a diagnosis ({error})") from error
+        with reading(path, "the evidence of a diagnosis"):
+            return cls._of(path, dict(npz_arrays(path)))
+
+    @classmethod
+    def _of(cls, path: Path, file: Mapping[str, Any]) -> KeptEvidence:
+        about = json.loads(str(file["about"]))
+        floor, present = file["floor"], file["present"]
+        motion, background = file.get("motion"), file["background"]
+        sums, counts = file["sums"], file["counts"]
+        simulated = file["simulated_sums"]
         if about.get("format") != FORMAT:
             raise PamError(
                 f"{path}: evidence of format {about.get('format')}; expected {FORMAT}: run the "

@@ -92,10 +92,10 @@ class LiveWindow:
         self.rig = rig
         self.length = length
         self._samples: dict[str, deque[tuple[float, float]]] = {}
-        self._known = {
-            *(f"{PRESSURES}{m}" for m in rig.muscle_names),
-            *(f"{COMMANDS}{m}" for m in rig.muscle_names),
-            *(f"{JOINTS}{j}.position" for j in rig.joint_names),
+        self._channels = {
+            **{(PRESSURES, m): f"{PRESSURES}{m}" for m in rig.muscle_names},
+            **{(COMMANDS, m): f"{COMMANDS}{m}" for m in rig.muscle_names},
+            **{(JOINTS, j): f"{JOINTS}{j}.position" for j in rig.joint_names},
         }
 
     def take(self, topic: str, stamp: float, names: Sequence[str], values: Sequence[float]) -> None:
@@ -110,10 +110,9 @@ class LiveWindow:
         names, values : sequence
             As in the message; both have the same length.
         """
-        suffix = ".position" if topic == JOINTS else ""
         for name, value in zip(names, values, strict=False):
-            channel = f"{topic}{name}{suffix}"
-            if channel in self._known:
+            channel = self._channels.get((topic, name))
+            if channel is not None:
                 kept = self._samples.setdefault(channel, deque(maxlen=MOST_KEPT))
                 if kept and stamp < kept[-1][0] - self.length:
                     kept.clear()  # the clock was set back

@@ -1,7 +1,7 @@
 """Watches a running rig and reports on /diagnostics how far it differs from its rig file.
 
-`python -m pam_gap monitor --ros-args --params-file config/elbow.yaml`, the same as
-`ros2 run pam_gap monitor`.
+`pam gap monitor --ros-args --params-file config/elbow.yaml`, the same as
+`ros2 run pam_gap pam_monitor`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from pam_model.rig import rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
+from pam_ros.program_name import PROGRAM
 from pam_ros.spin import spin_node
+from pam_ros.subscriptions import subscribe
 from pam_ros.valve_command import ValveCommandFormat
 
 PARAMETERS = (
@@ -51,9 +53,9 @@ class MonitorNode(Node):  # type: ignore[misc]
         self._messages = 0
         self._command_format = ValveCommandFormat(self._rig.valve_kinds)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(JointState, "valve_commands", self._take_commands, _SENSED)
-        self.create_subscription(JointState, "pressure_states", self._take_pressures, _SENSED)
-        self.create_subscription(JointState, "joint_states", self._take_positions, _SENSED)
+        subscribe(self, JointState, "valve_commands", self._take_commands, _SENSED)
+        subscribe(self, JointState, "pressure_states", self._take_pressures, _SENSED)
+        subscribe(self, JointState, "joint_states", self._take_positions, _SENSED)
         self.create_timer(self._declared.number("period"), self._report)
 
     def _now(self) -> float:
@@ -106,9 +108,9 @@ class MonitorNode(Node):  # type: ignore[misc]
 
 
 HELP = NodeHelp(
-    program="ros2 run pam_gap monitor",
+    program=f"{PROGRAM} gap monitor",
     purpose="Watches a running rig and reports how far its measurements are from what its rig file "
-    "predicts, and at which stage they differ. The same as: python -m pam_gap monitor",
+    "predicts, and at which stage they differ.",
     parameters=PARAMETERS,
     other_keys="the keys of the rig file, which docs/rig_file.md describes",
     example="--ros-args --params-file config/elbow.yaml",

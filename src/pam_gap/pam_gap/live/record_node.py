@@ -1,6 +1,6 @@
 """Records the topics that a diagnosis needs to a rosbag2, and says what is still missing.
 
-`python -m pam_gap record --rig RIG --out BAG` needs no command line of ROS. Messages are received
+`pam gap record --rig RIG --out BAG` needs no command line of ROS. Messages are received
 and written as bytes; one in 20 ms of a topic is read for the advice. What was received is written
 to the file every second.
 """
@@ -19,7 +19,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.typesys import Stores, get_typestore
@@ -28,9 +27,11 @@ from sensor_msgs.msg import FluidPressure, JointState
 from pam_gap.live.recording_advice import RecordingAdvice
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.message_decoder import decode
 from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
+from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
 
 TOPICS = {
     "valve_commands": (JointState, "sensor_msgs/msg/JointState"),
@@ -81,7 +82,8 @@ class RecordNode(Node):  # type: ignore[misc]
                 if best_effort
                 else ReliabilityPolicy.RELIABLE,
             )
-            self.create_subscription(kind, topic, write, qos, raw=True)
+            most = MOST_BYTES_OF_DIAGNOSTICS
+            subscribe(self, kind, topic, write, qos, raw=True, most_bytes=most)
 
     def _write(self, topic: str, connection: Any, kind: Any, data: bytes) -> None:
         self._writer.write(connection, time.time_ns(), data)
@@ -90,7 +92,7 @@ class RecordNode(Node):  # type: ignore[misc]
             self._advice.take(topic, now)
             return
         self._read_at[topic] = now
-        message = deserialize_message(data, JointState)
+        message = decode(data, JointState)
         self._advice.take(topic, now, message.name, message.position, message.effort)
 
     def keep(self) -> None:

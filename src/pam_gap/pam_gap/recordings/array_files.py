@@ -1,7 +1,8 @@
 """Reads the numbers of NPZ, MAT, HDF5 and JSON files as named columns of equal length.
 
 A two-dimensional array gives one column for each of its own, named `name.0`, `name.1`, and so on.
-What lies in a group, a structure or an object is called `group.name`. Text, single numbers and
+What lies in a group, a structure or an object is called `group.name`, and what lies in a cell
+`name.0.field`. Text, single numbers and
 arrays of other lengths than the longest are left out.
 """
 
@@ -16,11 +17,18 @@ import h5py
 import numpy as np
 from scipy.io import loadmat
 
+from pam_gap.recordings.mat_sizes import refuse_impossible_sizes
+from pam_gap.recordings.size_limits import Allowance
+from pam_model.reading import read_text
+from pam_ros.foreign_text import shown
+
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 _OF_MATLAB: Final = "#refs#"
 """Group in which MATLAB keeps cells and objects of a file of version 7.3."""
 _MOST_NESTED: Final = 4
 """Levels of structures and objects that are searched for numbers."""
+_MOST_CELLS: Final = 1000
+"""Cells of a list of arrays or structures that are searched for numbers."""
 
 Named = Iterator[tuple[str, Any]]
 
@@ -37,16 +45,32 @@ def _nested(name: str, value: Any, depth: int = 0) -> Named:
         for key in value._fieldnames:
             yield from _nested(f"{inside}{key}", getattr(value, key), depth + 1)
     elif isinstance(value, Sequence) and value and isinstance(value[0], Mapping):
-        rows = [dict(_leaves("", row)) for row in value if isinstance(row, Mapping)]
-        for key in dict.fromkeys(key for row in rows for key in row):
-            yield f"{inside}{key}", _numbers([row.get(key) for row in rows])
-    elif isinstance(value, np.ndarray) and value.dtype.names:  # a table with named fields
-        for key in value.dtype.names:
-            yield f"{inside}{key}", value[key]
+        yield from _of_rows(inside, value)
     elif isinstance(value, np.ndarray):
-        yield name, value
+        yield from _of_array(name, inside, value, depth)
     elif isinstance(value, Sequence) and not isinstance(value, str):
         yield name, _numbers(value)
+
+
+def _of_rows(inside: str, value: Sequence[Any]) -> Named:
+    """The columns of a list of objects."""
+    rows = [dict(_leaves("", row)) for row in value if isinstance(row, Mapping)]
+    keys = dict.fromkeys(key for row in rows for key in row)
+    Allowance().take((len(rows), len(keys)), 8, "a list of objects with different names")
+    for key in keys:
+        yield f"{inside}{key}", _numbers([row.get(key) for row in rows])
+
+
+def _of_array(name: str, inside: str, value: Any, depth: int) -> Named:
+    """The arrays in an array: itself, its named fields, or what its cells hold."""
+    if value.dtype.names:
+        for key in value.dtype.names:
+            yield f"{inside}{key}", value[key]
+    elif value.dtype == object:  # cells, or several structures
+        for place, part in enumerate(value.ravel()[:_MOST_CELLS]):
+            yield from _nested(f"{inside}{place}", part, depth + 1)
+    else:
+        yield name, value
 
 
 def _leaves(name: str, value: Any) -> Named:
@@ -66,7 +90,7 @@ def _numbers(values: Sequence[Any]) -> Any:
     """A list as an array of numbers, with NaN for what is none; None if its rows differ."""
     try:
         return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         if any(isinstance(value, Sequence) and not isinstance(value, str) for value in values):
             return None
     return np.array([_number(value) for value in values])
@@ -75,14 +99,28 @@ def _numbers(values: Sequence[Any]) -> Any:
 def _number(value: Any) -> float:
     try:
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.nan
 
 
-def _npz(path: Path) -> Named:
+def npz_arrays(path: Path) -> Iterator[tuple[str, Any]]:
+    """The arrays of an NPZ file; what their headers claim is checked before they are read."""
+    left = Allowance()
     with np.load(path, allow_pickle=False) as file:
         for name in file.files:
-            yield from _nested(name, file[name])
+            with file.zip.open(f"{name}.npy") as entry:
+                version = np.lib.format.read_magic(entry)
+                read = np.lib.format.read_array_header_1_0
+                if version != (1, 0):
+                    read = np.lib.format.read_array_header_2_0
+                shape, _, kind = read(entry)
+            left.take(shape, kind.itemsize, f"array {shown(name)}")
+            yield name, file[name]
+
+
+def _npz(path: Path) -> Named:
+    for name, array in npz_arrays(path):
+        yield from _nested(name, array)
 
 
 def _mat(path: Path) -> Named:
@@ -91,18 +129,24 @@ def _mat(path: Path) -> Named:
         if HDF5_SIGNATURE in (file.read(8), file.seek(512) and file.read(8)):
             yield from _hdf5(path)
             return
+    refuse_impossible_sizes(path)
     for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
         if not name.startswith("__"):
             yield from _nested(name, value)
 
 
 def _hdf5(path: Path) -> Named:
+    left = Allowance()
     found: list[tuple[str, Any]] = []
 
     def visit(name: str, item: object) -> None:
         if not isinstance(item, h5py.Dataset) or name.startswith(_OF_MATLAB):
             return
+        # Numbers that lie in other files are none of this log.
+        if item.shape is None or item.external or item.is_virtual:
+            return
         if item.attrs.get("MATLAB_class") not in (b"char", b"cell"):
+            left.take(item.shape, item.dtype.itemsize, f"array {shown(name)}")
             found.extend(_nested(name.replace("/", "."), np.asarray(item[()])))
 
     with h5py.File(path, "r") as file:
@@ -111,7 +155,7 @@ def _hdf5(path: Path) -> Named:
 
 
 def _json(path: Path) -> Named:
-    text = path.read_text(encoding="utf-8-sig")
+    text = read_text(path)
     if path.suffix.lower() in (".jsonl", ".ndjson"):
         content: Any = [json.loads(line) for line in text.splitlines() if line.strip()]
     else:
@@ -145,7 +189,8 @@ def read_arrays(path: Path) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        When the file holds no array of numbers, or is damaged; OSError and others of the readers.
+        When the file holds no array of numbers, or claims more than `size_limits` allows; others of
+        the libraries when it is damaged, for a caller within `reading`.
     """
     columns: dict[str, Any] = {}
     for name, array in _READERS[path.suffix.lower()](path):

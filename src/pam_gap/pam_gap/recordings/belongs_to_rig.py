@@ -18,6 +18,11 @@ from pam_gap.recordings.recording import (
 )
 from pam_model.rig import Rig
 
+NO_JOINT = (
+    "the rig file has no joint; expected one to diagnose. A muscle on a bench (`bench_muscles`) "
+    "cannot be diagnosed: `pam_model fit` fits its force from a table of pressure, length and force"
+)
+
 
 def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
     """Numbers of the joints whose pressures are in all recordings.
@@ -33,7 +38,7 @@ def joints_recorded(rig: Rig, recordings: Sequence[Recording]) -> list[int]:
         if all(r.has(f"{PRESSURES}{m}") for r in recordings for m in joint.muscles)
     ]
     if not rig.joints:
-        raise RecordingError("the rig file has no joint; expected one to diagnose")
+        raise RecordingError(NO_JOINT)
     if not found:
         pairs = " or ".join(" and ".join(joint.muscles) for joint in rig.joints)
         held = "; ".join(f"{r.source}: {_listed(_named(r, PRESSURES))}" for r in recordings)

@@ -25,6 +25,7 @@ from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.storage_mcap import decompress
 
 from pam_gap.recordings.recording import RecordingError
+from pam_model.reading import read_text, reading
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
@@ -97,26 +98,26 @@ def read_bag[T](path: Path, read: Callable[[list[Path]], T]) -> tuple[T, list[st
     RecordingError
         When nothing can be read. A RecordingError of `read` about a whole bag is passed on.
     """
-    if path.suffix == ROSBAG1 or not is_unfinished(path):
-        try:
+    with reading(path, "a readable bag", RecordingError):
+        if path.suffix == ROSBAG1:
             return read([path]), []
-        except RecordingError:
-            raise
-        except Exception as error:  # each layer of the reader reports damage with other exceptions
-            reason = " ".join(str(error).split()) or type(error).__name__
-            if path.suffix == ROSBAG1:
-                raise RecordingError(f"{path}: not a readable bag ({reason})") from error
-    else:
-        reason = "not finished"
-    with tempfile.TemporaryDirectory(prefix="pam_gap_") as folder:
-        files, remarks = salvage(path, Path(folder))
-        try:
-            return read(files), remarks
-        except RecordingError as error:
-            raise RecordingError(f"{error} ({'; '.join(remarks)})") from None
-        except Exception as error:
-            reasons = f"{reason}; {'; '.join(remarks)}"
-            raise RecordingError(f"{path}: not a readable rosbag2 ({reasons})") from error
+        if not is_unfinished(path):
+            try:
+                return read([path]), []
+            except RecordingError:
+                raise
+            except (
+                Exception
+            ):  # its layers report damage with many exceptions: salvage what there is
+                pass
+        with tempfile.TemporaryDirectory(prefix="pam_gap_") as folder:
+            files, remarks = salvage(path, Path(folder))
+            told = "; ".join(remarks)
+            try:
+                with reading(path, "a readable rosbag2", RecordingError):
+                    return read(files), remarks
+            except RecordingError as error:
+                raise RecordingError(f"{error} ({told})") from None
 
 
 def salvage(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
@@ -171,10 +172,10 @@ def _end_by_metadata(path: Path) -> int:
     """End of a bag according to its metadata [ns]; 0 without readable metadata."""
     page = path / "metadata.yaml" if path.is_dir() else path.parent / "metadata.yaml"
     try:
-        bag = yaml.safe_load(page.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        bag = yaml.safe_load(read_text(page))["rosbag2_bagfile_information"]
         start = int(bag["starting_time"]["nanoseconds_since_epoch"])
         return start + int(bag["duration"]["nanoseconds"])
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError):
+    except Exception:  # metadata are only wanted for what is told of the end
         return 0
 
 

@@ -18,11 +18,12 @@ with stamps of their own, so that its map has neither `time` nor `rate`.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import yaml
@@ -37,7 +38,9 @@ from pam_gap.recordings.recording import (
     RawChannel,
     RecordingError,
 )
+from pam_model.reading import read_text, reading
 from pam_model.unit_hints import RECORDED
+from pam_ros.foreign_text import all_shown, shown
 
 STANDARD_AMBIENT = 101325.0  # Pa
 _UNITS = (
@@ -52,6 +55,19 @@ _UNITS = (
 )
 """Beginning and end of the name of a channel, and its unit."""
 _KEYS = frozenset({"column", "columns", "unit", "scale", "offset", "sign", "absolute", "ambient"})
+
+
+LARGEST_MAP: Final = 1 << 20
+"""Size limit of a map file [bytes]."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain YAML without aliases, which can expand without limit."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases (*name) are not allowed in a map")
+        return super().compose_node(parent, index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +160,8 @@ class ColumnMap:
         missing = sorted(self.columns - set(there))
         if missing:
             raise RecordingError(
-                f"{path}: no column {', '.join(missing)}, which {self.source} names; it has "
-                f"{', '.join(list(there)[:12]) or 'none'}"
+                f"{path}: no column {all_shown(missing)}, which {self.source} names; it has "
+                f"{all_shown(there) or 'none'}"
             )
 
     def apply_to_bag(self, path: Path, columns: Mapping[str, RawChannel]) -> dict[str, RawChannel]:
@@ -191,19 +207,22 @@ def _factor(channel: str, unit: str, where: str) -> float:
     for own in ("Pa gauge", "-") if not expected else (expected,):
         scales |= {own.split()[0]: 1.0, **dict(RECORDED.get(own, ()))}
     if unit not in scales:
-        raise RecordingError(f"{where}: unit {unit!r}; expected one of {', '.join(scales)}")
+        raise RecordingError(f"{where}: unit {shown(unit)}; expected one of {', '.join(scales)}")
     return scales[unit]
 
 
 def _number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:
     value = entry.get(key, default)
+    if isinstance(value, str):  # YAML takes 1e-6 for a text; it wants 1.0e-6
+        with contextlib.suppress(ValueError):
+            value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise RecordingError(f"{where}: {key} is {value!r}; expected a number")
+        raise RecordingError(f"{where}: {key} is {shown(str(value))}; expected a number")
     return float(value)
 
 
 def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
-    where = f"{source}: {channel}"
+    where = f"{source}: {channel if unit_of(channel) != '?' else shown(channel)}"
     if isinstance(entry, str):
         return MappedColumn(entry)
     if not isinstance(entry, Mapping) or not (
@@ -215,14 +234,14 @@ def _column(channel: str, entry: Any, source: Path) -> MappedColumn:
     unknown = sorted(set(map(str, entry)) - _KEYS)
     if unknown:
         raise RecordingError(
-            f"{where}: unknown key {', '.join(unknown)}; known are {', '.join(sorted(_KEYS))}"
+            f"{where}: unknown key {all_shown(unknown)}; known are {', '.join(sorted(_KEYS))}"
         )
     factor = _number(entry, "scale", 1.0, where)
     if "unit" in entry:
         factor *= _factor(channel, str(entry["unit"]), where)
     sign = _number(entry, "sign", 1.0, where)
-    if abs(sign) != 1.0 or factor == 0.0:
-        raise RecordingError(f"{where}: expected a sign of 1 or -1 and a scale other than 0")
+    if abs(sign) != 1.0 or factor == 0.0 or not math.isfinite(factor):
+        raise RecordingError(f"{where}: expected a sign of 1 or -1 and a finite scale other than 0")
     offset = _number(entry, "offset", 0.0, where)
     if entry.get("absolute", False):
         if not channel.startswith(PRESSURES):
@@ -247,24 +266,27 @@ def load_column_map(path: str | Path) -> ColumnMap:
         When it cannot be read, or a channel, key, unit or number in it is wrong.
     """
     source = Path(path)
-    try:
-        content = yaml.safe_load(source.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())
-        raise RecordingError(f"{source}: not a readable map of columns ({reason})") from None
+    with reading(source, "a readable map of columns", RecordingError):
+        content = yaml.load(read_text(source, LARGEST_MAP), _Loader)  # a SafeLoader
+        return _map_of(content, source)
+
+
+def _map_of(content: Any, source: Path) -> ColumnMap:
     if not isinstance(content, Mapping) or not isinstance(content.get("channels"), Mapping):
         raise RecordingError(f"{source}: no `channels`; expected channel: column")
     unknown = sorted(set(map(str, content)) - {"time", "rate", "channels"})
     if unknown:
         raise RecordingError(
-            f"{source}: unknown key {', '.join(unknown)}; known are time, rate, channels"
+            f"{source}: unknown key {all_shown(unknown)}; known are time, rate, channels"
         )
     if "time" in content and "rate" in content:
         raise RecordingError(f"{source}: expected either `time` or `rate` [Hz]")
+    if not content["channels"]:
+        raise RecordingError(f"{source}: `channels` is empty: no column is mapped")
     strangers = [str(name) for name in content["channels"] if unit_of(str(name)) in ("?", "s")]
     if strangers:
         raise RecordingError(
-            f"{source}: {', '.join(strangers)}: no channel; expected {PRESSURES}<muscle>, "
+            f"{source}: {all_shown(strangers)}: no channel; expected {PRESSURES}<muscle>, "
             f"{COMMANDS}<muscle>, {JOINTS}<joint>.position, {MUSCLES}<muscle>.effort or {SUPPLY}"
         )
     channels = {str(k): _column(str(k), v, source) for k, v in content["channels"].items()}

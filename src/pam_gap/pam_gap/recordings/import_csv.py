@@ -1,13 +1,12 @@
-"""Reads recordings that are tables: CSV, optionally compressed, Parquet, and files of arrays."""
+"""Reads recordings that are tables: text, also packed, Parquet, and files of arrays."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from scipy.io.matlab import MatReadError
 
 from pam_gap.recordings.array_files import ARRAYS, read_arrays
 from pam_gap.recordings.column_map import ColumnMap
@@ -21,11 +20,18 @@ from pam_gap.recordings.recording import (
     RecordingError,
     from_columns,
 )
-from pam_gap.recordings.text_table import numbers, read_text_table, text_in
+from pam_gap.recordings.size_limits import Allowance
+from pam_gap.recordings.text_table import Table, read_text_table
+from pam_gap.recordings.unpacked import PACKINGS
+from pam_model.reading import reading
+from pam_ros.foreign_text import all_shown, shown
 
-TABLES = (
-    ".csv", ".csv.gz", ".csv.bz2", ".csv.xz", ".csv.zst", ".parquet", ".pq", *ARRAYS,
-)  # fmt: skip
+TEXTS: Final = tuple(
+    f"{kind}{packing}" for kind in (".csv", ".txt", ".tsv", ".dat") for packing in ("", *PACKINGS)
+)
+PARQUET: Final = (".parquet", ".pq")
+TABLES: Final = (*TEXTS, *PARQUET, *ARRAYS)
+"""Endings of the files that this module reads."""
 
 
 def is_table(path: Path) -> bool:
@@ -42,38 +48,44 @@ def known_channel(name: str) -> bool:
     )
 
 
-def read_columns(path: Path) -> dict[str, Any]:
+def read_columns(path: Path, rows: int | None = None) -> Table:
     """All columns of a table as numbers; entries that are no numbers become NaN.
 
-    Raises
-    ------
-    RecordingError
-        When the file cannot be read.
-    """
-    frame = _frame(path)
-    return {name: numbers(frame[name]) for name in frame.columns}
-
-
-def _frame(path: Path) -> Any:
-    """The table as a data frame with stripped names.
+    Parameters
+    ----------
+    path : Path
+        The table.
+    rows : int, optional
+        Rows that are read of a table of text; all by default.
 
     Raises
     ------
     RecordingError
         When the file cannot be read.
     """
-    try:
+    with reading(path, "a readable table", RecordingError):
         if path.suffix.lower() in ARRAYS:
-            frame: Any = pd.DataFrame(read_arrays(path))
-        elif path.suffix.lower() in (".parquet", ".pq"):
-            frame = pd.read_parquet(path)
-        else:
-            frame = read_text_table(path)
-    except (OSError, ValueError, EOFError, NotImplementedError, MatReadError) as error:
-        reason = " ".join(str(error).split())
-        raise RecordingError(f"{path}: not a readable table ({reason})") from error
-    frame.columns = [str(column).strip() for column in frame.columns]
-    return frame
+            return Table({name.strip(): _real(a) for name, a in read_arrays(path).items()})
+        if path.suffix.lower() in PARQUET:
+            return Table.of_frame(_parquet(path))
+        return read_text_table(path, rows)
+
+
+def _real(array: Any) -> Any:
+    if np.iscomplexobj(array):
+        raise ValueError("an array of complex numbers")
+    return np.asarray(array, dtype=np.float64)
+
+
+def _parquet(path: Path) -> Any:
+    import pyarrow.parquet as pq  # noqa: PLC0415  (optional)
+
+    about = pq.read_metadata(path)
+    left = Allowance()
+    left.take((about.num_rows, about.num_columns), 8, "the table")
+    for group in range(about.num_row_groups):
+        left.take((about.row_group(group).total_byte_size,), 1, f"row group {group}")
+    return pd.read_parquet(path)
 
 
 def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
@@ -89,41 +101,59 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
     Raises
     ------
     RecordingError
-        When the file cannot be read, has no usable `time`, or holds no channel of the contract.
+        When the file cannot be read, has no usable `time`, holds no channel of the contract, or a
+        column that the map names holds no number.
     """
+    table = read_columns(path)
+    remarks = list(table.remarks)
     if column_map is not None:
-        mapped = column_map.apply(path, read_columns(path))
-        if not np.isfinite(mapped["time"]).any():
-            raise RecordingError(
-                f"{path}: the column of the time holds no number; expected seconds, or `unit` in "
-                f"{column_map.source}"
-            )
-        return from_columns(path, mapped.pop("time"), mapped, [f"read by {column_map.source}"])
-    frame = _frame(path)
-    if "time" not in frame.columns:
+        mapped = column_map.apply(path, table.columns)
+        _refuse_without_numbers(path, table, column_map)
+        remarks += [f"{shown(n)}: {_entries(table, n)}" for n in sorted(column_map.columns)
+                    if n in table.texts]  # fmt: skip
+        time = mapped.pop("time")
+        return from_columns(path, time, mapped, [*remarks, f"read by {column_map.source}"])
+    if "time" not in table.columns:
         raise RecordingError(
-            f"{path}: no column 'time' [s]; found {', '.join(frame.columns[:6]) or 'none'}; "
+            f"{path}: no column 'time' [s]; found {all_shown(table.columns) or 'none'}; "
             "name the columns with --map"
         )
-    remarks: list[str] = []
     columns: dict[str, Any] = {}
-    for name in frame.columns:
+    for name, values in table.columns.items():
         if name != "time" and not known_channel(name):
-            remarks.append(f"{name}: not a channel of the rig contract, so it is not used")
-            continue
-        values = numbers(frame[name])
-        text = int(np.isnan(values).sum() - frame[name].isna().sum())
-        if text:
-            remarks.append(f"{name}: {text} entries are not numbers")
-        if not np.isfinite(values).any():
-            remarks.append(f"{name}: the column holds no number and is not used")
-            continue
-        columns[name] = values
-    if "time" not in columns:
-        raise RecordingError(
-            f"{path}: column 'time' holds no number{text_in(frame['time'])}; expected seconds"
-        )
+            remarks.append(f"{shown(name)}: not a channel of the rig contract, so it is not used")
+        elif name != "time" and not np.isfinite(values).any():
+            remarks.append(f"{name}: {_without_numbers(table, name)} and is not used")
+        else:
+            columns[name] = values
+            if name in table.texts:
+                remarks.append(f"{name}: {_entries(table, name)}")
     time = columns.pop("time")
+    if not np.isfinite(time).any():
+        raise RecordingError(
+            f"{path}: column 'time' {_without_numbers(table, 'time')}; expected seconds"
+        )
     if not columns:
         raise RecordingError(f"{path}: no channel of the rig contract beside 'time'")
     return from_columns(path, time, columns, remarks)
+
+
+def _entries(table: Table, name: str) -> str:
+    return f"{table.texts[name].count} entries are not numbers but {table.texts[name]}"
+
+
+def _without_numbers(table: Table, name: str) -> str:
+    text = table.texts.get(name)
+    return "holds no number" + (f" but {text}" if text else "")
+
+
+def _refuse_without_numbers(path: Path, table: Table, column_map: ColumnMap) -> None:
+    """Refuse a map that names columns without a number, and say what they hold instead."""
+    empty = [n for n in sorted(column_map.columns) if not np.isfinite(table.columns[n]).any()]
+    if empty:
+        told = "; ".join(f"column {shown(n)} {_without_numbers(table, n)}" for n in empty[:3])
+        more = f"; {len(empty) - 3} more columns" if len(empty) > 3 else ""
+        raise RecordingError(
+            f"{path}: {told}{more}; expected numbers, dates or times of day in what "
+            f"{column_map.source} names"
+        )

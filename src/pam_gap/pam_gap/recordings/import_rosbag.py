@@ -21,12 +21,8 @@ from rosbags.typesys import Stores, get_typestore
 from pam_gap.recordings.broken_bag import STORAGES, read_bag, storage_files
 from pam_gap.recordings.joint_state_columns import JointStateColumns
 from pam_gap.recordings.recording import COMMANDS, SUPPLY, RawChannel, RawRecording, RecordingError
-from pam_ros.joint_state_bytes import (
-    JointStateFields,
-    JointStateReader,
-    MalformedMessageError,
-    is_little_endian,
-)
+from pam_ros.errors import MalformedMessageError
+from pam_ros.joint_state_bytes import JointStateFields, JointStateReader, is_little_endian
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _COMMANDS = "valve_commands"

@@ -342,7 +342,11 @@ def resample(raw: RawRecording, step: float | None = None) -> Recording:
         else:
             channels[name] = cleaned
     if not channels:
-        raise RecordingError(f"{raw.source}: no channel with at least 8 samples")
+        counts = [f"{n} {int(np.isfinite(c.value).sum())}" for n, c in raw.channels.items()]
+        raise RecordingError(
+            f"{raw.source}: no channel with at least 8 samples; numbers per channel: "
+            f"{', '.join(counts[:8]) or 'no column was mapped to a channel'}"
+        )
     channels = _shortened(channels, repairs)
     periods = _periods(channels)
     chosen = step if step is not None else round(min(periods.values()), 6)

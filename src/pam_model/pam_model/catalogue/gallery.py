@@ -18,7 +18,7 @@ from pam_model.muscles.force_model import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-BEGIN = "<!-- models: written by `python -m pam_model gallery`; edit the catalogue instead -->"
+BEGIN = "<!-- models: written by `./pam model gallery`; edit the catalogue instead -->"
 END = "<!-- models: end -->"
 _EXTENDING = ("al_ibadi", "variable_thread_angle")
 _CONSTANTS: dict[str, dict[str, float]] = {

@@ -22,7 +22,7 @@ class CatalogueRow:
     Attributes
     ----------
     key : str
-        Name for `python -m pam_model show`, for the picture and for links.
+        Name for `pam model show`, for the picture and for links.
     family : str
         One of `FAMILIES`.
     title : str

@@ -1,1 +1,1 @@
-"""The commands of `python -m pam_model`, one file per subject."""
+"""The commands of `pam model`, one file per subject."""

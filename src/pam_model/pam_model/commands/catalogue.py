@@ -107,7 +107,7 @@ COMMANDS = (
         "draw a model",
         _declare_show,
         _show,
-        examples=("python -m pam_model show tondu_lopez --set k=1.2 --output muscle.png",),
+        examples=("pam model show tondu_lopez --set k=1.2 --output muscle.png",),
     ),
     Command(
         "gallery", "write pictures and table of models for the docs", _declare_gallery, _gallery

@@ -180,7 +180,7 @@ COMMANDS = (
         _declare_fit,
         _fit,
         examples=(
-            "python -m pam_model fit tondu_lopez points.csv --thread-length 0.25 --turns 2 "
+            "pam model fit tondu_lopez points.csv --thread-length 0.25 --turns 2 "
             "--rest-length 0.23",
         ),
     ),
@@ -189,13 +189,13 @@ COMMANDS = (
         "rank models by their errors at measured points",
         _declare_compare,
         _compare,
-        examples=("python -m pam_model compare points.csv --plot ranking.png",),
+        examples=("pam model compare points.csv --plot ranking.png",),
     ),
     Command(
         "design",
         "design a muscle for a force, a stroke and a pressure",
         _declare_design,
         _design,
-        examples=("python -m pam_model design --force 100 --stroke 0.05 --pressure 300000",),
+        examples=("pam model design --force 100 --stroke 0.05 --pressure 300000",),
     ),
 )

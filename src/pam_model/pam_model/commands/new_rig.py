@@ -10,18 +10,36 @@ from typing import Any, NamedTuple
 from pam_model.argument_types import (
     WrongArgument,
     make_parents,
+    muscle_size,
     names,
     new_file,
     number,
     one_of,
 )
 from pam_model.command_line import Arguments, Command, Outcome, Parser
+from pam_model.errors import PamError
+from pam_model.muscle_sizes import SIZES
+from pam_ros.program_name import PROGRAM
 
+OF_SIZE = ("diameter", "angle")
+"""What a size that can be bought answers."""
 FLOW, REGULATOR = "flow", "pressure_regulator"
 
 
 class Question(NamedTuple):
-    """One number of the rig: name of the option, what is asked, what an Enter means, its type."""
+    """One number of the rig.
+
+    Attributes
+    ----------
+    name : str
+        Of the option.
+    text : str
+        What is asked.
+    default : str
+        What an Enter means; the name of an earlier question for the same answer as there.
+    read : callable
+        Type of the answer.
+    """
 
     name: str
     text: str
@@ -70,7 +88,7 @@ QUESTIONS = (
     Question(
         "supply_pressure",
         "pressure before the valves [Pa gauge]",
-        "600000",
+        "max_pressure",
         number("Pa", above=1e4),
     ),
     Question("valve", f"kind of valve, {FLOW} or {REGULATOR}", FLOW, one_of(FLOW, REGULATOR)),
@@ -88,26 +106,58 @@ def _declare(parser: Parser) -> None:
     parser.add_argument(
         "--defaults", action="store_true", help="ask nothing: defaults for what is left out"
     )
+    parser.add_argument(
+        "--size", type=muscle_size, metavar="NAME",
+        help=f"a muscle that can be bought, in place of diameter and angle: {', '.join(SIZES)}",
+    )  # fmt: skip
     for question in QUESTIONS:
-        option = f"--{question.name.replace('_', '-')}"
         parser.add_argument(
-            option, type=question.read, metavar="X",
+            option_of(question), type=question.read, metavar="X",
             help=f"{question.text} (default: {question.default})",
         )  # fmt: skip
 
 
-def ask(question: Question) -> Any:
-    """Ask until the answer can be used; Enter takes the default.
+def ask(question: Question, default: str) -> Any:
+    """Ask for an answer, which may also come from a pipe; an empty line takes the default.
 
-    The question goes to standard error, so that --json has standard output for itself.
+    A person is asked again until the answer can be used. The question goes to standard error, so
+    that --json has standard output for itself.
+
+    Raises
+    ------
+    PamError
+        If the input has ended, or a line of a pipe cannot be used.
     """
+    end = "" if sys.stdin.isatty() else "\n"
     while True:
-        print(f"{question.text} [{question.default}]: ", end="", file=sys.stderr, flush=True)
-        given = sys.stdin.readline().strip() or question.default
+        print(f"{question.text} [{default}]: ", end=end, file=sys.stderr, flush=True)
+        line = sys.stdin.readline()
+        option = option_of(question)
+        if not line:
+            raise PamError(
+                f"the input ended before the answer to {option}; give one line for each question, "
+                "name the option, or accept the defaults with --defaults"
+            )
         try:
-            return question.read(given)
+            return question.read(line.strip() or default)
         except WrongArgument as error:
+            if not sys.stdin.isatty():  # the lines that follow answer other questions
+                raise PamError(f"{option}: {error}") from None
             print(error, file=sys.stderr)
+
+
+def option_of(question: Question) -> str:
+    """The option that answers a question."""
+    return f"--{question.name.replace('_', '-')}"
+
+
+def _default(question: Question, answers: dict[str, Any], size: str | None) -> str:
+    """What an empty answer means, which may follow from earlier ones."""
+    if question.default in answers:
+        return f"{answers[question.default]:g}"
+    if question.name == "max_pressure" and size is not None:
+        return f"{min(float(question.default), SIZES[size].pressure):g}"
+    return question.default
 
 
 def _run(chosen: Arguments) -> Outcome:
@@ -115,18 +165,25 @@ def _run(chosen: Arguments) -> Outcome:
     from pam_model.rig.from_datasheet import BraidFromDatasheet  # noqa: PLC0415
     from pam_model.rig.new_rig import NewRig  # noqa: PLC0415
 
-    asks = sys.stdin.isatty() and not chosen.defaults
-    answers: dict[str, Any] = {}
+    if chosen.size is not None and (chosen.diameter, chosen.angle) != (None, None):
+        raise PamError("--size states diameter and angle: expected --size, or these two numbers")
+    answers = {question.name: getattr(chosen, question.name) for question in QUESTIONS}
     for question in QUESTIONS:
-        given = getattr(chosen, question.name)
-        if given is None:
-            given = ask(question) if asks else question.read(question.default)
-        answers[question.name] = given
-    size = (answers.pop("diameter"), answers.pop("length"), math.radians(answers.pop("angle")))
-    text = NewRig(braid=BraidFromDatasheet.measured(*size), **answers).text()
+        if chosen.size is not None and question.name in OF_SIZE:
+            continue
+        if answers[question.name] is None:
+            default = _default(question, answers, chosen.size)
+            given = question.read(default) if chosen.defaults else ask(question, default)
+            answers[question.name] = given
+    diameter, length, angle = (answers.pop(name) for name in ("diameter", "length", "angle"))
+    if chosen.size is not None:
+        braid = BraidFromDatasheet.of_size(chosen.size, length)
+    else:
+        braid = BraidFromDatasheet.measured(diameter, length, math.radians(angle))
+    text = NewRig(braid=braid, **answers).text()
     make_parents(chosen.output).write_text(text, encoding="utf-8")
     rig = load_rig(chosen.output)
-    print(f"written: {chosen.output}; check it: python -m pam_driver check-rig {chosen.output}")
+    print(f"written: {chosen.output}; check it: {PROGRAM} driver check-rig {chosen.output}")
     return Outcome({"file": chosen.output, "joints": rig.joint_names, "muscles": rig.muscle_names})
 
 
@@ -137,8 +194,8 @@ COMMANDS = (
         _declare,
         _run,
         examples=(
-            "python -m pam_model new-rig my_robot.yaml",
-            "python -m pam_model new-rig arm.yaml --joints shoulder,elbow --length 0.3 --defaults",
+            "pam model new-rig my_robot.yaml",
+            "pam model new-rig arm.yaml --joints shoulder,elbow --size DMSP-20 --defaults",
         ),
     ),
 )

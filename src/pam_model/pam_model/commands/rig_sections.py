@@ -6,16 +6,20 @@ import math
 from dataclasses import asdict, replace
 from typing import Any
 
-from pam_model.argument_types import make_parents, number, output_file
+from pam_model.argument_types import make_parents, muscle_size, number, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, chosen_rig
 from pam_model.errors import PamError
 from pam_model.muscle_sizes import SIZES
+from pam_ros.program_name import PROGRAM
 
 
 def _declare_braid(parser: Parser) -> None:
     above: dict[str, Any] = {"metavar": "X"}
     parser.add_argument(
-        "--size", choices=sorted(SIZES), help="a size that can be bought, instead of two numbers"
+        "--size",
+        type=muscle_size,
+        metavar="NAME",
+        help=f"a size that can be bought, instead of two numbers: {', '.join(SIZES)}",
     )
     parser.add_argument(
         "--diameter",
@@ -50,9 +54,7 @@ def _braid(chosen: Arguments) -> Outcome:
             raise PamError("--size states diameter and angle: expected --size, or both numbers")
         bought = SIZES[chosen.size]
         made = replace(
-            BraidFromDatasheet.of_force(
-                bought.diameter, chosen.length, bought.force, bought.pressure
-            ),
+            BraidFromDatasheet.of_size(chosen.size, chosen.length),
             wall_thickness=chosen.wall_thickness,
         )
     elif any(value is None for value in numbers):
@@ -68,7 +70,8 @@ def _braid(chosen: Arguments) -> Outcome:
             f"# {chosen.size}: the angle of the threads is not published. With {angle:.3g} deg the "
             f"ideal braid has\n# the published force of {bought.force:g} N at "
             f"{1e-5 * bought.pressure:g} bar. Permitted contraction: "
-            f"{100.0 * bought.contraction:g} %. A fit to measurements is better: pam_model fit"
+            f"{100.0 * bought.contraction:g} %. A fit to measurements is better: "
+            f"{PROGRAM} model fit"
         )
     per_bar, share = 1e5 * made.force_per_pressure, made.largest_contraction
     print(
@@ -107,13 +110,13 @@ COMMANDS = (
         "write the muscle section of a rig file from a data sheet",
         _declare_braid,
         _braid,
-        examples=("python -m pam_model braid --diameter 20e-3 --length 0.3 --angle 23",),
+        examples=("pam model braid --diameter 20e-3 --length 0.3 --angle 23",),
     ),
     Command(
         "urdf",
         "write the joints of a rig as URDF",
         _declare_urdf,
         _urdf,
-        examples=("python -m pam_model urdf --rig config/elbow.yaml --output elbow.urdf",),
+        examples=("pam model urdf --rig config/elbow.yaml --output elbow.urdf",),
     ),
 )

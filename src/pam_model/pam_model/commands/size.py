@@ -93,8 +93,7 @@ COMMANDS = (
         _declare,
         _run,
         examples=(
-            "python -m pam_model size --torque 5 --range 1.0 --speed 3 --pressure 5e5 "
-            "--plot out/size.png",
+            "pam model size --torque 5 --range 1.0 --speed 3 --pressure 5e5 --plot out/size.png",
         ),
     ),
 )

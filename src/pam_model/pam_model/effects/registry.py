@@ -47,6 +47,7 @@ from typing import Final
 from pam_model.effects.declaration import Effect, EffectError
 from pam_model.effects.parts import EffectValues
 from pam_model.effects.slots import TARGETS, Adjusts, Chamber, Opening, Slot, Thread
+from pam_model.names import Named
 
 HOUSE: Final = ("__init__", "declaration", "parts", "registry", "slots")
 """Files of this folder that declare no effect."""
@@ -140,7 +141,7 @@ def _discover() -> dict[str, Effect]:
     return ordered
 
 
-EFFECTS: Final[Mapping[str, Effect]] = _discover()
+EFFECTS: Final[Mapping[str, Effect]] = Named("effect", _discover().items())
 """Every effect by its name, in order from the command to the measurement."""
 
 

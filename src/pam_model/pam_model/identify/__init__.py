@@ -1,1 +1,1 @@
-"""Tools that fit, compare, design and draw muscle models: `python -m pam_model`."""
+"""Tools that fit, compare, design and draw muscle models: `pam model`."""

@@ -24,8 +24,10 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.errors import PamError
+from pam_model.reading import read_limited, reading
 from pam_model.table_dialect import decimal_mark, decoded, separator
 from pam_model.unit_hints import conversion_hint, other_units
+from pam_ros.foreign_text import all_shown, shown
 
 STANDARD_GRAVITY = 9.80665
 NOMINAL_SPEED = 1e-3
@@ -158,10 +160,12 @@ def load_measurements(
         table has other units.
     """
     path = Path(path)
-    try:
-        lines = decoded(path.read_bytes()).splitlines()
-    except (OSError, UnicodeError) as error:
-        raise PamError(f"{path}: cannot be read: {error}") from error
+    with reading(path, "a readable table of points"):
+        return _load(path, load_share, gravity)
+
+
+def _load(path: Path, load_share: int, gravity: float) -> Measurements:
+    lines = decoded(read_limited(path)).splitlines()
     lines = [line for line in lines if not line.startswith("#")]
     between = separator(lines[0]) if lines else ","
     rows = list(csv.reader(lines, delimiter=between))
@@ -180,9 +184,12 @@ def _heading(cell: str, path: Path) -> tuple[str, float]:
     if expected is None or found is None:
         return (cell if expected is None else name), 1.0
     scales = {expected: 1.0, **other_units(expected)}
-    if found[2] not in scales:
-        raise PamError(f"{path}: {cell}: unit {found[2]!r}; expected one of {', '.join(scales)}")
-    return name, scales[found[2]]
+    unit = found[2].removeprefix("in ")
+    if unit not in scales:
+        raise PamError(
+            f"{path}: {shown(cell)}: unit {shown(unit)}; expected one of {', '.join(scales)}"
+        )
+    return name, scales[unit]
 
 
 def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
@@ -195,7 +202,7 @@ def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
     missing = [name for name in ("pressure", "force") if name not in header]
     if missing or len(position) != 1:
         raise PamError(
-            f"{path}: header has {', '.join(rows[0])}; expected pressure [Pa], force [N] and "
+            f"{path}: header has {all_shown(rows[0])}; expected pressure [Pa], force [N] and "
             "either length [m] or shortening [m], optionally velocity [m/s], block, branch"
         )
 
@@ -286,10 +293,11 @@ def load_staircase(
         if len(row) <= max(muscles, default=_FIRST_DISPLACEMENT):
             raise PamError(f"{path}: line {line} is short, expected {len(header)} columns")
         if row[1] not in ("0", "1"):
-            raise PamError(f"{path}: line {line}, dir = {row[1]!r}, expected 0 (up) or 1 (down)")
+            found = shown(row[1])
+            raise PamError(f"{path}: line {line}, dir = {found}, expected 0 (up) or 1 (down)")
         stop = stops.setdefault((row[0], row[1], row[2]), len(stops))
         for muscle in muscles:
-            where = f"{path}: line {line}, {header[muscle]}"
+            where = f"{path}: line {line}, {shown(header[muscle])}"
             pressure.append(100.0 * _number(row[3], f"{path}: line {line}, pressure"))
             shortening.append(1e-3 * _number(row[muscle], where))
             rising.append(row[1] == "0")
@@ -324,7 +332,7 @@ def _number(cell: str, where: str) -> float:
     try:
         value = float(cell)
     except ValueError:
-        raise PamError(f"{where} = {cell!r} is not a number") from None
+        raise PamError(f"{where} = {shown(cell)} is not a number") from None
     if not math.isfinite(value):
-        raise PamError(f"{where} = {cell!r} is not finite")
+        raise PamError(f"{where} = {shown(cell)} is not finite")
     return value

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from pam_model.bounds import within
 from pam_model.errors import DomainError
 from pam_model.joints.joint_muscle import JointMuscle, JointPressures
 from pam_model.joints.pressure_line import Point, PressureLine
@@ -45,6 +46,11 @@ class AntagonisticJoint:
         [Pa absolute].
     exponent : float, optional
         Polytropic exponent of shut chambers [-].
+
+    Raises
+    ------
+    DomainError
+        For a radius or pressure that is not above 0, or an exponent outside 1 to 1.4.
     """
 
     def __init__(
@@ -56,6 +62,9 @@ class AntagonisticJoint:
         ambient_pressure: float = 101325.0,
         exponent: float = 1.0,
     ) -> None:
+        within("pulley_radius", pulley_radius, unit="m", above=0.0, error=DomainError)
+        within("ambient_pressure", ambient_pressure, unit="Pa", above=0.0, error=DomainError)
+        within("exponent", exponent, 1.0, 1.4, error=DomainError)
         self.agonist = agonist
         self.antagonist = antagonist
         self.pulley_radius = pulley_radius
@@ -135,24 +144,34 @@ class AntagonisticJoint:
     def from_rig(
         cls,
         rig: Rig,
-        joint_name: str,
+        joint: str | int = 0,
         *,
         min_pressure: float = 0.0,
         pressure_share: float = 1.0,
     ) -> AntagonisticJoint:
         """The joint of the robot that a rig file describes; otherwise as `from_robot`.
 
+        Parameters
+        ----------
+        rig : Rig
+            As read from a file.
+        joint : str or int
+            Name or number of the joint.
+        min_pressure, pressure_share : float, optional
+            As for `from_robot`.
+
         Raises
         ------
-        KeyError
+        UnknownNameError
             For an unknown joint.
         DomainError
             If a muscle cannot reach `min_pressure`.
         """
+        name = rig.joint(joint).name
         robot = compose(rig)
         return cls.from_robot(
             robot,
-            robot.joint(joint_name),
+            robot.joint(name),
             min_pressure=min_pressure,
             pressure_share=pressure_share,
         )

@@ -9,6 +9,7 @@ extensors do push; the joint model enforces that other muscles cannot push.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -17,7 +18,10 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.errors import RigError
+from pam_model.bounds import within
+from pam_model.errors import DomainError, RigError
+from pam_model.names import Named
+from pam_ros.program_name import PROGRAM
 
 Quantity = float | npt.NDArray[np.float64]
 
@@ -63,12 +67,26 @@ class MuscleGeometry:
         Unpressurised braid length [m].
     wall_thickness : float
         t_k, bladder and sheath [m].
+
+    Raises
+    ------
+    DomainError
+        For a value that is not finite and above 0, or a wall thickness below 0.
     """
 
     thread_length: float
     turns: float
     rest_length: float
     wall_thickness: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no length or number of turns."""
+        least = {"thread_length": 0.0, "turns": 0.0, "rest_length": 0.0, "wall_thickness": None}
+        for name, above in least.items():
+            value, unit = getattr(self, name), "-" if name == "turns" else "m"
+            if isinstance(value, float | int | str | None):  # a fit takes slopes by dual numbers
+                low = -math.inf if above is not None else 0.0
+                within(name, value, low, unit=unit, above=above, error=DomainError)
 
 
 @runtime_checkable
@@ -130,7 +148,7 @@ Factory = Callable[[MuscleGeometry, Mapping[str, float]], ForceModel]
 
 @dataclass(frozen=True, slots=True)
 class RegisteredModel:
-    """A model's class, its factory, and its line in `python -m pam_model list`."""
+    """A model's class, its factory, and its line in `pam model list`."""
 
     name: str
     factory: Factory
@@ -176,7 +194,7 @@ def register(
 
 def registered_models() -> Mapping[str, RegisteredModel]:
     """Every length-force model by the name a rig file uses, in alphabetical order."""
-    return dict(sorted(_REGISTER.items()))
+    return Named("force model", sorted(_REGISTER.items()))
 
 
 def unknown_model(name: object) -> str:
@@ -185,7 +203,7 @@ def unknown_model(name: object) -> str:
     of_row = [entry.name for entry in models.values() if entry.row == name]
     if of_row:
         return (
-            f"unknown force model {name!r}: that is a row of `python -m pam_model list`, whose "
+            f"unknown force model {name!r}: that is a row of `{PROGRAM} model list`, whose "
             f"model for a rig file is {', '.join(of_row)}"
         )
     close = get_close_matches(str(name), models, 1)

@@ -16,11 +16,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pam_model.bounds import within
 from pam_model.effects import EFFECTS, effect_value
-from pam_model.errors import PamError
+from pam_model.errors import UnknownNameError
+from pam_model.names import unknown
 from pam_model.plant import layout as lay
 from pam_model.plant.force_table import NO_TABLE, closed_form, make_table
 from pam_model.rig import Joint, Muscle, Rig
+from pam_model.rig.keys import NUMBERS
 
 Vector = npt.NDArray[np.float64]
 
@@ -121,17 +124,15 @@ class PlantParameters:
     tables: tuple[Vector, Vector] = field(default=(NO_TABLE, NO_TABLE))
 
     @classmethod
-    def from_rig(cls, rig: Rig, joint: int = 0) -> PlantParameters:
-        """The parameters of joint number `joint` of a rig, with the rig's effects.
+    def from_rig(cls, rig: Rig, joint: str | int = 0) -> PlantParameters:
+        """The parameters of a joint, by its name or number, with the rig's effects.
 
         Raises
         ------
-        PamError
+        UnknownNameError
             If the rig has no such joint.
         """
-        if not 0 <= joint < len(rig.joints):
-            raise PamError(f"the rig has {len(rig.joints)} joints, none with number {joint}")
-        entry = rig.joints[joint]
+        entry = rig.joint(joint)
         muscles = (rig.muscle(entry.agonist), rig.muscle(entry.antagonist))
         values: dict[str, float] = neutral_values()
         values.update(_joint_values(rig, entry))
@@ -154,13 +155,21 @@ class PlantParameters:
 
         Raises
         ------
+        UnknownNameError
+            For an unknown name.
         PamError
-            For an unknown name or a value that is not finite.
+            For a value that a rig file could not have.
         """
+        for name, value in changes.items():
+            low, high = bounds_of(expand_name(name)[0])
+            within(f"plant parameter {name}", value, low, high, UNITS[expand_name(name)[0]])
+        return self.forced(changes)
+
+    def forced(self, changes: Mapping[str, float]) -> PlantParameters:
+        """As `replaced`, for faults that no rig file describes: any finite value is taken."""
         values = self.values.copy()
         for name, value in changes.items():
-            if not math.isfinite(value):
-                raise PamError(f"plant parameter {name} = {value} must be finite")
+            within(f"plant parameter {name}", value)
             for full in expand_name(name):
                 values[INDEX[full]] = value
         return replace(self, values=values)
@@ -171,7 +180,7 @@ def expand_name(name: str) -> tuple[str, ...]:
 
     Raises
     ------
-    PamError
+    UnknownNameError
         For a name the plant does not have.
     """
     if name in INDEX:
@@ -179,7 +188,24 @@ def expand_name(name: str) -> tuple[str, ...]:
     both = tuple(f"{muscle}.{name}" for muscle in lay.MUSCLES)
     if both[0] in INDEX:
         return both
-    raise PamError(f"the plant has no parameter {name!r}; see pam_model.plant.parameters.NAMES")
+    raise UnknownNameError(_unknown(name))
+
+
+def _unknown(name: str) -> str:
+    prefixes = tuple(f"{muscle}." for muscle in lay.MUSCLES)
+    of_both = [one.removeprefix(prefixes[0]) for one in NAMES if one.startswith(prefixes[0])]
+    near = unknown("plant parameter", name, [*NAMES, *of_both])
+    return f"{near} All names: pam_model.plant.parameters.NAMES"
+
+
+def bounds_of(name: str) -> tuple[float, float]:
+    """Lowest and highest value of a plant parameter that a rig file may have, in its unit."""
+    place = RIG_PLACES[name]
+    if place.section == "effect":
+        entry = EFFECTS[place.effect].parameters[place.key]
+        return entry.low, entry.high
+    key = NUMBERS["" if place.section == "rig" else place.section].get(place.key)
+    return (key.low, key.high) if key else (-math.inf, math.inf)
 
 
 def index(name: str) -> int:
@@ -187,11 +213,11 @@ def index(name: str) -> int:
 
     Raises
     ------
-    PamError
+    UnknownNameError
         For a name the plant does not have.
     """
     if name not in INDEX:
-        raise PamError(f"the plant has no parameter {name!r}; see pam_model.plant.parameters.NAMES")
+        raise UnknownNameError(_unknown(name))
     return INDEX[name]
 
 

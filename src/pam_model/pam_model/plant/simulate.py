@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 
+from pam_model.bounds import within
 from pam_model.effects.registry import filled
 from pam_model.effects.slots import PullState
 from pam_model.errors import PamError
@@ -72,9 +73,24 @@ def initial_state(
     creep_settled : bool
         True if the bladders have been at this position for long, False if they were just moved
         there from their rest length.
+
+    Raises
+    ------
+    PamError
+        For a number that is not finite, or a pressure below a vacuum.
     """
     p = parameters
     ambient = p["gas.ambient_pressure"]
+    within("position", position, unit="rad")
+    within("velocity", velocity, unit="rad/s")
+    if len(pressures) != 2 or len(commands) != 2:
+        raise PamError(
+            f"{len(pressures)} pressures and {len(commands)} commands: expected two of each, of "
+            "agonist and antagonist"
+        )
+    for pressure, command in zip(pressures, commands, strict=True):
+        within("pressure", pressure, -ambient, unit="Pa gauge")
+        within("command", command)
     y = np.zeros(lay.N_STATES)
     y[lay.Y_POSITION], y[lay.Y_VELOCITY] = position, velocity
     y[lay.Y_RESERVOIR] = p["supply_pressure"]
@@ -148,8 +164,8 @@ def simulate(
         For arrays of a wrong shape, values that are not finite, or times not above zero.
     """
     commands = _checked("commands", commands, (None, 2))
-    if not (sample_time > 0.0 and step > 0.0):
-        raise PamError(f"sample_time {sample_time} s and step {step} s must be above 0")
+    within("sample_time", sample_time, unit="s", above=0.0)
+    within("step", step, unit="s", above=0.0)
     count = len(commands)
     lanes = parameters.values[None] if values is None else values
     lanes = _checked("values", lanes, (None, len(NAMES)))
@@ -261,6 +277,11 @@ class Plant:
         Initial state; by default at rest at position 0, vented.
     reservoir_share : float, optional
         Share of the reservoir that belongs to this joint [-], see `RobotPlant`.
+
+    Raises
+    ------
+    PamError
+        For a step that is not above 0.
     """
 
     def __init__(
@@ -271,6 +292,7 @@ class Plant:
         *,
         reservoir_share: float = 1.0,
     ) -> None:
+        within("step", step, unit="s", above=0.0)
         self.parameters = parameters
         self._reservoir_share = reservoir_share
         self.step_length = step
@@ -326,9 +348,9 @@ class Plant:
         Parameters
         ----------
         changes : mapping of str to float
-            As `PlantParameters.replaced` takes them.
+            As `PlantParameters.forced` takes them.
         """
-        self.parameters = self.parameters.replaced(changes)
+        self.parameters = self.parameters.forced(changes)
         derived = derive_constants(self.parameters.values, self._reservoir_share)
         self._constants = for_kernel(derived)
         if not self._constants[lay.C_DROOP] > 0.0:

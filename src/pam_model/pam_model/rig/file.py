@@ -20,6 +20,7 @@ import yaml
 from pam_model.errors import PamError, RigError
 from pam_model.rig.bus_keys import DEVICE_FILES
 from pam_model.rig.parser import parse_rig, unflatten
+from pam_model.rig.ros_yaml import refused_by_nodes
 from pam_model.rig.types import Rig
 
 MAX_FILE_SIZE = 1 << 20
@@ -27,12 +28,22 @@ MAX_FILE_SIZE = 1 << 20
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain YAML without aliases, which can expand without limit, and without duplicate keys."""
+    """Plain YAML without aliases, which can expand without limit, and without duplicate keys.
+
+    `refused` has one line for everything that a node would refuse in the file.
+    """
+
+    def __init__(self, text: bytes) -> None:
+        super().__init__(text)
+        self.refused: list[str] = []
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
             raise yaml.YAMLError("aliases (*name) are not allowed in a rig file")
-        return super().compose_node(parent, index)
+        node = super().compose_node(parent, index)
+        if node is not None:
+            self.refused += refused_by_nodes(node)
+        return node
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
         seen = set()
@@ -62,13 +73,17 @@ def _read(path: Path) -> Any:
     if len(text) > MAX_FILE_SIZE:
         raise RigError(f"{path}: larger than {MAX_FILE_SIZE} bytes, too large for a rig file")
     try:
-        return yaml.load(text, _Loader)  # a SafeLoader
+        loader = _Loader(text)
+        tree = loader.get_single_data()
     except yaml.reader.ReaderError:
         raise RigError(f"{path}: not text in UTF-8; save it as UTF-8") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         reason = " ".join(str(error).split()) or "nested too deeply"
         tab = "; a tab: use spaces to indent" if r"'\t'" in reason else ""
         raise RigError(f"{path}: not YAML: {reason}{tab}") from None
+    if loader.refused:
+        raise RigError("\n".join(f"{path}: {line}" for line in loader.refused[:20]))
+    return tree
 
 
 def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:

@@ -10,7 +10,9 @@ import math
 from dataclasses import dataclass
 
 from pam_model.errors import PamError
+from pam_model.muscle_sizes import SIZES
 from pam_model.muscles.braid import NEUTRAL_ANGLE, ThinCylinder, require_positive
+from pam_ros.program_name import PROGRAM
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,20 @@ class BraidFromDatasheet:
         per_area = force / (pressure * math.pi * diameter**2 / 4.0)
         return cls.measured(diameter, length, math.atan(math.sqrt(2.0 / (per_area + 1.0))))
 
+    @classmethod
+    def of_size(cls, name: str, length: float) -> BraidFromDatasheet:
+        """The ideal braid that has the published force of a muscle that can be bought.
+
+        Parameters
+        ----------
+        name : str
+            A key of `pam_model.muscle_sizes.SIZES`.
+        length : float
+            Between the fittings, without pressure and load [m].
+        """
+        bought = SIZES[name]
+        return cls.of_force(bought.diameter, length, bought.force, bought.pressure)
+
     @property
     def force_per_pressure(self) -> float:
         """Pull of the ideal braid at rest length over pressure [N/Pa]."""
@@ -113,7 +129,7 @@ class BraidFromDatasheet:
         return "\n".join(
             [
                 f"    {name}:",
-                "      model: chou_hannaford         # ideal braid; python -m pam_model list",
+                f"      model: chou_hannaford         # ideal braid; {PROGRAM} model list",
                 f"      thread_length: {self.thread_length:<14.6g} # m",
                 f"      turns: {self.turns:<22.6g} # -",
                 f"      wall_thickness: {self.wall_thickness:<13.6g} # m",

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from pam_model.errors import PamError
 from pam_model.rig.from_datasheet import BraidFromDatasheet
+from pam_ros.program_name import PROGRAM
 
 STROKE_SHARE = 0.9
 """Largest part of a muscle's contraction that the range of a joint may use."""
@@ -105,7 +106,7 @@ class NewRig:
         lines = [
             "# Change every number to that of your robot; docs/rig_file.md explains the keys.",
             "# Units: SI; pressures gauge unless named absolute.",
-            "# Check it with: python -m pam_driver check-rig THIS_FILE",
+            f"# Check it with: {PROGRAM} driver check-rig THIS_FILE",
             "/**:",
             "  ros__parameters:",
             "    gas:",

@@ -5,17 +5,57 @@ Pressures are gauge unless a field is named or described as absolute. `file.py` 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from pam_model.effects import EffectValues
+from pam_model.bounds import check_numbers, within
+from pam_model.effects import EFFECTS, EffectValues, Scope
+from pam_model.errors import RigError, UnknownNameError
 from pam_model.muscles.force_model import ForceModel, MuscleGeometry, create_force_model
+from pam_model.names import unknown
+from pam_model.rig.keys import NUMBERS
 from pam_model.rig.people import People
 from pam_model.rig.wiring import Bus, Encoder, PressureSensor
 from pam_model.rig.written_fields import effects_of, fields_of
 
 ValveKind = Literal["flow", "pressure_regulator"]
+VALVE_KINDS: tuple[ValveKind, ...] = ("flow", "pressure_regulator")
+
+
+def _check(owner: object, section: str, where: str) -> None:
+    """Check all numbers of one section against the bounds of a rig file.
+
+    Raises
+    ------
+    RigError
+        For a number that a rig file could not have.
+    """
+    bounds = {name: (key.low, key.high, key.unit) for name, key in NUMBERS[section].items()}
+    check_numbers(owner, where, bounds, error=RigError)
+
+
+def _check_effects(effects: EffectValues, scope: Scope, where: str) -> None:
+    """Check the values of effects against the bounds of their parameters.
+
+    Raises
+    ------
+    RigError
+        For an unknown effect or parameter, one of another scope, or a value out of bounds.
+    """
+    prefix = f"{where}.effects" if where else "effects"
+    known = [name for name, effect in EFFECTS.items() if effect.scope == scope]
+    for name, values in effects.items():
+        if name not in known:
+            raise RigError(f"{prefix}: {unknown('effect', name, known)}")
+        parameters = EFFECTS[name].parameters
+        for key, value in values.items():
+            if key not in parameters:
+                raise RigError(f"{prefix}.{name}: {unknown('parameter', key, parameters)}")
+            entry = parameters[key]
+            what = f"{prefix}.{name}.{key}"
+            within(what, value, entry.low, entry.high, entry.unit, error=RigError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +75,10 @@ class Gas:
     temperature: float = 293.15
     ambient_pressure: float = 101325.0
     polytropic_exponent: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers as a rig file's."""
+        _check(self, "gas", "gas")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +104,12 @@ class Valve:
     critical_ratio: float = 0.3
     time_constant: float = 0.005
     full_scale: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers as a rig file's."""
+        if self.kind not in VALVE_KINDS:
+            raise RigError(unknown("kind of valve", self.kind, VALVE_KINDS))
+        _check(self, "valve", "valve")
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +165,11 @@ class Muscle:
     pressure_sensor: PressureSensor | None = None
     model_parameters: Mapping[str, float] = field(default_factory=dict)
     effects: EffectValues = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the numbers as a rig file's."""
+        _check(self, "muscle", self.name)
+        _check_effects(self.effects, "muscle", self.name)
 
     @property
     def geometry(self) -> MuscleGeometry:
@@ -188,6 +243,11 @@ class Joint:
     encoder: Encoder | None = None
     effects: EffectValues = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Check the numbers as a rig file's."""
+        _check(self, "joint", self.name)
+        _check_effects(self.effects, "joint", self.name)
+
     @property
     def agonist(self) -> str:
         """Name of the muscle that pulls towards positive positions."""
@@ -240,6 +300,11 @@ class Plausibility:
     supply_share: float = 0.5
     supply_high_share: float = 1.3
 
+    def __post_init__(self) -> None:
+        """Refuse what is no limit; a study may have sharper or wider ones than a rig file."""
+        limits = {name: (0.0, math.inf, key.unit) for name, key in NUMBERS["plausibility"].items()}
+        check_numbers(self, "plausibility", limits, error=RigError)
+
 
 @dataclass(frozen=True)
 class Rig:
@@ -288,6 +353,11 @@ class Rig:
         init=False, repr=False, compare=False, default_factory=dict
     )
 
+    def __post_init__(self) -> None:
+        """Check the numbers as a rig file's."""
+        _check(self, "", "")
+        _check_effects(self.effects, "rig", "")
+
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in order."""
@@ -308,16 +378,34 @@ class Rig:
         """Supply above ambient [Pa gauge]."""
         return self.supply_pressure - self.gas.ambient_pressure
 
-    def joint(self, name: str) -> Joint:
-        """The joint called `name`; KeyError if there is none."""
-        return next((j for j in self.joints if j.name == name), None) or _no("joint", name)
+    def joint(self, name: str | int) -> Joint:
+        """The joint with this name or number; UnknownNameError if there is none."""
+        return self.joints[self.joint_number(name)]
+
+    def joint_number(self, name: str | int) -> int:
+        """The place of a joint in `joints`, by its name or number.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none.
+        """
+        if isinstance(name, int) and 0 <= name < len(self.joints):
+            return name
+        if name in self.joint_names:
+            return self.joint_names.index(str(name))
+        raise UnknownNameError(unknown("joint", name, self.joint_names))
 
     def muscle(self, name: str) -> Muscle:
-        """The muscle called `name`; KeyError if there is none."""
-        return next((m for m in self.muscles if m.name == name), None) or _no("muscle", name)
+        """The muscle called `name`; UnknownNameError if there is none."""
+        for muscle in self.muscles:
+            if muscle.name == name:
+                return muscle
+        raise UnknownNameError(unknown("muscle", name, self.muscle_names))
 
     def joint_of(self, muscle_name: str) -> Joint | None:
         """The joint that a muscle moves; None for a bench muscle."""
+        self.muscle(muscle_name)
         return next((joint for joint in self.joints if muscle_name in joint.muscles), None)
 
     def force_model(self, muscle_name: str) -> ForceModel:
@@ -325,7 +413,7 @@ class Rig:
 
         Raises
         ------
-        KeyError
+        UnknownNameError
             For an unknown muscle.
         RigError, DomainError
             As for `Muscle.create_force_model`; never for a rig that was read from a file.
@@ -385,7 +473,3 @@ class Rig:
         for muscle in self.muscles:
             tree[muscle.name] = fields_of(muscle)
         return tree
-
-
-def _no(kind: str, name: str) -> Any:
-    raise KeyError(f"no {kind} called {name!r}")

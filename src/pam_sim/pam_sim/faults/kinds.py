@@ -1,6 +1,6 @@
 """Every fault that can be injected, as data: description, detection, required reaction, time limit.
 
-The table in docs/safety_tables.md is generated from this file (`python -m pam_sim fault-tables
+The table in docs/safety_tables.md is generated from this file (`pam sim fault-tables
 docs/safety_tables.md`), and the fault campaign compares its measurements with the same numbers.
 """
 

@@ -78,20 +78,40 @@ def _step(key: str, entry: object, top: Section, dictionary: Dictionary) -> Step
 
 
 def heartbeat_steps(
-    dictionary: Dictionary, period: float, guards: float | None, host_node: int, drives: bool
+    dictionary: Dictionary,
+    period: float,
+    guards: float | None,
+    host_node: int,
+    drives: bool,
+    top: Section,
 ) -> Iterator[Step]:
     """The device's heartbeat, and what it does without that of the host."""
-    yield Write(
-        ObjectName(0x1017), round(1e3 * period).to_bytes(2, "little"), "producer heartbeat time"
-    )
+    produced, why = ObjectName(0x1017), "producer heartbeat time"
+    entry, fixed = dictionary.find(produced), dictionary.default(produced)
+    if entry is not None and not entry.writable and fixed:
+        if fixed != round(1e3 * period):
+            top.add(
+                "heartbeat_period",
+                f" = {period:g} s: {produced} of {dictionary.file} is fixed at {fixed} ms; write "
+                f"{fixed / 1000:g}",
+            )
+        yield Check(produced, fixed, why, 0xFFFF)
+    else:
+        yield Write(produced, round(1e3 * period).to_bytes(2, "little"), why)
     if not drives:
         return
     time = 0 if guards is None else round(1e3 * guards)
-    if guards is not None or ObjectName(0x1016, 1) in dictionary:
+    consumer, behaviour = ObjectName(0x1016, 1), ObjectName(0x1029, 1)
+    if guards is not None or _is_writable(dictionary, consumer):
         value = host_node << 16 | time if time else 0
-        yield Write(ObjectName(0x1016, 1), value.to_bytes(4, "little"), "consumer heartbeat time")
-    if ObjectName(0x1029, 1) in dictionary:
-        yield Write(ObjectName(0x1029, 1), bytes([_STOPPED_ON_ERROR]), "error behaviour: stopped")
+        yield Write(consumer, value.to_bytes(4, "little"), "consumer heartbeat time")
+    if _is_writable(dictionary, behaviour):
+        yield Write(behaviour, bytes([_STOPPED_ON_ERROR]), "error behaviour: stopped")
+
+
+def _is_writable(dictionary: Dictionary, name: ObjectName) -> bool:
+    entry = dictionary.find(name)
+    return entry is not None and bool(entry.writable)
 
 
 def error_values(
@@ -105,8 +125,9 @@ def error_values(
     values: dict[ObjectName, int] = {}
     for demand in signals.demands:
         index, sub = demand.name
-        kinds = [dictionary.type_of(ObjectName(one, sub)) for one in (_ERROR_MODE, _ERROR_VALUE)]
-        known = index == _OUTPUTS and all(kind is not None for kind in kinds)
+        objects = [ObjectName(one, sub) for one in (_ERROR_MODE, _ERROR_VALUE)]
+        kinds = [dictionary.type_of(one) for one in objects]
+        known = index == _OUTPUTS and all(_is_writable(dictionary, one) for one in objects)
         if not known:
             if watchdog is not None and "outputs_off_on_error" not in top.tree:
                 top.add(

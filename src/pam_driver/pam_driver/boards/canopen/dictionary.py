@@ -1,11 +1,7 @@
-"""A device's object dictionary from its EDS file or a built-in profile, read by `canopen`.
-
-Source: CiA 306 (electronic data sheets), by way of the package canopen.
-"""
+"""A device's object dictionary from its EDS file or a built-in profile, and what is used of it."""
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,8 +16,9 @@ from canopen.objectdictionary import (
     ODVariable,
     datatypes,
 )
-from canopen.objectdictionary.eds import import_eds
 
+from pam_driver.boards.canopen.eds_file import EdsContent, Flaw, read_eds
+from pam_driver.boards.maker_file import read_maker_file
 from pam_model.errors import PamError
 
 PROFILES: Final = ("cia401_analogue", "cia404_pressure", "cia406_encoder", "regulator")
@@ -98,6 +95,8 @@ class Dictionary:
         The name of the EDS file, for messages.
     vendor, product : int
         The identity that the file states; 0 if it states none.
+    doubts : list of str
+        What is wrong with used objects although they can be used.
 
     Raises
     ------
@@ -107,15 +106,38 @@ class Dictionary:
 
     def __init__(self, path: Path, node: int) -> None:
         self.file = path.name
-        try:
-            state = path.stat()
-        except OSError as error:
-            raise EdsError(f"{path}: cannot be read: {error.strerror}") from None
-        if state.st_size > _MAX_BYTES:
-            raise EdsError(f"{path}: larger than {_MAX_BYTES} bytes, too large for an EDS file")
-        self._objects = _load(path, state.st_mtime_ns, node)
-        self.vendor = self.default(ObjectName(0x1018, 1)) or 0
-        self.product = self.default(ObjectName(0x1018, 2)) or 0
+        self.doubts: list[str] = []
+        content = _load(path, _changed_at(path), node)
+        self._objects, self._lines, self._flaws = content
+        self._used: set[ObjectName] = set()
+        self.vendor = self.certain(ObjectName(0x1018, 1)) or 0
+        if 0x1000 not in self._objects:
+            self.doubts.append("it has no object 0x1000, so the device profile is not checked")
+        self.product = self.certain(ObjectName(0x1018, 2)) or 0
+
+    def line(self, name: ObjectName) -> int:
+        """The line of the file in which an object begins; 0 if it has none."""
+        return self._lines.get((name.index, name.sub), self._lines.get((name.index, 0), 0))
+
+    def use(self, name: ObjectName) -> None:
+        """Note that the robot depends on what the file says about an object."""
+        self._used.add(name)
+
+    def flaws(self, *, used: bool) -> list[Flaw]:
+        """What is wrong with the objects that were used, or with everything else in the file."""
+        return [
+            flaw
+            for flaw in self._flaws
+            if used is any(flaw.concerns(one.index, one.sub) for one in self._used)
+        ]
+
+    def doubtful_names(self) -> list[ObjectName]:
+        """The objects that were used and about which something is wrong in the file."""
+        return [
+            one
+            for one in self._used
+            if any(flaw.concerns(one.index, one.sub) for flaw in self._flaws)
+        ]
 
     def as_canopen(self) -> ObjectDictionary:
         """The same objects as `canopen` keeps them."""
@@ -123,8 +145,10 @@ class Dictionary:
         result.indices = dict(self._objects)
         return result
 
-    def find(self, name: ObjectName) -> ODVariable | None:
-        """The entry of an object; None if the device does not have it."""
+    def find(self, name: ObjectName, *, used: bool = True) -> ODVariable | None:
+        """The entry of an object, which is `used` by that; None if the device does not have it."""
+        if used:
+            self.use(name)
         found = self._objects.get(name.index)
         if isinstance(found, ODVariable):
             return found if name.sub == 0 else None
@@ -133,7 +157,7 @@ class Dictionary:
         if name.sub in found.subindices:
             one: ODVariable = found.subindices[name.sub]
             return one
-        count = self.default(ObjectName(name.index, 0)) if name.sub else None
+        count = self.default(ObjectName(name.index, 0), used=used) if name.sub else None
         if isinstance(found, ODArray) and 1 in found.subindices and name.sub <= (count or 0):
             made: ODVariable = found[name.sub]
             return made
@@ -151,13 +175,19 @@ class Dictionary:
             return None
         return ObjectType(bits, kind in datatypes.SIGNED_TYPES, kind in datatypes.FLOAT_TYPES)
 
-    def default(self, name: ObjectName) -> int | None:
+    def default(self, name: ObjectName, *, used: bool = True) -> int | None:
         """The value of an integer object after power-up, as the EDS file states it."""
-        entry = self.find(name) if name.sub == 0 or name.index in self._objects else None
+        entry = self.find(name, used=used)
         if entry is None:
             return None
         value = entry.value if entry.value is not None else entry.default
         return value if isinstance(value, int) else None
+
+    def certain(self, name: ObjectName) -> int | None:
+        """The default of an object that can be done without; None if anything is wrong with it."""
+        if any(flaw.concerns(name.index, name.sub) for flaw in self._flaws):
+            return None
+        return self.default(name, used=False)
 
     def numbers(self, first: int) -> list[int]:
         """The numbers of the PDOs whose communication parameters begin at an index."""
@@ -197,22 +227,17 @@ def encoded(kind: ObjectType, value: int) -> bytes:
     return value.to_bytes(kind.bits // 8, "little", signed=value < 0)
 
 
-@lru_cache(maxsize=64)
-def _load(path: Path, changed_at: int, node: int) -> dict[int, ODVariable | ODArray | ODRecord]:
-    """The objects by index; `changed_at` makes a changed file be read again."""
+def _changed_at(path: Path) -> int:
     try:
-        raw = path.read_bytes()
+        return path.stat().st_mtime_ns
     except OSError as error:
         raise EdsError(f"{path}: cannot be read: {error.strerror}") from None
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = raw.decode("cp1252", errors="replace")
-    try:
-        objects = dict(import_eds(io.StringIO(text), node).indices)  # type: ignore[no-untyped-call]
-    except Exception as error:  # the parser has no exception of its own
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise EdsError(f"{path}: not a valid EDS file: {reason}") from error
-    if 0x1000 not in objects:
-        raise EdsError(f"{path}: not a valid EDS file: it has no object 0x1000 (device type)")
-    return objects
+
+
+@lru_cache(maxsize=64)
+def _load(path: Path, changed_at: int, node: int) -> EdsContent:
+    """What the file describes; `changed_at` makes a changed file be read again."""
+    content = read_eds(read_maker_file(path, _MAX_BYTES, "an EDS file", EdsError), node)
+    if not content.objects:
+        raise EdsError(f"{path}: not a valid EDS file: it describes no object, as [1000] would")
+    return content

@@ -19,9 +19,15 @@ class CanopenKind:
     ----------
     options : mapping of str to str
         Not used: every device names its own EDS file or profile.
+
+    Attributes
+    ----------
+    doubts : list of str
+        What is wrong with EDS files where no device depends on it.
     """
 
     def __init__(self, options: KindOptions) -> None:
+        self.doubts: list[str] = []
         self._hosts: dict[str, Host] = {}
         self._devices: dict[Address, Device] = {}
 
@@ -32,6 +38,7 @@ class CanopenKind:
         for board in wired:
             reader = DeviceReader(board)
             lines += reader.problems
+            self.doubts += reader.doubts
             device = reader.device
             if device is None:
                 continue

@@ -19,6 +19,7 @@ _NO_REMOTE: Final = 0x4000_0000
 _EVENT: Final = 255
 _EVERY_SYNC: Final = 1
 _LARGEST: Final = 64
+_LAST_GAP: Final = 0x1F  # the objects below are data types, which fill a PDO and mean nothing
 
 
 class Direction(NamedTuple):
@@ -88,21 +89,39 @@ def mapped_in_file(
     missing = dict(wanted)
     plans = []
     for number in dictionary.numbers(direction.parameters):
-        identifier = dictionary.default(ObjectName(direction.parameters + number - 1, 1))
-        names = _entries(dictionary, direction, number)
-        if identifier is None or identifier & _INVALID or not set(names) & set(missing):
+        communication = ObjectName(direction.parameters + number - 1, 1)
+        identifier = dictionary.default(communication, used=False)
+        entries = mapped(dictionary, direction, number)
+        carried = {name for name, _ in entries} & set(missing)
+        if identifier is None or identifier & _INVALID or not carried:
             continue
+        for name in (communication, *_mapping(dictionary, direction, number)):
+            dictionary.use(name)
         fields, shift = [], 0
-        for name, bits in names.items():
+        for name, bits in entries:
             if name in missing:
-                fields.append(Field(name, shift, missing.pop(name)))
-            elif direction is RPDO:
+                kind = missing.pop(name)
+                fields.append(Field(name, shift, kind))
+                if kind.bits != bits:
+                    where.add(
+                        "pdo_mapping",
+                        f" = read: {direction.word}{number} of {dictionary.file} carries {bits} "
+                        f"bits of {name}, which has {kind.bits} bits",
+                    )
+            elif direction is RPDO and name.index > _LAST_GAP:
                 where.add(
                     "pdo_mapping",
                     f" = read: {direction.word}{number} of {dictionary.file} also carries {name}, "
                     "which nothing in the rig file sets; pdo_mapping: write leaves it out",
                 )
             shift += bits
+        if shift > _LARGEST:
+            where.add(
+                "pdo_mapping",
+                f" = read: {direction.word}{number} of {dictionary.file} has {shift} bits, "
+                f"expected at most {_LARGEST}",
+            )
+            continue
         plans.append(Plan(number, identifier & 0x7FF, (shift + 7) // 8, tuple(fields)))
     for name in missing:
         where.add(
@@ -110,17 +129,41 @@ def mapped_in_file(
             f" = read: no {direction.word} of {dictionary.file} carries {name}; pdo_mapping: write "
             "adds it",
         )
+    if missing:  # what is wrong with any of them may be the reason
+        for number in dictionary.numbers(direction.parameters):
+            dictionary.use(ObjectName(direction.parameters + number - 1, 1))
+            for name in _mapping(dictionary, direction, number):
+                dictionary.use(name)
     return plans
 
 
-def _entries(dictionary: Dictionary, direction: Direction, number: int) -> dict[ObjectName, int]:
-    """The objects of a PDO by the EDS file, with their bits."""
-    index = direction.mappings + number - 1
-    found = {}
-    for sub in range(1, 1 + (dictionary.default(ObjectName(index, 0)) or 0)):
-        entry = dictionary.default(ObjectName(index, sub)) or 0
-        found[ObjectName(entry >> 16, entry >> 8 & 0xFF)] = entry & 0xFF
+def mapped(
+    dictionary: Dictionary, direction: Direction, number: int
+) -> list[tuple[ObjectName, int]]:
+    """The objects of a PDO in their order by the EDS file, with their bits.
+
+    A gap is an entry of a data type in place of an object, and several may be equal.
+    """
+    found = []
+    for place in _mapping(dictionary, direction, number)[1:]:
+        entry = dictionary.default(place, used=False) or 0
+        found.append((ObjectName(entry >> 16, entry >> 8 & 0xFF), entry & 0xFF))
     return found
+
+
+def default_carrier(dictionary: Dictionary, name: ObjectName, direction: Direction) -> str:
+    """The PDO that carries an object after power-up by the EDS file; empty if none does."""
+    for number in dictionary.numbers(direction.parameters):
+        if any(name == entry for entry, _ in mapped(dictionary, direction, number)):
+            return f"{direction.word}{number}"
+    return ""
+
+
+def _mapping(dictionary: Dictionary, direction: Direction, number: int) -> list[ObjectName]:
+    """The number of mapped objects of a PDO, and its entries, as objects."""
+    index = direction.mappings + number - 1
+    count = dictionary.default(ObjectName(index, 0), used=False) or 0
+    return [ObjectName(index, sub) for sub in range(1 + min(count, _LARGEST))]
 
 
 def steps_of(
@@ -166,9 +209,9 @@ def steps_of(
         yield Write(ObjectName(mapping, 0), bytes([len(entries)]), f"mapping of {called}")
     else:
         yield Check(identifier, plan.frame_id, f"identifier of {called}", _INVALID | 0x1FFF_FFFF)
-        known = _entries(dictionary, direction, plan.number)
+        known = mapped(dictionary, direction, plan.number)
         yield Check(ObjectName(mapping, 0), len(known), f"mapping of {called}", 0xFF)
-        for sub, (name, bits) in enumerate(known.items(), 1):
+        for sub, (name, bits) in enumerate(known, 1):
             entry = name.index << 16 | name.sub << 8 | bits
             yield Check(ObjectName(mapping, sub), entry, f"mapping of {called}")
     kind = _EVERY_SYNC if is_tpdo and sync else _EVENT
@@ -188,10 +231,16 @@ def steps_of(
 def unused_off(
     used: Collection[int], direction: Direction, dictionary: Dictionary
 ) -> Iterator[Step]:
-    """The steps that turn off the PDOs that a device has after power-up and nobody uses."""
+    """The steps that turn off the PDOs that a device has after power-up and nobody uses.
+
+    One that cannot be turned off stays: what it sends belongs to nobody, and it receives nothing.
+    """
     for number in dictionary.numbers(direction.parameters):
         name = ObjectName(direction.parameters + number - 1, 1)
-        value = dictionary.default(name)
+        entry = dictionary.find(name, used=False)
+        value = dictionary.default(name, used=False)
+        if entry is None or not entry.writable:  # its frames are nobody's
+            continue
         if number not in used and value is not None and not value & _INVALID:
             yield Write(name, _u32(value | _INVALID), f"{direction.word}{number} off")
 

@@ -27,6 +27,7 @@ from pam_driver.boards.canopen.pdo_plan import (
     written,
 )
 from pam_driver.boards.canopen.signals import SignalReader
+from pam_driver.boards.canopen.step_check import refused_steps, refused_timing
 from pam_driver.boards.protocol import Promises, WiredBoard
 from pam_model.errors import RigError
 from pam_model.rig.keys import Key, Problems, Section
@@ -37,6 +38,7 @@ _PERIOD: Final = Key("s", 0.001, 0.05, 0.002)
 _SDO_TIMEOUT: Final = Key("s", 0.005, 5.0, 0.1)
 _UNSIGNED: Final = Key("-", 0, 0xFFFF_FFFF)
 _HOST_NODE: Final = 127
+_MOST: Final = 8  # lines of a file that are told one by one
 _HEARTBEATS_FOR_A_WATCHDOG: Final = 20
 _CONSUMER: Final = ObjectName(0x1016, 1)
 _BEHAVIOUR: Final = ObjectName(0x1029, 1)
@@ -54,6 +56,8 @@ class DeviceReader:
     ----------
     problems : list of str
         What is wrong; empty if `device` can be used.
+    doubts : list of str
+        What is wrong with the EDS file where the device does not depend on it.
     device : Device or None
         The device, if nothing is wrong.
     dictionary : Dictionary or None
@@ -63,6 +67,7 @@ class DeviceReader:
     def __init__(self, wired: WiredBoard) -> None:
         collected = Problems("")
         self.problems = collected.lines
+        self.doubts: list[str] = []
         self.device: Device | None = None
         self.dictionary: Dictionary | None = None
         self._wired = wired
@@ -76,8 +81,33 @@ class DeviceReader:
         self.dictionary = dictionary
         device = self._read(dictionary, node)
         self._top.finish()
+        self._judge(dictionary)
         if not self.problems:
             self.device = device
+
+    def _judge(self, dictionary: Dictionary) -> None:
+        """A flaw of the EDS file in what the device depends on is a problem, elsewhere a doubt.
+
+        What follows from the flaw is not told.
+        """
+        prefix = f"{self._top.key(self._file_key)} = {dictionary.file}: "
+        flaws = dictionary.flaws(used=True)
+        if flaws:
+            names = {f"{word} " for word in dictionary.doubtful_names()}
+            rest = [line for line in self.problems if not any(n in f"{line} " for n in names)]
+            self.problems[:] = [f"{prefix}{flaw}" for flaw in flaws] + rest
+        self.doubts += [f"{prefix}{doubt}" for doubt in dictionary.doubts]
+        elsewhere = dictionary.flaws(used=False)
+        self.doubts += [
+            f"{prefix}{flaw}; the device can be used all the same" for flaw in elsewhere[:_MOST]
+        ]
+        if len(elsewhere) > _MOST:
+            self.doubts.append(f"{prefix}{len(elsewhere) - _MOST} more such lines")
+
+    @property
+    def _file_key(self) -> str:
+        """The key of the rig file that names the file of the device."""
+        return "eds" if "eds" in self._top.tree else "profile"
 
     def _node(self, name: str, default: int | None) -> int | None:
         value = self._top.get(name)
@@ -143,18 +173,9 @@ class DeviceReader:
             direction: self._plans(direction, signals, dictionary, node, write)
             for direction in (RPDO, TPDO)
         }
-        if not sync and any(
-            ObjectName(TPDO.parameters + plan.number - 1, 5) not in dictionary
-            for plan in plans[TPDO]
-        ):
-            top.add(
-                "transmission",
-                f" = event: a TPDO of {dictionary.file} has no event timer (sub-index 5); "
-                "transmission: sync is needed",
-            )
         steps: list[Step] = [*identity]
         steps += configuration.heartbeat_steps(
-            dictionary, heartbeat, guards, host_node, bool(signals.demands)
+            dictionary, heartbeat, guards, host_node, bool(signals.demands), top
         )
         errors = {demand.name: demand.error_value for demand in signals.demands}
         values = configuration.error_values(dictionary, signals, errors, top, watchdog)
@@ -162,13 +183,20 @@ class DeviceReader:
         steps += extra
         for direction, chosen in plans.items():
             for plan in chosen:
+                milliseconds = round(1e3 * period)
                 steps += steps_of(
-                    plan, direction, dictionary, write=write, sync=sync, period=round(1e3 * period)
+                    plan, direction, dictionary, write=write, sync=sync, period=milliseconds
                 )
+                for key, text in refused_timing(
+                    plan, direction, dictionary, sync=sync, period=milliseconds
+                ):
+                    top.add(key, text)
             if write:
                 steps += unused_off([plan.number for plan in chosen], direction, dictionary)
         steps += configuration.input_steps(dictionary, signals)
         steps += configuration.vented_steps(dictionary, signals)
+        for key, text in refused_steps(steps, dictionary, self._file_key):
+            top.add(key, text)
         off = top.flag("outputs_off_on_error")
         promised = watchdog if values or off else None
         return Device(
@@ -227,7 +255,7 @@ class DeviceReader:
         """Device type and identity; those of a maker's EDS file are checked as well."""
         where = self._top.section("identity")
         own = {"vendor": dictionary.vendor, "product": dictionary.product}
-        device_type = dictionary.default(ObjectName(0x1000)) or 0
+        device_type = dictionary.certain(ObjectName(0x1000)) or 0
         if device_type & 0xFFFF:
             why = f"device profile by {dictionary.file}"
             yield Check(ObjectName(0x1000), device_type & 0xFFFF, why, 0xFFFF)

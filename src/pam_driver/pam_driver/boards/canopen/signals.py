@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from pam_driver.boards.canopen.dictionary import Dictionary, ObjectName, ObjectType, object_name
+from pam_driver.boards.canopen.pdo_plan import RPDO, TPDO, default_carrier
 from pam_driver.boards.conversion import Source, fits, read_conversion
 from pam_driver.boards.protocol import Channel, MuscleWire, WiredBoard
 from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT, SUPPLY_INPUT
@@ -145,7 +146,7 @@ class SignalReader:
             problem = f"{file} has no such object{self.dictionary.near(name)}"
         elif kind is None:
             problem = f"{file} says that it is no number of 8 to 64 bits"
-        elif not entry.pdo_mappable:
+        elif not entry.pdo_mappable and not self._carried(name, sent=sent):
             problem = f"{file} says that it cannot be mapped to a PDO"
         elif sent and not entry.writable:
             problem = f"{file} says that it cannot be written ({entry.access_type})"
@@ -162,6 +163,16 @@ class SignalReader:
         assert kind is not None
         self.types[name] = kind
         return name, kind
+
+    def _carried(self, name: ObjectName, *, sent: bool) -> bool:
+        """Whether the file maps an object by default, although it says that nobody can."""
+        carrier = default_carrier(self.dictionary, name, RPDO if sent else TPDO)
+        if carrier:
+            self._doubt(name, f"PDOMapping is not 1, but {carrier} carries it, so that it is used")
+        return bool(carrier)
+
+    def _doubt(self, name: ObjectName, text: str) -> None:
+        self.dictionary.doubts.append(f"line {self.dictionary.line(name)}: {name}: {text}")
 
     def _conversion(
         self, where: Section, name: ObjectName, key: str
@@ -243,10 +254,17 @@ class SignalReader:
         low = -(1 << kind.bits - 1) if kind.signed else 0
         high = (1 << kind.bits - int(kind.signed)) - 1
         entry = self.dictionary.find(name)
-        if entry is not None:
-            low = low if entry.min is None else max(low, entry.min)
-            high = high if entry.max is None else min(high, entry.max)
-        return low, high
+        if entry is None:
+            return low, high
+        limits = [low if entry.min is None else entry.min, high if entry.max is None else entry.max]
+        if limits[0] >= limits[1]:
+            self._doubt(
+                name,
+                f"LowLimit = {limits[0]} and HighLimit = {limits[1]} leave no range, and are not "
+                "used",
+            )
+            return low, high
+        return max(low, limits[0]), min(high, limits[1])
 
     def _read_setpoint(self, where: Section, wire: MuscleWire) -> None:
         found = self._object(where, sent=True)

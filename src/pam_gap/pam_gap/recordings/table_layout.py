@@ -1,0 +1,199 @@
+"""Where names, units and numbers stand in a table of text, and what separates its columns.
+
+Instruments write their settings before the table and the units below the names; numpy writes the
+names behind a `#`; some programs separate by blanks. The numbers are therefore found first: the
+separator is the one with which most lines are rows of equally many numbers, and the names stand
+above the first of them.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from pam_model.table_dialect import decimal_mark, separator
+from pam_ros.foreign_text import all_shown, shown
+
+_SEPARATORS: Final = (";", "\t", ",", None)
+"""In the order in which they are preferred; None stands for blanks."""
+_JUDGED: Final = 64
+"""Cells of a line that are looked at, so that a line of 100,000 columns costs no more."""
+_NUMBER: Final = re.compile(
+    r"[-+]?\s*(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?\s*%?"
+    r"|(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})([T ]+\d{1,2}:\d{2}.*)?"
+    r"|\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?"
+)
+"""A number, also with its sign apart, a date, or a time of day."""
+_NOTHING: Final = frozenset({"", "nan", "inf", "-inf", "n/a", "na", "null", "none", "-", "#n/a"})
+UNIT_SPELLINGS: Final = {
+    "s": "s", "sec": "s", "ms": "ms", "msec": "ms", "us": "us", "usec": "us", "µs": "us",
+    "ns": "ns", "pa": "Pa", "bar": "bar", "mbar": "mbar", "hpa": "mbar", "kpa": "kPa",
+    "mpa": "MPa", "psi": "psi", "rad": "rad", "mrad": "mrad", "deg": "deg", "°": "deg",
+    "degree": "deg", "degrees": "deg", "grad": "deg", "m": "m", "mm": "mm", "cm": "cm", "n": "N",
+    "mn": "mN", "kn": "kN", "%": "per cent", "percent": "per cent", "v": "V", "a": "A", "ma": "mA",
+    "mv": "mV", "nm": "N m", "hz": "Hz", "-": "-", "1": "-", "°c": "°C", "rpm": "rpm",
+}  # fmt: skip
+"""How units are written below or behind the names, without upper case, and the unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableLayout:
+    """How a table of text is to be read.
+
+    Attributes
+    ----------
+    names : tuple of str
+        A name for each column; empty where none is given.
+    units : dict of str to str
+        The units that stand below the names, by name.
+    between : str or None
+        What separates the columns; None for blanks.
+    decimal : str
+        The decimal mark.
+    first : int
+        Number of the line with the first numbers, from 0.
+    """
+
+    names: tuple[str, ...]
+    units: dict[str, str]
+    between: str | None
+    decimal: str
+    first: int
+
+
+Rows = list[tuple[int, list[str]]]
+
+
+def _cells(line: str, between: str | None) -> list[str]:
+    if between is None:
+        return line.split()
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=between))]
+    return [cell.strip() for cell in line.split(between)]
+
+
+def _share(cells: Sequence[str]) -> float:
+    """The share of numbers among the cells of a line that hold something; 0 without any."""
+    filled = [cell for cell in cells[:_JUDGED] if cell.lower() not in _NOTHING]
+    if not filled:
+        return 0.0
+    return sum(_NUMBER.fullmatch(cell.strip('"')) is not None for cell in filled) / len(filled)
+
+
+def _first_row(rows: Rows) -> tuple[int, float]:
+    """Place of the first row of numbers, and how well the lines from there on are rows; -1, 0."""
+    widths = [len(cells) for _, cells in rows]
+    tail = widths[len(widths) // 2 :]
+    width = Counter(tail).most_common(1)[0][0]
+    shares = [_share(cells) if len(cells) == width else 0.0 for _, cells in rows]
+    good = [share >= 0.5 for share in shares]
+    for place, is_row in enumerate(good):
+        # a line of the metadata may look like a row, but not the lines below it
+        if is_row and all(good[place : place + 3]):
+            fitting = [share for share in shares[place:] if share >= 0.5]
+            alone = 0.5 if width == 1 else 1.0  # "1,2" is one number only where nothing else fits
+            return place, alone * len(fitting) * (sum(fitting) / len(fitting)) ** 2
+    return -1, 0.0
+
+
+def unit_spelt(text: str) -> str | None:
+    """The unit that a text is, with or without brackets; None for another text."""
+    return UNIT_SPELLINGS.get(text.strip(" []()").lower().removeprefix("in "))
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    filled = [cell for cell in cells if cell.strip(" []()")]
+    return bool(filled) and all(unit_spelt(cell) for cell in filled)
+
+
+def find_layout(lines: Sequence[str]) -> TableLayout:
+    """Find names, units and numbers of a table in its first lines.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The first lines of the file, all of them, without line ends.
+
+    Raises
+    ------
+    ValueError
+        When there is no line, or none that holds the names of the columns; the message says which
+        line looks like it.
+    """
+    told = [(k, line) for k, line in enumerate(lines) if line.strip()]
+    body = [(k, line) for k, line in told if not line.lstrip().startswith("#")]
+    if not body:
+        raise ValueError("it holds no line of a table")
+    best: tuple[float, int, str | None, Rows] = (0.0, -1, None, [])
+    for between in _SEPARATORS:
+        rows = [(k, _cells(line, between)) for k, line in body]
+        place, quality = _first_row(rows)
+        if quality > best[0]:
+            best = (quality, place, between, rows)
+    _, place, between, rows = best
+    if place < 0:  # no numbers: the first line must be the names, and the reader says what is text
+        between = separator(body[0][1])
+        names = _cells(body[0][1], between)
+        return TableLayout(tuple(names), {}, between, ".", body[0][0] + 1)
+    first, cells = rows[place]
+    units: list[str] = []
+    above = rows[place - 1][1] if place else []
+    if place > 1 and _are_units(above) and len(rows[place - 2][1]) == len(above):
+        units, above = above, rows[place - 2][1]
+    names = _fitted(above, cells, body[place - 1][1] if place and not units else "")
+    if not names:
+        comments = [line.strip("# ") for k, line in told if k < first and line.lstrip()[0] == "#"]
+        comment = comments[-1] if comments else ""
+        names = _fitted(_cells(comment, between), cells, comment)
+    if not names:
+        raise ValueError(_no_names(first, cells, body, place))
+    text = [line for _, line in body[place:]]
+    kept = {n: u for n, raw in zip(names, units, strict=False) if (u := unit_spelt(raw)) and n}
+    return TableLayout(tuple(names), kept, between, decimal_mark(text, between), first)
+
+
+def _fitted(names: list[str], cells: list[str], line: str) -> list[str]:
+    """The names if they fit the cells of the first row; empty if they do not."""
+    apart = [part.strip() for part in re.split(r"\s{2,}|\t", line.strip()) if part.strip()]
+    for tried in (names, apart):
+        found = list(tried)
+        while len(found) > len(cells) and not found[-1]:
+            found.pop()
+        if _share(found) >= 0.5 or not any(found):
+            continue
+        if len(found) == len(cells):
+            return found
+        if len(found) == len(cells) - 1:  # a separator at the end of each row, or numbers of rows
+            return [*found, ""] if not cells[-1] else ["", *found]
+    return []
+
+
+def _no_names(first: int, cells: list[str], body: list[tuple[int, str]], place: int) -> str:
+    if not place:
+        return (
+            f"the first line holds numbers; expected the names of the {len(cells)} columns in a "
+            "line above them"
+        )
+    number, line = body[place - 1]
+    return (
+        f"line {first + 1} is the first of {len(cells)} columns of numbers, but line {number + 1} "
+        f"above it, {shown(line.strip())}, does not name {len(cells)} columns; expected their names"
+    )
+
+
+def refuse_doubled(names: Sequence[str]) -> None:
+    """Refuse columns with one name.
+
+    Raises
+    ------
+    ValueError
+        The message names them.
+    """
+    twice = [name for name, count in Counter(filter(None, names)).items() if count > 1]
+    if twice:
+        which = all_shown(twice)
+        raise ValueError(f"two columns are called {which}; expected one name for each column")
