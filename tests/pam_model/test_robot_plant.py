@@ -28,7 +28,7 @@ def rig() -> Rig:
 
 def made(rig: Rig, count: int) -> RobotPlant:
     """Equal joints that cannot move, with their valves at rest."""
-    parameters = PlantParameters.from_rig(rig).replaced({"joint.inertia": 1e7})
+    parameters = PlantParameters.from_rig(rig).forced({"joint.inertia": 1e7})
     return RobotPlant([parameters] * count, states=[initial_state(parameters)] * count)
 
 

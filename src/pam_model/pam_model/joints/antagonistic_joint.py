@@ -167,11 +167,10 @@ class AntagonisticJoint:
         DomainError
             If a muscle cannot reach `min_pressure`.
         """
-        name = rig.joint(joint).name
         robot = compose(rig)
         return cls.from_robot(
             robot,
-            robot.joint(name),
+            robot.joints[rig.joint_number(joint)],
             min_pressure=min_pressure,
             pressure_share=pressure_share,
         )

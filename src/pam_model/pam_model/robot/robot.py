@@ -12,7 +12,6 @@ muscle turns which joint. Pressures are gauge unless an attribute says absolute.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -295,16 +294,10 @@ class Robot:
         return self.supply.pressure - self.gas.ambient_pressure
 
     def joint(self, name: str) -> RobotJoint:
-        """The joint called `name`; KeyError if there is none."""
-        return _named(self.joints, "joint", name)
+        """The joint with this name; UnknownNameError if there is none."""
+        return self.joints[self.rig.joint_number(name)]
 
     def muscle(self, name: str) -> RobotMuscle:
-        """The muscle called `name`; KeyError if there is none."""
-        return _named(self.muscles, "muscle", name)
-
-
-def _named[T: (RobotJoint, RobotMuscle)](entries: Iterable[T], kind: str, name: str) -> T:
-    for entry in entries:
-        if entry.name == name:
-            return entry
-    raise KeyError(f"no {kind} called {name!r}")
+        """The muscle with this name; UnknownNameError if there is none."""
+        self.rig.muscle(name)
+        return self.muscles[self.muscle_names.index(name)]
