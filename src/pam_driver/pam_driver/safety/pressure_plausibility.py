@@ -30,7 +30,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 from pam_driver.safety.limits_by_size import OBSERVER_GAIN, pressure_residual
@@ -93,7 +92,7 @@ class _MuscleObserver:
     def restart(self) -> None:
         """Forget the pressure; the next measurement is the first."""
         self.restarts += not math.isnan(self._state.at_sensor)
-        self._state = replace(self._state, at_sensor=math.nan, inside=math.nan)
+        self._state = self._state.known(math.nan)
         self.residual = 0.0
 
     def update(
@@ -114,8 +113,7 @@ class _MuscleObserver:
         if not state.at_sensor > 0.0:
             if not known:
                 return
-            first = max(measured, 1.0)
-            state = replace(state, at_sensor=first, inside=first)
+            state = state.known(max(measured, 1.0))
             self._gap = 0.0
         before = state.at_sensor
         state = self._gas.step(state, acting, positions, velocities, supply)

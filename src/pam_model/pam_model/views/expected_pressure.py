@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -27,8 +26,7 @@ _VOLUME_POINTS: Final = 16
 _REGULATED: Final = 2e4
 
 
-@dataclass(frozen=True, slots=True)
-class GasState:
+class GasState(NamedTuple):
     """The gas of one muscle.
 
     Attributes
@@ -48,11 +46,16 @@ class GasState:
 
     def corrected(self, change: float) -> GasState:
         """The state with both pressures changed by `change` [Pa]."""
-        return replace(
-            self,
-            at_sensor=max(self.at_sensor + change, LOWEST),
-            inside=max(self.inside + change, LOWEST),
+        return GasState(
+            self.commands,
+            self.spool,
+            max(self.at_sensor + change, LOWEST),
+            max(self.inside + change, LOWEST),
         )
+
+    def known(self, pressure: float) -> GasState:
+        """The state with this pressure at the sensor and in the muscle [Pa absolute]."""
+        return GasState(self.commands, self.spool, pressure, pressure)
 
 
 class ExpectedPressure:
@@ -105,8 +108,10 @@ class ExpectedPressure:
 
     def delayed(self, state: GasState, command: float) -> tuple[GasState, float]:
         """The command that acts now if `command` is given now."""
+        if not state.commands:
+            return state, command
         queue = (*state.commands, command)
-        return replace(state, commands=queue[1:]), queue[0]
+        return state._replace(commands=queue[1:]), queue[0]
 
     def step(
         self,

@@ -1,7 +1,7 @@
 """How long a muscle takes to become empty through its fully open exhaust.
 
-The exhaust is that of the valve, with what restricts it and with a tube before it. The chamber is
-polytropic. The gas of a tube counts at the pressure of the muscle, which is the highest that it has,
+The exhaust is that of the valve, with what restricts it and a tube before it. The chamber is
+polytropic. The gas of a tube counts at the pressure of the muscle, the highest that it can have,
 and a leak, which would help, is not counted: the true time is no longer than this.
 """
 
