@@ -1,9 +1,10 @@
 # Every target sets up what it needs: Python 3.12 and apt are all the machine must have.
-.PHONY: setup demo test faults bench report docs view lint lock clean
-PYTHON := .venv/bin/python
+.PHONY: setup demo test test-all faults bench report docs view lint lock clean
+# not named PYTHON: tools/setup.sh reads that from the environment
+IN_VENV := .venv/bin/python
 
 help:
-	@echo "make demo | test | faults | bench | report | docs | view | lint | setup | lock | clean"
+	@echo "make demo | test | test-all | faults | bench | report | docs | view | lint | setup | lock | clean"
 
 setup:
 	@tools/setup.sh
@@ -14,11 +15,14 @@ demo: setup
 test: setup
 	@tools/test.sh
 
+test-all: setup
+	@tools/test.sh all
+
 faults: setup
 	@./pam check faults --check
 
 bench: setup
-	@$(PYTHON) benchmarks/table.py
+	@$(IN_VENV) benchmarks/table.py
 
 report: setup
 	@./pam gap diagnose out/demo/bag --rig config/elbow.yaml --out out/report
@@ -27,7 +31,7 @@ docs: setup
 	@tools/docs.sh
 
 view: setup
-	@$(PYTHON) -c 'import rerun' 2>/dev/null || $(PYTHON) -m pip install -q -r requirements-view.txt
+	@$(IN_VENV) -c 'import rerun' 2>/dev/null || $(IN_VENV) -m pip install -q -r requirements-view.txt
 	@./pam bringup viewer $(BAG)
 
 lint: setup

@@ -14,6 +14,7 @@ from pam_check.chain import BusChoice, multicast_bus, private_domain
 from pam_model.rig import Rig, load_rig
 from pam_ros.transport import leave_out_shared_memory
 from support.frames import FrameListener
+from support.long_run import mark_the_long_run
 from support.probe import Probe
 from support.rigs import ELBOW
 
@@ -28,8 +29,10 @@ hypothesis.settings.register_profile("any_host", deadline=None)
 hypothesis.settings.load_profile("any_host")
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest selects by `-m`
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Try those tests up to three times that say in writing why a good suite may fail them."""
+    """Mark the long run, and try those tests up to three times that say why they may fail."""
+    mark_the_long_run(items)
     for item in items:
         marker = item.get_closest_marker("rerun_because")
         if marker is None:

@@ -21,8 +21,6 @@ trap 'rm -rf "$work"' EXIT
 cp -rL src/*/pam_* config docs "$work"
 mkdir "$work/tests"
 cp -r tests/pam_driver tests/pam_model tests/pam_ros "$work/tests"
-mkdir "$work/tests/pam_check"
-cp tests/pam_check/test_start_up_check.py "$work/tests/pam_check"
 cp tools/mutation.cfg "$work/setup.cfg"
 if [[ -n ${MUTATION_TESTS:-} ]]; then
   read -ra tests <<<"${MUTATION_TESTS//$'\n'/ }"

@@ -1,12 +1,11 @@
 #!/usr/bin/env bash
 # Runs a command with a CAN interface vcan0: tools/with_vcan.sh WRITABLE_FOLDER COMMAND...
+# "tools/with_vcan.sh --is-native" tells by its exit code whether this kernel has vcan.
 # Uses the vcan of this kernel if there is one; otherwise it boots a distribution kernel that has vcan (under
 # virtme-ng) and runs the command inside. The exit code is that of the command. The command receives the
 # interface in PAM_TEST_CAN_CHANNEL, and PAM_TEST_SLOW_HOST=1 if the processor is emulated.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-out=$(realpath "$1")
-shift
 
 as_root() { if [[ $(id -u) == 0 ]]; then "$@"; else sudo "$@"; fi; }
 die() { echo "vcan: $*" >&2; exit 1; }
@@ -17,6 +16,13 @@ native_vcan() {
   as_root modprobe vcan 2>/dev/null || true
   as_root ip link add dev vcan0 type vcan 2>/dev/null || return
 }
+
+if [[ $1 == --is-native ]]; then
+  as_root() { if [[ $(id -u) == 0 ]]; then "$@"; else sudo -n "$@"; fi; }
+  native_vcan 2>/dev/null && exit 0 || exit 1
+fi
+out=$(realpath "$1")
+shift
 
 if native_vcan; then
   [[ $(<"/sys/class/net/vcan0/operstate") != down ]] || as_root ip link set vcan0 up

@@ -119,7 +119,7 @@ def _make(words: list[str]) -> None:
 
 def _pam(words: list[str]) -> None:
     tools = {entry.name: entry for entry in entry_points(group="pam.tools")}
-    if words == ["--version"]:  # of every program
+    if words in (["--version"], ["--help"]):  # of every program
         return
     if not words:
         raise _IncompleteError("./pam without a tool")
@@ -134,7 +134,7 @@ def _python(words: list[str]) -> None:
     elif words:
         _file(words[0])
     else:
-        raise _WrongError("python without a program")
+        raise _IncompleteError("python without a program")
 
 
 def _module(name: str) -> None:
@@ -147,7 +147,7 @@ def _module(name: str) -> None:
 def _tool(tool: Tool, words: list[str]) -> None:
     """Parse the words as the tool would, but for whether files exist."""
     by_name = {command.name: command for command in tool.commands}
-    if words == ["--version"]:
+    if words in (["--version"], ["--help"]):
         return
     if words and words[0] in by_name:
         command, words = by_name[words[0]], words[1:]

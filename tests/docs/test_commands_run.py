@@ -90,7 +90,7 @@ def test_a_command_does_what_the_page_says(command: str, desk: Path) -> None:
 def test_every_tool_that_a_page_names_is_found_in_a_fresh_shell(desk: Path) -> None:
     """Also those of which no command is carried out here; test_pages.py parses all of them."""
     text = "".join(page.read_text() for page in PAGES)
-    tools = sorted(set(re.findall(r"\./pam (\w+)", text)))
+    tools = sorted(set(re.findall(r"\./pam ([a-z]+)", text)))
     assert {"gap", "driver", "model", "sim", "demo", "check", "control", "bringup"} <= set(tools)
     asked = "; ".join(f"./pam {tool} --help >/dev/null || echo {tool}" for tool in tools)
     ended = in_a_fresh_shell(asked, desk)
@@ -100,3 +100,10 @@ def test_every_tool_that_a_page_names_is_found_in_a_fresh_shell(desk: Path) -> N
 def test_every_reason_not_to_run_a_command_is_needed() -> None:
     for pattern in NOT_RUN:
         assert any(re.match(pattern, command) for command in COMMANDS), pattern
+
+
+def test_the_python_that_a_user_names_reaches_the_set_up() -> None:
+    """docs/install.md: PYTHON=/path/to/python3.12 make setup."""
+    rules = "show:\n\t@echo $$PYTHON\n"
+    asked = f"PYTHON=/mine make -f Makefile -f - show <<'EOF'\n{rules}EOF"
+    assert in_a_fresh_shell(asked, ROOT).stdout == "/mine\n"

@@ -5,9 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 from .pages import ROOT
 
 
+@pytest.mark.long("test_pages holds links, headings and blocks of every page")
 def test_the_site_builds_without_warnings_and_finds_every_page(tmp_path):
     """A warning is a broken link, a page in no table of contents, an invalid docstring."""
     words = ["-q", "-W", "--keep-going", "-c", "docs/site", "-d", str(tmp_path / "trees")]

@@ -55,6 +55,7 @@ def test_control_without_ros_reaches_the_angle():
     assert example("control_without_ros")["main"](ELBOW, 0.3) == pytest.approx(0.3, abs=2e-3)
 
 
+@pytest.mark.long("test_diagnosis finds the same friction through the same functions")
 @pytest.mark.skipif(not HAVE_NUMBA, reason="a whole search needs the compiled plant")
 def test_diagnose_recording_finds_the_hidden_friction(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)

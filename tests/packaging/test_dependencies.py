@@ -34,12 +34,13 @@ ROSDEP_KEYS = {
 }
 ROS = {
     "ament_index_python", "builtin_interfaces", "control_msgs", "diagnostic_msgs", "launch",
-    "launch_ros", "lifecycle_msgs", "rcl_interfaces", "rclpy", "sensor_msgs", "std_msgs",
+    "launch_ros", "lifecycle_msgs", "rcl_interfaces", "rclpy", "rosidl_parser", "sensor_msgs", "std_msgs",
     "std_srvs", "trajectory_msgs", "visualization_msgs",
 }  # fmt: skip
 # rosdep has no keys for these: without numba every package works, slower; without Dask only the
-# command `fleet` does not, without rerun-sdk only the viewer, and both say so
-OPTIONAL = {"numba", "dask", "distributed", "rerun"}
+# command `fleet` does not, without rerun-sdk only the viewer, and both say so; without pyarrow
+# Parquet files are not read; backports.zstd is a dependency of rosbags and comes with it
+OPTIONAL = {"numba", "dask", "distributed", "rerun", "pyarrow", "backports"}
 # declared although no file imports them
 USED_OTHERWISE = {
     ("pam_bringup", "pam_control"): "a launch file starts its node",
@@ -49,7 +50,13 @@ USED_OTHERWISE = {
     ("pam_bringup", "robot_state_publisher"): "a launch file starts it if it is installed",
 }
 # names on the package index, where they differ from the names that Python imports
-INDEX_NAMES = {"PIL": "pillow", "can": "python-can", "rerun": "rerun-sdk", "yaml": "pyyaml"}
+INDEX_NAMES = {
+    "PIL": "pillow",
+    "backports": "backports-zstd",
+    "can": "python-can",
+    "rerun": "rerun-sdk",
+    "yaml": "pyyaml",
+}
 
 
 def declared(package: str) -> set[str]:

@@ -122,7 +122,7 @@ def test_a_diagnosis_needs_recordings_channels_and_a_joint_of_the_rig(rig, tmp_p
     table = tmp_path / "two_pressures.csv"
     pd.DataFrame({"time": time, **channels}).to_csv(table, index=False)
     recording = pam_gap.import_recording(table)
-    with pytest.raises(pam_model.PamError, match="no joint 'knee'; it has elbow"):
+    with pytest.raises(pam_model.PamError, match="unknown joint 'knee'; known: elbow"):
         pam_gap.diagnose(recording, rig, joint="knee")
     (answer,) = pam_gap.diagnose(recording, rig)
     assert answer.verdict == "not_identifiable"

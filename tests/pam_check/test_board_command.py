@@ -55,6 +55,7 @@ def check(bus: BusChoice, *options: str, answer: str = "") -> subprocess.Complet
     )
 
 
+@pytest.mark.long("test_board_rules plays the same rules against the same board without a process")
 @pytest.mark.system
 def test_the_simulated_board_keeps_the_rules_in_real_time(bus: BusChoice, tmp_path: Path) -> None:
     page = tmp_path / "board.html"
@@ -76,6 +77,7 @@ def test_valves_open_only_after_a_yes(bus: BusChoice, tmp_path: Path) -> None:
     assert verdicts["echo"] == "pass"
 
 
+@pytest.mark.sampled("one of the three mistakes", cases=1)
 @pytest.mark.system
 @pytest.mark.parametrize(
     ("options", "expected"),

@@ -69,6 +69,7 @@ def test_the_simulated_board_keeps_every_rule(good: tuple[list[RuleResult], Virt
     assert not line.sim.boards[0].faults
 
 
+@pytest.mark.sampled("four of the broken boards", cases=4)
 @pytest.mark.parametrize("board", BROKEN, ids=lambda board: board.__name__)
 def test_a_broken_board_fails_on_its_rule(board: type[GoodBoard]) -> None:
     expected, related = BROKEN[board]

@@ -7,17 +7,12 @@ import math
 
 import pytest
 
-from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.rig_bounds import EMPTY, bounds_of
 from pam_check.faults.stuck_valve import RECOGNISED, stuck_valve_speed
 from pam_check.faults.trial import Trial, problem_of, run_trial, speed_bound
 from pam_sim.faults.fault_kind import LOWERING
 from pam_sim.faults.kinds import KINDS, kind_called
-
-
-@pytest.fixture(scope="module")
-def chain(rig):
-    return make_chain(rig)
 
 
 def within(chain) -> Trial:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pam_check.__main__ import main
-from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.injections import INJECTIONS
 from pam_check.faults.process_campaign import KEPT, REPEAT, Observation, judge, time_outs
 from pam_check.faults.report import write_report
@@ -33,11 +33,6 @@ from support.rigs import ELBOW
 
 SAFETY_PAGE = Path(__file__).parents[2] / "docs/safety_tables.md"
 FRAME = (0x100, bytes(range(8)))
-
-
-@pytest.fixture(scope="module")
-def chain(rig):
-    return make_chain(rig)
 
 
 def test_every_kind_can_be_brought_about_and_once_only():
@@ -89,6 +84,10 @@ def test_the_diagram_has_every_change_of_state_and_no_other():
     }
 
 
+@pytest.mark.sampled(
+    "one kind for each reaction in each layer",
+    alike=lambda kind: (kind.reaction, kind.layer),
+)
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
 def test_fault_is_noticed_and_ends_as_promised(chain, kind):
     """Each in a copy of one chain in motion, so that no test depends on another."""
@@ -127,6 +126,7 @@ def test_the_model_of_the_chain_tells_forces_and_nothing_once_it_is_deaf(chain):
     assert "model" in trial.noticed
 
 
+@pytest.mark.sampled("each step once, with or without a command on its way")
 @pytest.mark.parametrize("on_way", [True, False])
 @pytest.mark.parametrize(
     ("by", "refusal"),

@@ -35,7 +35,13 @@ KINDS = (
 )
 
 
-@pytest.fixture(scope="module", params=RIGS)
+LARGER = pytest.mark.long("one rig of another size than the elbow stands for three")
+
+
+@pytest.fixture(
+    scope="module",
+    params=["1 N m", *(pytest.param(name, marks=LARGER) for name in RIGS if name != "1 N m")],
+)
 def sized(request, tmp_path_factory) -> Rig:
     torque, length, inertia, damping, pressure = RIGS[request.param]
     path = tmp_path_factory.mktemp("rig") / "rig.yaml"

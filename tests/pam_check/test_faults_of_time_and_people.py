@@ -10,7 +10,7 @@ from itertools import pairwise
 import pytest
 
 from pam_check.faults import acts, random_acts
-from pam_check.faults.campaign import in_a_fork, in_forks, make_chain
+from pam_check.faults.campaign import in_a_fork, in_forks
 from pam_check.faults.delay_draws import (
     NEITHER,
     STOPS,
@@ -31,11 +31,6 @@ from pam_sim.faults.rig_faults import RigFaults, lagging
 from pam_sim.simulated_rig import SimulatedRig
 
 FRAME = (0x100, bytes(range(8)))
-
-
-@pytest.fixture(scope="module")
-def chain(rig):
-    return make_chain(rig)
 
 
 def test_frames_with_jitter_arrive_in_order_within_their_delay():

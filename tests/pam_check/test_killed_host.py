@@ -26,6 +26,9 @@ def test_boards_vent_by_themselves_when_their_host_is_killed(rig):
     assert vented > 0.0
 
 
+@pytest.mark.long(
+    "test_node_end holds what one lifecycle leaves, test_driver_bus how a bus is lost"
+)
 def test_nothing_is_left_of_lifecycles_with_and_without_a_bus():
     done = run_cycles(ELBOW, 20, 8)
     assert done.lost == {

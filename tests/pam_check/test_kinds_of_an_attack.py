@@ -7,16 +7,11 @@ import math
 import pytest
 
 from pam_check.faults import output_faults
-from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.trial import run_trial
 from pam_driver.safety.states import SafetyState
 from pam_ros.message_sources import MessageSources
 from pam_sim.faults.kinds import kind_called
-
-
-@pytest.fixture(scope="module")
-def chain(rig):
-    return make_chain(rig)
 
 
 def trial(chain, name, **values):
@@ -25,6 +20,7 @@ def trial(chain, name, **values):
     return in_a_fork(lambda: run_trial(chain, kind, drawn, 1))
 
 
+@pytest.mark.sampled("angles in degrees or pressures in kilopascals", cases=1)
 @pytest.mark.parametrize(
     "name",
     ["measurements_of_a_second_node_in_degrees", "measurements_of_a_second_node_in_kpa"],
@@ -68,7 +64,7 @@ def test_a_trajectory_far_ahead_that_is_accepted_is_found(chain, monkeypatch):
     assert trial(chain, name).problem == ""
     follow = chain.intake.follow
     monkeypatch.setattr(
-        chain.intake, "follow", lambda names, points, start: follow(names, points, None)
+        chain.intake, "follow", lambda names, points, start, _: follow(names, points, None)
     )
     assert trial(chain, name).problem
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.trial import run_trial
 from pam_control.loop_guard import LoopGuard, Verdict
 from pam_control.references.motion_limiter import MotionLimits
@@ -29,11 +29,6 @@ from pam_sim.faults.kinds import kind_called
 
 Patch = pytest.MonkeyPatch
 Guard = Callable[[Any, Patch], None]
-
-
-@pytest.fixture(scope="module")
-def chain(rig: Any) -> Any:
-    return make_chain(rig)
 
 
 def measurements_stay_young(chain: Any, patch: Patch) -> None:
@@ -147,6 +142,7 @@ def problem(chain: Any, name: str, drawn: dict[str, float]) -> str:
     return in_a_fork(lambda: run_trial(chain, kind, values | drawn, 1)).problem
 
 
+@pytest.mark.sampled("eight of the kinds, each with a guard of its own", cases=8)
 @pytest.mark.parametrize("name", KINDS)
 def test_a_kind_is_kept_with_its_guard_and_out_of_bounds_without(
     chain: Any, name: str, monkeypatch: Patch

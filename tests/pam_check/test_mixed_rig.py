@@ -61,6 +61,7 @@ def test_both_kinds_of_command_are_imported(heard: list[Heard], mixed: Rig, tmp_
         assert problem.has_commands
 
 
+@pytest.mark.sampled("one of the two joints", cases=1)
 @pytest.mark.parametrize("joint", ["shoulder", "elbow"])
 def test_a_joint_on_either_kind_of_valve_is_diagnosed(
     heard: list[Heard], tmp_path: Path, joint: str

@@ -11,18 +11,13 @@ from typing import Any
 import pytest
 
 from pam_check.faults.acts import activate, clear_faults, hold_at, settle, vent
-from pam_check.faults.campaign import in_a_fork, make_chain
+from pam_check.faults.campaign import in_a_fork
 from pam_check.faults.rig_bounds import bounds_of
 from pam_driver.safety.states import SafetyState
 from pam_model.plant.layout import MUSCLES
 from pam_sim.faults.rig_faults import POSITION, RigFaults, offset
 
 SUDDEN = 10.0  # a turn count so much larger takes the force, and leaves the volume to a dead one
-
-
-@pytest.fixture(scope="module")
-def chain(rig: Any) -> Any:
-    return make_chain(rig)
 
 
 @dataclass
@@ -127,6 +122,7 @@ ACTS = {
 }
 
 
+@pytest.mark.sampled("each part once, at one of the two angles")
 @pytest.mark.parametrize("angle", [None, 0.75])
 @pytest.mark.parametrize("name", ACTS)
 def test_a_failing_part_stays_within_the_bounds(chain: Any, name: str, angle: float | None) -> None:

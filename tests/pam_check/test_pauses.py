@@ -6,12 +6,7 @@ import re
 
 import pytest
 
-from pam_check.faults.campaign import in_a_fork, make_chain
-
-
-@pytest.fixture(scope="module")
-def chain(rig):
-    return make_chain(rig)
+from pam_check.faults.campaign import in_a_fork
 
 
 @pytest.mark.parametrize("seconds", [0.2, 5.0])

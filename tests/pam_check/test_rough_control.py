@@ -26,6 +26,8 @@ from pam_model.rig import load_rig
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
 pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
 
+BASELINE = "concerns the baseline of a benchmark alone, not what runs on a robot"
+
 
 @pytest.fixture(scope="module")
 def rough():
@@ -71,6 +73,9 @@ def test_the_plant_begins_at_rest_with_the_pressures_that_were_asked_for(rough, 
     assert np.abs(plant.truth[1, :2] - 2e5).max() < 100.0
 
 
+@pytest.mark.long(
+    "test_known_effects holds the compensation of both effects on the plant of the suite"
+)
 @pytest.mark.parametrize("effect", ["braid_extensibility", "cable_compliance"])
 def test_gas_in_parts_that_stretch_is_known_to_the_pressure_loops(rough, effect):
     """A rig file that names the effect is as good as one without it on a rig without it."""
@@ -104,6 +109,7 @@ def test_the_controller_tracks_the_independent_plant_that_is_its_rig_file(rough)
         assert math.isnan(result.ratio)
 
 
+@pytest.mark.long(BASELINE)
 def test_a_fitted_feedforward_serves_the_pid_on_the_rig_that_it_was_fitted_to(rough):
     """The fit is what makes the baseline a fair one, on a rig that is not its rig file."""
     joint, muscles = rough.hidden("payload")
@@ -115,6 +121,7 @@ def test_a_fitted_feedforward_serves_the_pid_on_the_rig_that_it_was_fitted_to(ro
     assert after["arm"][0].rms < 0.95 * before["arm"][0].rms
 
 
+@pytest.mark.long(BASELINE)
 def test_the_baseline_is_tuned_where_the_gains_of_the_rig_file_swing(rough):
     """A search that begins among gains that swing stays there, and is easily beaten."""
     joint, muscles = rough.hidden("position_delay")
@@ -175,6 +182,7 @@ def test_a_hidden_tube_does_not_make_the_valves_chatter(rough):
         assert result.controller.clipped < 0.01
 
 
+@pytest.mark.long("test_adaptation finds a tube, and a named one serves the controller here")
 def test_the_pressure_behind_a_hidden_tube_is_found_and_controlled(rough):
     """Of the error that the sensor before the tube causes, a third is left, with calm valves."""
     plain, adapting = (
@@ -194,6 +202,9 @@ def test_the_pressure_behind_a_hidden_tube_is_found_and_controlled(rough):
 HELD = [TrajectoryPoint(0.5, [0.05], [0.0], [0.0])]
 
 
+@pytest.mark.long(
+    "depends on noise, so that it takes four plays; test_loop_guard holds what an oscillation is"
+)
 def test_what_a_tube_causes_until_it_is_found_is_not_taken_for_a_loop_that_oscillates(rough):
     """With soft gains, which learn nothing, the tube would never be found. It depends on noise."""
     joint, muscles = rough.hidden("tube_restriction")
@@ -204,6 +215,7 @@ def test_what_a_tube_causes_until_it_is_found_is_not_taken_for_a_loop_that_oscil
         assert all(loop.behind_tube for loop in rough.controller.channels[0].loops)
 
 
+@pytest.mark.sampled("a tube or a lag", cases=1)
 @pytest.mark.parametrize(
     ("effect", "values"),
     [
@@ -230,6 +242,7 @@ def test_a_named_tube_or_lag_serves_a_controller_that_learns_nothing(rough, effe
     assert after < 0.5 * before
 
 
+@pytest.mark.sampled("one of the three delays", cases=1)
 @pytest.mark.parametrize("effect", ["command_delay", "pressure_lag", "position_delay"])
 def test_a_hidden_delay_is_no_limit_cycle(rough, effect):
     for result in rough.run(effect, None, 0):
@@ -237,6 +250,7 @@ def test_a_hidden_delay_is_no_limit_cycle(rough, effect):
         assert result.controller.softened == ""
 
 
+@pytest.mark.sampled("one of the four effects", cases=1)
 @pytest.mark.parametrize("effect", ["hysteresis", "payload", "coulomb_friction", "pressure_lag"])
 def test_the_disturbance_observer_serves_on_the_independent_plant(rough, effect):
     alone = TOLD.replace(adaptation=False)  # what is learnt would take the observer's share
@@ -273,6 +287,7 @@ def test_friction_that_falls_with_speed_is_halved_when_the_rig_file_names_it(rou
         assert errors[1] < 0.5 * errors[0]
 
 
+@pytest.mark.sampled("with or without a delay", cases=1)
 @pytest.mark.parametrize("late", [0.0, 0.015])
 def test_friction_that_the_joint_does_not_have_is_no_limit_cycle(rough, late):
     """What is given back with the measured speed is feedback: it must not oscillate."""
@@ -286,6 +301,7 @@ def test_friction_that_the_joint_does_not_have_is_no_limit_cycle(rough, late):
         assert not played.softened
 
 
+@pytest.mark.sampled("one of the three moments", cases=1)
 @pytest.mark.parametrize(("seed", "put_on"), [(1, 0.15), (2, 0.3), (3, 0.45)])  # s in the reach
 def test_a_payload_that_is_put_on_in_mid_motion_is_settled_within_a_second(rough, seed, put_on):
     """Later reaches overshoot by less than 5 % of their length."""

@@ -228,7 +228,7 @@ ARGUMENTS: dict[str, Callable[[Robot], Any]] = {
     "now": lambda robot: TIME,
     "venting": lambda robot: True,
     "name": lambda robot: "robot",
-    "boards": lambda robot: SimpleNamespace(foreign_at=NEVER),
+    "boards": lambda robot: SimpleNamespace(foreign_at=NEVER, pressures=(), angles=(), boards={}),
     "settings": lambda robot: DriverSettings(),
     "min_pressure": lambda robot: 5e3,
     "stiffness": lambda robot: 12.0,

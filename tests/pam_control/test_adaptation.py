@@ -148,6 +148,7 @@ def test_viscous_friction_is_not_taken_for_a_delay(closed_loop, rig, reaching):
     assert channel.adaptation.weights[VISCOUS] == pytest.approx(0.35, abs=0.07)
 
 
+@pytest.mark.long("a delay of a sensor is learnt in the tests above")
 def test_the_true_angle_of_a_late_encoder_follows_once_the_delay_is_learnt(
     closed_loop, rig, reaching
 ):
@@ -158,6 +159,7 @@ def test_the_true_angle_of_a_late_encoder_follows_once_the_delay_is_learnt(
     assert played(closed_loop, learning, reaching, effects=late) < 0.3 * without
 
 
+@pytest.mark.long("a delay of a sensor is learnt in the tests above")
 def test_the_feedforward_looks_ahead_by_a_delay_of_the_commands_that_was_learnt(
     closed_loop, rig, chirp
 ):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pam_control.adapted_rig import learnt_of, save_adapted_rig
+from pam_control.adapted_rig import AdaptedRig, adapted_rig, learnt_of, save_adapted_rig
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.settings import ControlSettings
@@ -54,7 +54,7 @@ def learnt(closed_loop, controller, reaching, effects):
 def written(closed_loop, law, rig, reaching, effects, path):
     """The rig file of one motion, and its text."""
     known = learnt(closed_loop, law(rig), reaching, effects)
-    said = save_adapted_rig(rig, known, str(path))
+    said = save_adapted_rig(adapted_rig(rig, known), path)
     assert str(path) in said
     return load_rig(path), path.read_text()
 
@@ -108,15 +108,15 @@ def test_nothing_is_written_before_a_motion_or_over_a_file_or_into_nowhere(
 ):
     nothing = [learnt_of(channel) for channel in law(rig).channels]
     with pytest.raises(PamError, match=r"it moved for 0\.0 s .* 3 s are needed"):
-        save_adapted_rig(rig, nothing, str(tmp_path / "new.yaml"))
+        adapted_rig(rig, nothing)
+    made = AdaptedRig(rig, ("a number",), ())
     there = tmp_path / "there.yaml"
     there.write_text("mine")
     with pytest.raises(PamError, match="exists, and is not overwritten"):
-        save_adapted_rig(rig, nothing, str(there))
+        save_adapted_rig(made, there)
     assert there.read_text() == "mine"
-    with pytest.raises(PamError, match="does not exist"):
-        save_adapted_rig(rig, nothing, str(tmp_path / "no" / "new.yaml"))
-    with pytest.raises(PamError, match=r"adaptation\.rig_file"):
-        save_adapted_rig(rig, nothing, "")
+    with pytest.raises(PamError, match="cannot be written: File exists"):
+        save_adapted_rig(made, there / "new.yaml")
     with pytest.raises(PamError, match="cannot be written: File name too long"):
-        save_adapted_rig(rig, nothing, str(tmp_path / ("x" * 300)))
+        save_adapted_rig(made, tmp_path / ("x" * 300))
+    assert "written" in save_adapted_rig(made, tmp_path / "made" / "new.yaml")

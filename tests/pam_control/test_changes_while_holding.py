@@ -51,6 +51,7 @@ def held(closed_loop, rig, law):
     return controller, loop
 
 
+@pytest.mark.sampled("one change of each law", alike=lambda law, changed: law)
 @pytest.mark.parametrize(("law", "changed"), CHANGES, ids=str)
 def test_a_change_while_holding_does_not_move_the_joint(closed_loop, rig, law, changed):
     controller, loop = held(closed_loop, rig, law)

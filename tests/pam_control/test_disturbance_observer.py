@@ -43,6 +43,7 @@ def tracked(closed_loop, controller, motion, **options):
     return loop.run(duration + 0.2).rms(SETTLE)
 
 
+@pytest.mark.sampled("one of the three torques", cases=1)
 @pytest.mark.parametrize(
     "hidden",
     [PAYLOAD, {"coulomb_friction.torque": 0.5}, {"viscous_friction.extra": 0.3}],

@@ -56,6 +56,7 @@ def test_exact_delay_and_pade_agree(rig, law, feedforward):
         assert np.max(np.abs(pade / exact - 1.0)) < 1e-4
 
 
+@pytest.mark.sampled("each delay and each set of gains once")
 @pytest.mark.parametrize("delay", [0.004, 0.02, 0.06])
 @pytest.mark.parametrize("gains", [(6.5, 275.0, 1.0), (20.0, 30.0, 0.2), (0.5, 1.0, 0.0)])
 def test_margins_are_those_of_python_control(rig, delay, gains):

@@ -53,6 +53,7 @@ def go(loop, position: float) -> None:
     loop.run(2.0)
 
 
+@pytest.mark.sampled("each stiffness and each position of rest")
 @pytest.mark.parametrize("stiffness", [8.0, 14.0])
 @pytest.mark.parametrize("rest", [-0.4, 0.3])
 def test_impedance_deflects_by_torque_over_stiffness(make, closed_loop, stiffness, rest):

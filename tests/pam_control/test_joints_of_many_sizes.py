@@ -35,6 +35,7 @@ def rig_of(folder, torque: float, length: float, inertia: float) -> Rig:
     return load_rig(path)
 
 
+@pytest.mark.sampled("two of the five sizes", cases=2)
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]:g} N m")
 def test_a_sized_joint_fills_and_tracks_below_the_pressure_at_which_the_driver_vents(
     tmp_path, closed_loop, size

@@ -107,6 +107,7 @@ def with_flexor(rig, **changes):
     return rig.with_muscle(dataclasses.replace(rig.muscle("elbow_flexor"), **changes))
 
 
+@pytest.mark.sampled("four changes: of joint, muscle, rig and settings", cases=4)
 @pytest.mark.parametrize(
     "change",
     [
@@ -204,6 +205,7 @@ def _link_nowhere(path):
     path.symlink_to("/nowhere/at/all")
 
 
+@pytest.mark.sampled("four of the sixteen ways to spoil a file", cases=4)
 @pytest.mark.parametrize(
     "spoil",
     [

@@ -111,6 +111,7 @@ def test_what_remains_is_told_for_compensated_effects_alone():
     assert set(REMAINS) <= set(COMPENSATED)
 
 
+@pytest.mark.sampled("two effects; test_compensation holds each inverse alone", cases=2)
 @pytest.mark.parametrize("effect", COMPENSATED)
 def test_of_an_effect_in_the_rig_file_remains_what_has_a_named_cause(
     rig, nominal, closed_loop, reaching, floor, effect
@@ -128,6 +129,7 @@ def test_of_an_effect_in_the_rig_file_remains_what_has_a_named_cause(
     assert after < floor + limit, cause
 
 
+@pytest.mark.sampled("one of the two effects", cases=1)
 @pytest.mark.parametrize("effect", ["exhaust_restriction", "dead_volume"])
 def test_a_motion_is_played_so_slowly_that_valves_with_a_named_effect_can_drive_it(
     rig, closed_loop, reaching, effect

@@ -75,6 +75,7 @@ def rest(bench: Bench, what: str) -> float:
     return bench.position
 
 
+@pytest.mark.long("test_hands_on_laws holds the same of the law without ROS")
 def test_float_is_moved_by_a_hand_no_faster_than_its_limit_and_stays_where_it_is_put(bench):
     with running(bench, "gravity_compensation", float__speed_limit=0.3, float__hold_torque=0.2):
         start = rest(bench, "the joint at rest")
@@ -107,6 +108,7 @@ def test_impedance_gives_way_by_torque_over_stiffness_and_follows_trajectories(b
         bench.wait(lambda: abs(bench.position - before) < 0.01, "the joint back")
 
 
+@pytest.mark.long("test_hands_on_laws holds the same of the law without ROS")
 def test_torques_are_given_and_the_joint_is_held_when_they_cease(bench):
     topic = "pam_controller/torque_commands"
     torques = bench.node.create_publisher(Float64MultiArray, topic, 1)

@@ -6,14 +6,21 @@ import errno
 import itertools
 import json
 import math
+import os
 
 import numpy as np
 import pytest
 
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.learning import learnt_file
 from pam_control.learning.learning_filter import UNKNOWN_DELAYS, LearningFilter, later
-from pam_control.learning.learnt_file import LearntFile
+from pam_control.learning.learnt_file import (
+    LARGEST_FILE,
+    LONGEST_READING,
+    LearntFile,
+    read_motions,
+)
 from pam_control.learning.motion_learner import MotionLearner
 from pam_control.learning.repeated_motion import TAIL, Learnt, Recording, RepeatedMotion
 from pam_control.references.spline import JointSpline, Waypoint
@@ -287,7 +294,9 @@ def test_a_full_disk_is_not_filled_with_what_is_left_of_every_attempt(rig, tmp_p
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("name", "said"), [(".", "a folder"), ("x" * 300, "File name too long")])
+@pytest.mark.parametrize(
+    ("name", "said"), [(".", "no ordinary file"), ("x" * 300, "File name too long")]
+)
 def test_a_path_that_can_be_no_file_is_refused_at_once(rig, tmp_path, name, said):
     """Not by an exception after the first repetition, or one that ends the controller."""
     with pytest.raises(PamError, match=said):
@@ -314,3 +323,59 @@ def test_a_damaged_file_is_one_line_that_names_it(rig, tmp_path, damage):
         path.write_text(damage)
     with pytest.raises(PamError, match=r"learnt\.json: not a file of learnt motions"):
         LearntFile(path, rig)
+
+
+def _deep(path):
+    path.write_text('{"rig": ' + "[" * 200_000)
+
+
+def _large(path):
+    with path.open("wb") as file:
+        file.truncate(LARGEST_FILE + 1)
+
+
+def _pipe(path):
+    os.mkfifo(path)
+
+
+def _overflowing(path):
+    path.write_text(path.read_text().replace("0.002", "1" + "0" * 400))
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [(_deep, "nested too deeply"), (_large, "larger than"), (_pipe, "no ordinary file"),
+     (_overflowing, "not a file of learnt motions")],
+)  # fmt: skip
+def test_a_hostile_file_costs_neither_time_nor_a_traceback(rig, tmp_path, damage, said):
+    path = tmp_path / "learnt.json"
+    LearntFile(path, rig).keep("reach", "elbow", known())
+    if damage is not _overflowing:
+        path.unlink()
+    damage(path)
+    with pytest.raises(PamError, match=said):
+        LearntFile(path, rig)
+
+
+def test_the_file_is_read_in_the_process_of_the_designs_within_a_time(rig, tmp_path):
+    """A large file in the process of the control loop would hold the interpreter's lock."""
+    asked = []
+
+    def read(function, *arguments, within):
+        asked.append((function, within))
+        return function(*arguments)
+
+    LearntFile(tmp_path / "learnt.json", rig, read)
+    assert asked == [(read_motions, LONGEST_READING)]
+
+
+def test_a_file_does_not_grow_beyond_what_is_read_again(rig, tmp_path, monkeypatch):
+    path = tmp_path / "learnt.json"
+    file = LearntFile(path, rig)
+    file.keep("reach", "elbow", known())
+    before = path.read_text()
+    monkeypatch.setattr(learnt_file, "LARGEST_FILE", 300)
+    with pytest.raises(OSError, match="more than 300 bytes"):
+        file.keep("wave", "elbow", known())
+    assert path.read_text() == before
+    assert list(tmp_path.iterdir()) == [path]

@@ -81,6 +81,7 @@ def controller(rig):
     return PositionStiffnessController(rig, ControlSettings())
 
 
+@pytest.mark.sampled("six delays between none and 80 ms", cases=6)
 @pytest.mark.parametrize("way", ["up", "down"])
 @pytest.mark.parametrize("delay", range(0, 85, 5))
 def test_with_any_hidden_delay_the_joint_stays_below_its_limit_and_tracks_or_stops(
@@ -91,6 +92,7 @@ def test_with_any_hidden_delay_the_joint_stays_below_its_limit_and_tracks_or_sto
     assert outcome.stopped or outcome.error < 0.25
 
 
+@pytest.mark.sampled("three of the delays, on either way", cases=3)
 @pytest.mark.parametrize("way", ["up", "down"])
 @pytest.mark.parametrize("delay", range(0, 25, 5))
 def test_a_delay_that_the_design_bears_changes_no_gains(controller, reaching, delay, way):

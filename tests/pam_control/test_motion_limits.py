@@ -253,3 +253,27 @@ def test_the_joint_itself_stays_below_its_limit_for_the_fastest_references(close
         record = loop.run(1.2)
         peak = max(peak, float(np.abs(np.diff(record.column(2)) / 0.002).max()))
     assert peak < rig.joint("elbow").max_velocity
+
+
+def held_back(asked, rate, seconds=3.0):
+    """Share of the cycles in which the limits keep a stream's reference away from what it asks."""
+    played, count = Played(asked(0.0)).run(0.1), 0
+    for index in range(round(seconds * rate)):
+        played.generator.stream(["elbow"], [asked(index / rate)], now=played.now)
+        for _ in range(round(1.0 / (rate * PERIOD))):
+            played.run(PERIOD)
+            count += played.generator.held_back("elbow")
+    return count * PERIOD / seconds
+
+
+@pytest.mark.parametrize("rate", [20.0, 50.0, 100.0, 250.0])
+def test_only_a_stream_that_asks_for_too_much_is_held_back(rate):
+    """A warning for every stream with steps is one that nobody reads."""
+
+    def sine(frequency):
+        return lambda time: 0.3 * math.sin(2.0 * math.pi * frequency * time)
+
+    assert held_back(sine(0.3), rate) == 0.0
+    assert held_back(lambda time: min(0.4 * time, 0.6), rate) == 0.0
+    assert held_back(sine(4.0), rate) > 0.2
+    assert held_back(lambda time: 0.8 if time > 0.5 else -0.8, rate) > 0.02

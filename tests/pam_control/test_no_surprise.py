@@ -90,6 +90,7 @@ def played(controller, loop, kind, draw):
     return rows + loop.run(rest + 0.8).rows
 
 
+@pytest.mark.sampled("one draw of each kind of command", alike=lambda kind, number: kind)
 @pytest.mark.parametrize("number", range(DRAWS))
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_accepted_command_throws_the_joint_past_its_reference(

@@ -4,6 +4,7 @@ import math
 import os
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -56,6 +57,31 @@ def test_a_process_that_dies_is_told_and_replaced(process):
     with pytest.raises(PamError, match=r"computes abort has ended with code -6"):
         process.call(os.abort)
     assert process.call(math.hypot, 3.0, 4.0) == 5.0
+
+
+def test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered(process):
+    with pytest.raises(PamError, match=r"sleep took more than 0\.2 s and was given up"):
+        process.call_within(0.2, time.sleep, 60.0)
+    assert process.call(math.hypot, 3.0, 4.0) == 5.0
+
+
+def test_closing_ends_a_call_in_another_thread(process):
+    told = []
+
+    def call():
+        try:
+            process.call(time.sleep, 60.0)
+        except PamError as error:
+            told.append(str(error))
+
+    thread = threading.Thread(target=call)
+    thread.start()
+    process.close()
+    thread.join(20.0)
+    assert not thread.is_alive()
+    assert len(told) == 1
+    with pytest.raises(PamError, match="the node ends"):
+        process.call(math.hypot, 3.0, 4.0)
 
 
 def test_it_ends_with_the_process_that_it_serves():

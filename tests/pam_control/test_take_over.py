@@ -44,6 +44,7 @@ def moved(loop, start: float) -> tuple[float, float]:
     return np.abs(position - start).max(), np.abs(np.gradient(position, 2e-3)).max()
 
 
+@pytest.mark.sampled("each law and each of the pressures that may be left")
 @pytest.mark.parametrize("fill", LEFT_OVER.values(), ids=LEFT_OVER)
 @pytest.mark.parametrize("law", HOLDING)
 def test_the_joint_stays_where_it_is(rig, closed_loop, law, fill):

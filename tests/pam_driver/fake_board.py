@@ -17,6 +17,7 @@ from pam_driver.boards.pam_board.codec import (
     Status,
     ValveCommand,
 )
+from pam_driver.boards.pam_board.messages import SafetyInput
 from pam_driver.can_bus.bus import CanPort
 
 
@@ -33,6 +34,7 @@ class FakeBoard:
         self.faults = BoardFault(0)
         self.uptime = 0.0
         self.protocol_version = PROTOCOL_VERSION
+        self.inputs: dict[str, SafetyInput] = {}
         self.silent: set[type] = set()
         self.counter_frozen = False
         self.deaf = False
@@ -84,7 +86,8 @@ class FakeBoard:
         if self.state is not self._told:
             self._told = self.state
             self._sent.pop(Status, None)
-        self._send(Status(self.state, self.faults, heard, 701_320.0, self.rejected), 0.02, now)
+        status = Status(self.state, self.faults, heard, 701_320.0, self.rejected, **self.inputs)
+        self._send(status, 0.02, now)
         self._send(Heartbeat(self.uptime, self.protocol_version, 1), 0.1, now)
 
     def _send(self, message: Measurement | Status | Heartbeat, period: float, now: float) -> None:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -78,10 +78,11 @@ class DriverProcess:
         bus: Mapping[str, Any],
         rig: Path = ELBOW,
         parameters: Mapping[str, Any] | None = None,
+        program: Sequence[str] = ("-m", "pam_driver.driver_node"),
     ) -> None:
         values = PARAMETERS | {f"bus.{key}": value for key, value in bus.items()}
         values |= parameters or {}
-        command = [sys.executable, "-m", "pam_driver.driver_node", "--ros-args"]
+        command = [sys.executable, *program, "--ros-args"]
         command += ["--params-file", str(rig)]
         for key, value in values.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)

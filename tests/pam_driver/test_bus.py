@@ -188,7 +188,19 @@ def test_bus_off_ends(make_port: Maker, back: can.Message | None) -> None:
         if receiver.counts["error_frames"] == 2 or receiver.bits:
             break
     assert receiver.counts["bus_off"] == 1
+    receiver.receive_all(0.0)
     assert receiver.state is BusState.ERROR_ACTIVE
+
+
+def test_a_bus_that_was_off_in_passing_is_judged_as_off() -> None:
+    bus = FailingBus()
+    arrived = [error_frame(0x040), error_frame(0x100)]
+    bus.recv = lambda timeout=None: arrived.pop(0) if arrived else None  # type: ignore[method-assign]
+    port = CanPort({"interface": "virtual", "channel": "x"}, bus)  # type: ignore[arg-type]
+    port.receive_all(0.0)
+    assert port.state is BusState.BUS_OFF, "off and on again between two cycles"
+    port.receive_all(0.0)
+    assert port.state is BusState.ERROR_ACTIVE
 
 
 def test_a_closed_port_takes_and_gives_nothing(make_port: Maker) -> None:

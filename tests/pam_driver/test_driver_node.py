@@ -272,6 +272,7 @@ BAD_MESSAGES: dict[str, tuple[Callable[[JointState], None], str]] = {
 }
 
 
+@pytest.mark.sampled("two bad messages; test_command_intake refuses every kind", cases=2)
 @pytest.mark.system
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("name", BAD_MESSAGES)
@@ -374,6 +375,7 @@ BAD_STARTS: dict[str, tuple[dict[str, Any], Callable[[str], str] | None, str]] =
 }
 
 
+@pytest.mark.sampled("three bad starts; the words of each are held where it is checked", cases=3)
 @pytest.mark.system
 @pytest.mark.parametrize("name", BAD_STARTS)
 def test_a_bad_start_is_one_message_and_no_movement(

@@ -18,7 +18,8 @@ from pam_driver.boards.canopen.dictionary import profile_path
 from pam_driver.boards.canopen.reader import DeviceReader
 from pam_driver.boards.protocol import WiredBoard
 from pam_driver.boards.wiring import RigWiring
-from pam_model.rig import load_rig
+from pam_driver.tools.check_rig import check_rig
+from pam_model.rig import Bus, load_rig
 from support.canopen_device import ELBOW_CANOPEN
 
 GOOD: Final = profile_path("cia406_encoder").read_text()
@@ -252,3 +253,16 @@ def test_a_flaw_in_what_nobody_uses_is_a_caution(
     assert not reader.problems
     assert reader.device == good
     assert any(f"dev.eds: line {line}: " in told and doubt in told for told in reader.doubts)
+
+
+def test_the_check_of_a_rig_and_the_driver_tell_a_flaw_that_nobody_needs(tmp_path: Path) -> None:
+    path = tmp_path / "dev.eds"
+    path.write_text(GOOD.replace("ProductNumber=0", "ProductNumber="))
+    rig = load_rig(ELBOW_CANOPEN)
+    boards = {name: dict(section) for name, section in rig.boards.items()}
+    boards["encoder"].pop("profile")
+    boards["encoder"]["eds"] = str(path)
+    rig = replace(rig, boards=boards)
+    (doubt,) = RigWiring(rig).doubts
+    assert doubt.startswith("boards.encoder.eds = dev.eds: line 12: [DeviceInfo] productnumber")
+    assert doubt in check_rig(rig, Bus(), 500.0).cautions

@@ -77,6 +77,7 @@ def ended(
     return took, BoardCode.LATCH_FAULT in [told.code for told in board.board_commands]
 
 
+@pytest.mark.sampled("one of the two cases", cases=1)
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("name", [EMERGENCY_STOP, ENABLING_SWITCH])
 def test_an_end_lowers_the_arm_while_people_permit_motion(

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pam_driver.boards.frame_errors import FrameCrcError, FrameLengthError, FrameRangeError
+from pam_driver.boards.frame_errors import FrameCrcError, FrameLengthError
 from pam_driver.boards.mapped.checksum import ALGORITHMS
 from pam_driver.boards.mapped.signal_layout import SignalLayout, frame_length
 from pam_driver.boards.units import UNITS, Linear, scale_of
@@ -198,11 +198,6 @@ def test_a_reserved_raw_value_is_named_and_is_no_measurement() -> None:
             FrameCrcError,
             "PVM_Actual of board manifold fails its checksum",
         ),
-        (
-            actual(16.5, 2.0, 7.0, 1),
-            FrameRangeError,
-            "PVM_Actual.P_Act_A of board manifold is 32000 raw, expected",
-        ),
     ],
 )
 def test_a_wrong_frame_changes_nothing_and_is_named(
@@ -223,3 +218,29 @@ def test_a_frame_of_can_fd_has_one_of_its_lengths() -> None:
     (message,) = cantools.database.load_string(text, "dbc").messages
     assert message.is_fd
     assert frame_length(message) == 12
+
+
+def test_a_reading_out_of_the_files_range_is_the_condition_of_one_signal() -> None:
+    board = board_of(ELBOW_VENDOR)
+    hear = board.listeners[board.identifiers.answers[0]]
+
+    def ranges(now: float) -> list[str]:
+        found = list(board.conditions(now, 0.5, 0.05, False))
+        assert not any("no PVM_Actual" in one.text for one in found)
+        return [one.text for one in found if one.kind == "sensor_range"]
+
+    hear(actual(2.0, 2.0, 7.0, 0), 5.0, 5.0)
+    hear(actual(16.5, 2.0, 7.0, 1), 5.01, 5.01)
+    assert board.pressures["port_a"].time == 5.0
+    assert board.pressures["port_b"].time == 5.01
+    assert board.counts()["out_of_range"] == 1
+    assert not ranges(5.02)
+    for count in range(2, 12):
+        hear(actual(16.5, 2.0, 7.0, count), 5.0 + 0.01 * count, 5.0)
+    assert board.pressures["port_b"].time == pytest.approx(5.11)
+    assert ranges(5.12) == [
+        "pressure port_a: PVM_Actual.P_Act_A is 16.5, outside the range 0.5 to 16 of the DBC file"
+    ]
+    hear(actual(2.0, 2.0, 7.0, 12), 5.13, 5.13)
+    assert board.pressures["port_a"].time == 5.13
+    assert not ranges(5.2)

@@ -436,4 +436,4 @@ def test_an_absurd_length_in_a_dbc_file_is_refused_at_once(
     path = tmp_path / "other.dbc"
     path.write_text(text.replace(before, after))
     problems = problems_after(load_rig(ELBOW_VENDOR), put("dbc", str(path)))
-    assert [line for line in problems if f"other.dbc: {told}" in line], problems
+    assert [line for line in problems if "other.dbc: line " in line and told in line], problems

@@ -41,6 +41,7 @@ def words(path: Path, channel: str, percent: str, *more: str) -> list[str]:
     return ["set", str(path), *VALVES[path], percent, *bus, *more]
 
 
+@pytest.mark.sampled("one of the two muscles", cases=1)
 def test_only_the_named_muscle_fills_and_it_is_vented_afterwards(
     robot: tuple[Path, str, RigLoop], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -55,6 +56,7 @@ def test_only_the_named_muscle_fills_and_it_is_vented_afterwards(
     assert extensor < 1e4
 
 
+@pytest.mark.sampled("one of the two cases", cases=1)
 def test_above_the_limit_it_vents_at_once_and_says_so(
     robot: tuple[Path, str, RigLoop], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -64,6 +66,7 @@ def test_above_the_limit_it_vents_at_once_and_says_so(
     assert "kPa, the limit is 50.0 kPa" in capsys.readouterr().err
 
 
+@pytest.mark.sampled("one of the three answers", cases=1)
 @pytest.mark.parametrize("answer", ["no\n", "", "y\n"])
 def test_nothing_is_sent_unless_someone_types_yes(
     answer: str,
@@ -79,6 +82,7 @@ def test_nothing_is_sent_unless_someone_types_yes(
     far_end.close()
 
 
+@pytest.mark.sampled("one of the three mistakes", cases=1)
 @pytest.mark.parametrize(
     ("valve", "percent", "expected"),
     [

@@ -124,6 +124,7 @@ def test_a_spoilt_chunk_is_left_out_and_counted(bags, tmp_path) -> None:
     assert "1 chunks cannot be read and are not used" in recording.repairs[0]
 
 
+@pytest.mark.sampled("each kind of bag, with or without its metadata")
 @pytest.mark.parametrize(("kind", "share"), [("mcap", 0.6), ("packed", 0.6), ("db3", 0.9)])
 @pytest.mark.parametrize("metadata", [True, False])
 def test_an_import_reads_a_bag_cut_short_as_a_diagnosis_does(

@@ -20,6 +20,7 @@ def course(law, *, n=12, weeks=8.0, seed=0, stated=1.0, outliers=()) -> Course:
     return find_changes(time * WEEK, value, np.full(n, stated * SCATTER))
 
 
+@pytest.mark.sampled("one of the three cases", cases=1)
 @pytest.mark.parametrize(("stated", "outliers"), [(1.0, ()), (0.3, ()), (0.3, (4,))])
 def test_a_constant_has_no_change_in_95_percent_of_draws(stated, outliers):
     draws = [

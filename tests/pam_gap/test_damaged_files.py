@@ -27,7 +27,7 @@ from scipy.io import savemat
 from pam_check.fuzz.damaged_files import DamagedFiles, log_of
 from pam_check.fuzz.sample_logs import ENDINGS, sample
 from pam_gap.import_log.import_log import columns_of
-from pam_gap.recordings import size_limits, unpacked
+from pam_gap.recordings import packed_chunks, size_limits, unpacked
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.import_recording import import_recording
 from pam_gap.recordings.recording import RecordingError
@@ -61,7 +61,7 @@ def test_the_page_names_every_format_and_no_other() -> None:
 
 @pytest.mark.parametrize("kind", FILES.kinds)
 def test_damage_ends_in_one_line(kind: str) -> None:
-    """A few damaged files of each kind; `python -m pam_check fuzz files` tries more."""
+    """A few damaged files of each kind; `./pam check fuzz files` tries more."""
     for number in range(6):
         FILES.check(kind, random.Random(f"{kind} {number}"))
 
@@ -99,6 +99,17 @@ def _cells(claimed: int, *, packed: bool) -> bytes:
     return bytes(plain)
 
 
+def _bag_bomb() -> bytes:
+    """An MCAP file of some kilobytes with a chunk that unpacks to 64 GB."""
+    frame = zstd.compress(b"x" * 100)
+    packed = bytearray(frame)
+    # RFC 8878: the frame's claim of its size has 1 byte in a single segment; make it 8
+    packed[4:6] = bytes((0xE0,)) + struct.pack("<Q", 1 << 36)
+    head = struct.pack("<QQQII", 0, 1, 1000, 0, 4) + b"zstd" + struct.pack("<Q", len(packed))
+    chunk = head + packed
+    return b"\x89MCAP0\r\n" + struct.pack("<BQ", 6, len(chunk)) + chunk
+
+
 def _database() -> bytes:
     """A bag with a text where a stamp should be."""
     bag = sqlite3.connect(":memory:")
@@ -131,6 +142,7 @@ DAMAGE: dict[str, tuple[str, Callable[[], bytes]]] = {
     "no end of a line": (".csv", lambda: b"t" * (1 << 24)),
     "parquet cut": (".parquet", lambda: sample(".parquet", log_of(RIG))[:-200]),
     "a stamp that is text": (".db3", _database),
+    "a chunk that claims 64 GB": (".mcap", _bag_bomb),
 }  # fmt: skip
 
 
@@ -151,6 +163,18 @@ def test_what_a_file_claims_is_checked_before_it_is_believed(what: str, tmp_path
     assert len(str(error.value)) < 600
     assert time.process_time() - begin < 10.0
     assert peak < 400e6
+
+
+def test_a_frame_that_claims_nothing_is_unpacked_as_far_as_the_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(packed_chunks, "MOST_CHUNK", 1 << 20)
+    packer = zstd.ZstdCompressor()
+    frame = packer.compress(bytes(1 << 22)) + packer.flush()
+    assert zstd.get_frame_info(frame).decompressed_size is None
+    with pytest.raises(ValueError, match="unpacks to more than"):
+        packed_chunks.refuse_bomb(frame, "zstd", 100)
+    packed_chunks.refuse_bomb(zstd.compress(bytes(1000)), "zstd", 1000)
 
 
 @pytest.mark.parametrize("packing", unpacked.PACKINGS)

@@ -33,6 +33,9 @@ from pam_model.rig import Rig, load_rig, save_rig
 
 from .conftest import Maker
 
+OTHERS = pytest.mark.long(
+    "the same friction is named in memory below; no effect and two effects stay here"
+)
 needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="a whole search needs the compiled plant")
 
 
@@ -74,9 +77,11 @@ def test_the_gap_is_located(
     ("changes", "effects"),
     [
         ({}, ()),
-        ({"agonist.valve_null_offset.offset": 0.03}, ("valve_null_offset",)),
-        ({"coulomb_friction.torque": 0.6}, ("coulomb_friction",)),
-        ({"hysteresis.amplitude": 0.05}, ("hysteresis",)),
+        pytest.param({"coulomb_friction.torque": 0.6}, ("coulomb_friction",), marks=OTHERS),
+        pytest.param(
+            {"agonist.valve_null_offset.offset": 0.03}, ("valve_null_offset",), marks=OTHERS
+        ),
+        pytest.param({"hysteresis.amplitude": 0.05}, ("hysteresis",), marks=OTHERS),
         (
             {"valve_dead_zone.overlap": 0.06, "viscous_friction.extra": 0.5},
             ("valve_dead_zone", "viscous_friction"),
@@ -120,6 +125,7 @@ def test_a_diagnosis_in_memory_writes_nothing(
 
 
 @needs_numba
+@pytest.mark.long("three whole searches; test_background names a delay beside a background")
 @pytest.mark.parametrize(
     ("delay", "is_stamped", "effects"),
     [(0.002, True, ()), (0.002, False, ("command_delay",)), (0.02, True, ("command_delay",))],
@@ -186,6 +192,7 @@ def test_a_light_and_a_heavy_load_are_found_from_the_starts(
 
 
 @needs_numba
+@pytest.mark.long("a whole search, as without a position, which stays")
 def test_without_commands_the_valve_stage_is_left_out(rig: Rig, record: Maker) -> None:
     recording = without(record({"coulomb_friction.torque": 0.6}), "valve_commands")
     diagnosis = JointDiagnosis(rig, 0, [recording]).run()

@@ -50,6 +50,7 @@ def test_effects_of_the_table_are_no_stop(
     assert end_stop(PredictionProblem(rig, 0, [record(changes)])) is None
 
 
+@pytest.mark.long("a whole search; the stop itself is found by the tests above")
 def test_a_stop_is_unknown_and_said_to_look_like_one(rig: Rig, record: Maker) -> None:
     """Bladder elasticity and an offset of the encoder were named for it."""
     low, high = reach(record)

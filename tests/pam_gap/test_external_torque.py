@@ -47,6 +47,9 @@ def test_a_push_moves_the_joint_only_beyond_dry_friction(
     assert (float(np.abs(error[-20:]).mean()) > 0.01) == moves
 
 
+@pytest.mark.long(
+    "test_measured_guards fits the hysteresis of the same recording without the search"
+)
 def test_hysteresis_is_found_in_the_measured_pair(tmp_path: Path) -> None:
     script = ROOT / "benchmarks" / "measured_pair.py"
     subprocess.run([sys.executable, script, "--out", tmp_path], check=True, capture_output=True)

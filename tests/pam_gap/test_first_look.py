@@ -18,6 +18,7 @@ from .conftest import Maker
 needs_numba = pytest.mark.skipif(not HAVE_NUMBA, reason="many simulations need the compiled plant")
 
 
+@pytest.mark.sampled("one of the four effects", cases=1)
 @needs_numba
 @pytest.mark.parametrize(
     ("changes", "stage"),

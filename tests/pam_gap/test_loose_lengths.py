@@ -47,6 +47,7 @@ def test_lengths_that_explain_little_are_not_told(
     assert lengths(replace(rig, parameter_tolerance=0.02), record, changes) is None
 
 
+@pytest.mark.long("a whole search, as the one below, which stays")
 def test_an_offset_is_named_beside_lengths_of_which_no_tolerance_is_stated(
     rig: Rig, record: Maker
 ) -> None:

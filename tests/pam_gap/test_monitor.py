@@ -165,6 +165,7 @@ def test_node_reports_on_diagnostics(
     assert node.returncode == 0, errors
 
 
+@pytest.mark.long("test_mixed_rig watches both kinds without the node")
 @pytest.mark.system
 def test_node_watches_the_valves_of_both_kinds(
     probe: Any, ros_environment: dict[str, str], patience: float

@@ -38,6 +38,7 @@ def short_excitation() -> Excitation:
     )  # fmt: skip
 
 
+@pytest.mark.sampled("one of the two, as of those on a rig with one kind", cases=1)
 @pytest.mark.system
 @pytest.mark.parametrize("joint", ["shoulder", "elbow"])
 def test_on_a_rig_with_both_kinds_of_valve_the_driver_takes_every_command(
@@ -100,6 +101,7 @@ def test_no_regulator_is_asked_for_more_than_its_full_scale() -> None:
     assert held == [0.0, 0.0, 2e5, 0.0]
 
 
+@pytest.mark.sampled("one of the two ends", cases=1)
 @pytest.mark.system
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("falls_silent", [False, True])

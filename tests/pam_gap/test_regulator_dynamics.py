@@ -55,6 +55,7 @@ def overshooting(rig: Rig) -> Recording:
     return Recording(Path("regulators"), STEP, time, values, valid, ())
 
 
+@pytest.mark.long("a whole search that ends in `unknown`; test_verdict holds when it does")
 @needs_numba
 def test_pressures_that_exceed_their_commands_have_no_known_cause(
     rig: Rig, monkeypatch: pytest.MonkeyPatch

@@ -89,6 +89,7 @@ def test_friction_at_one_speed_is_one_number() -> None:
     assert rubbing.training_error < plain.training_error * 1.01
 
 
+@pytest.mark.sampled("one of the four models", cases=1)
 @pytest.mark.parametrize("name", ["gaylord", "tondu_lopez_friction", "li_static", "wickramatunge"])
 def test_slopes_of_lengths_are_those_of_solving_again(name: str) -> None:
     data = load_measurements(PLATFORM / "PtoD_40.csv").branches()["pressure falling"]

@@ -81,6 +81,7 @@ for name in ("tondu_lopez", "tondu_lopez_friction", "sarosi", "caldwell_cells", 
 """
 
 
+@pytest.mark.long("repeats a fit in processes with other BLAS kernels")
 def test_a_fit_is_the_same_under_every_blas_kernel() -> None:
     # OpenBLAS takes its kernel from the processor or from this variable; others ignore it.
     answers = set()

@@ -323,6 +323,6 @@ def test_every_model_is_described(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_geometry_that_cannot_be_is_refused(name: str) -> None:
     good = MuscleGeometry(0.25, 2.0, 0.23, 0.001)
-    for bad in (replace(good, thread_length=-0.25), replace(good, turns=0.0)):
+    for bad in ({"thread_length": -0.25}, {"turns": 0.0}):
         with pytest.raises(DomainError):
-            create_force_model(name, bad, {})
+            create_force_model(name, replace(good, **bad), {})

@@ -49,7 +49,7 @@ def test_order_and_lookups(rig: Rig) -> None:
         "pressure_regulator", 4e-9, 0.3, 0.02, full_scale=6e5
     )
     assert rig.supply_gauge_pressure == 600000.0
-    with pytest.raises(KeyError, match="no joint called 'knee'"):
+    with pytest.raises(KeyError, match="unknown joint 'knee'"):
         rig.joint("knee")
 
 

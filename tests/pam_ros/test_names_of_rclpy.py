@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
 SOURCES = sorted((Path(__file__).parents[2] / "src").rglob("*_node.py"))
-MEANT = {"__init__", "destroy_node"} | {
+MEANT = {"__init__", "destroy_node", "set_parameters_atomically"} | {
     f"on_{act}" for act in ("configure", "activate", "deactivate", "cleanup", "shutdown", "error")
 }
 

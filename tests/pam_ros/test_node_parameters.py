@@ -11,7 +11,8 @@ import pytest
 pytest.importorskip("rcl_interfaces.msg")
 
 from pam_model.errors import PamError, RigError
-from pam_model.rig import load_rig, rig_of_node
+from pam_model.rig import described_key, load_rig, rig_of_node
+from pam_model.rig.keys import Key
 from pam_ros.errors import ParameterError
 from pam_ros.parameters import NodeParameters, Parameter, Value
 
@@ -31,6 +32,14 @@ class FakeNode:
         self.values = dict(overrides)
         self.descriptors: dict[str, Any] = {}
         self.set: Callable[[list[Any]], Any]
+
+    def get_fully_qualified_name(self) -> str:
+        return "/left/tunnel"
+
+    def set_parameters(self, parameters: list[Any]) -> None:
+        for each in parameters:
+            assert self.set([each]).successful
+            self.values[each.name] = each.value
 
     def get_parameter(self, name: str) -> Any:
         assert name == "use_sim_time"
@@ -59,6 +68,16 @@ class FakeNode:
         return result.successful, result.reason
 
 
+def made(
+    node: FakeNode,
+    read_others: Callable[..., Any] = rig_of_node,
+    on_change: Callable[[Mapping[str, Value]], str | None] | None = None,
+) -> NodeParameters[Any]:
+    return NodeParameters(
+        node, TABLE, read_others, on_change, describe=described_key, usual_name="tunnel"
+    )
+
+
 def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in tree.items():
@@ -75,7 +94,7 @@ def overrides(**more: Any) -> dict[str, Any]:
 
 def test_declared_with_unit_and_range() -> None:
     node = FakeNode(overrides(rate=200, use_sim_time=False))
-    parameters = NodeParameters(node, TABLE, rig_of_node)
+    parameters = made(node)
     assert parameters.described == RIG
     assert parameters.number("rate") == 200.0
     assert type(node.values["rate"]) is float
@@ -108,18 +127,18 @@ def test_declared_with_unit_and_range() -> None:
 )
 def test_bad_parameter_file_is_refused(given: dict[str, Any], reason: str) -> None:
     with pytest.raises((ParameterError, RigError)) as caught:
-        NodeParameters(FakeNode(overrides(**given)), TABLE, rig_of_node)
+        made(FakeNode(overrides(**given)))
     assert reason in str(caught.value)
 
 
 def test_no_rig_is_told_how_to_get_one() -> None:
     with pytest.raises(PamError, match="--params-file"):
-        NodeParameters(FakeNode({"rate": 100.0}), TABLE, rig_of_node)
+        made(FakeNode({"rate": 100.0}))
 
 
 def test_bad_rig_is_told() -> None:
     with pytest.raises(RigError, match="looks like bar"):
-        NodeParameters(FakeNode(overrides(supply_pressure=7.0)), TABLE, rig_of_node)
+        made(FakeNode(overrides(supply_pressure=7.0)))
 
 
 def test_a_node_says_itself_what_its_other_keys_are() -> None:
@@ -130,10 +149,43 @@ def test_a_node_says_itself_what_its_other_keys_are() -> None:
         return "a wind tunnel"
 
     node = FakeNode({"rate": 100.0, "qos_overrides./x.depth": 3, "tunnel.length": 8.0})
-    parameters = NodeParameters(node, TABLE, read_others)
+    parameters = NodeParameters(
+        node,
+        TABLE,
+        read_others,
+        describe=lambda _, name: Key("m", 0.0, 9.0, text=f"the {name}"),
+        usual_name="tunnel",
+    )
     assert parameters["rate"] == 100.0
     assert parameters.described == "a wind tunnel"
     assert seen == [({"tunnel.length": 8.0}, ("rate", "count", "interface", "vent"))]
+    described = node.descriptors["tunnel.length"]
+    assert described.description == "the tunnel.length [m]"
+    assert described.floating_point_range[0].to_value == 9.0
+    assert described.read_only
+
+
+def test_a_change_may_be_answered_with_a_remark_and_be_taken_back() -> None:
+    node = FakeNode(overrides())
+    parameters = made(node, rig_of_node, lambda changes: "being designed")
+    assert node.change(rate=250.0) == (True, "")
+    answer = parameters.with_remark(SimpleNamespace(successful=True, reason=""))
+    assert answer.reason == "being designed"
+    assert not node.change(rate=0.0)[0]
+    refused = SimpleNamespace(successful=False, reason="too low")
+    assert parameters.with_remark(refused).reason == "too low"
+    parameters.restore({"rate": 500.0})
+    assert node.values["rate"] == parameters["rate"] == 500.0
+
+
+def test_a_section_that_is_not_applied_ends_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "my.yaml"
+    file.write_text("tunnel:\n  ros__parameters:\n    rate: 5.0\n")
+    monkeypatch.setattr("pam_ros.parameter_files._given", ["--params-file", str(file)])
+    with pytest.raises(ParameterError, match=r"my\.yaml, line 1.*Write /\*\*/tunnel:"):
+        made(FakeNode(overrides()))
 
 
 def test_changes_while_running() -> None:
@@ -145,7 +197,7 @@ def test_changes_while_running() -> None:
         seen.append(values)
 
     node = FakeNode(overrides())
-    parameters = NodeParameters(node, TABLE, rig_of_node, on_change)
+    parameters = made(node, rig_of_node, on_change)
     assert node.change(rate=250.0) == (True, "")
     assert parameters["rate"] == 250.0
     assert seen == [{"rate": 250.0}]

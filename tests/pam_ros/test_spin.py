@@ -96,6 +96,7 @@ def test_help_names_parameters_with_units_and_ranges_topics_and_an_example(
         assert text in told.out
 
 
+@pytest.mark.sampled("two of the wrong command lines", cases=2)
 @pytest.mark.parametrize(
     ("words", "told"),
     [

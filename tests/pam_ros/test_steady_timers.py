@@ -86,6 +86,9 @@ class ExecutorOfWaits:
     def __init__(self) -> None:
         self.waits: list[float] = []
 
+    def get_nodes(self) -> list[object]:
+        return []
+
     def wake(self) -> None:
         """Nobody sleeps here."""
 
@@ -111,6 +114,9 @@ class StuckExecutor:
     def __init__(self) -> None:
         self._woken = threading.Event()
         self.wakes = 0
+
+    def get_nodes(self) -> list[object]:
+        return []
 
     def wake(self) -> None:
         self.wakes += 1

@@ -33,6 +33,7 @@ def command(*parameters, rig=True):
     return arguments
 
 
+@pytest.mark.sampled("one of the two signals, which one function answers", cases=1)
 @pytest.mark.system
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_truth_on_topics_and_a_clean_end(number, monkeypatch):
@@ -83,6 +84,7 @@ def test_truth_on_topics_and_a_clean_end(number, monkeypatch):
         rclpy.try_shutdown(context=context)
 
 
+@pytest.mark.sampled("two of the five mistakes", cases=2)
 @pytest.mark.system
 @pytest.mark.parametrize(
     ("parameters", "rig", "message"),

@@ -182,7 +182,7 @@ def test_effects_reach_those_they_name(two_joints):
         ({"friction.torque": 1.0}, "friction.torque"),
         ({"coulomb_friction": 1.0}, "expected <effect>.<parameter>"),
         ({"coulomb_friction.torque": -1.0}, r"N m is outside \[0, 100\]"),
-        ({"knee.coulomb_friction.torque": 1.0}, "no joint called knee"),
+        ({"knee.coulomb_friction.torque": 1.0}, "unknown joint 'knee'"),
         ({"elbow.supply_droop.volume": 1e-3}, "an effect of the whole rig"),
         ({"knee.leakage.conductance": 1e-12}, "no joint or muscle called knee"),
     ],
@@ -215,6 +215,7 @@ PORT = 43000 + (int(time.time()) % 999)
 BUS = ["--interface", "udp_multicast", "--channel", "239.74.163.2", "--port", str(PORT)]
 
 
+@pytest.mark.sampled("one of the two signals, which one function answers", cases=1)
 @pytest.mark.system
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_program_serves_a_bus_and_ends_on_a_signal(number):

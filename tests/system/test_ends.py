@@ -58,6 +58,7 @@ def end(suite, name: str, how: str) -> float:
     return at
 
 
+@pytest.mark.sampled("one way to end; test_driver_node ends the driver in each way", cases=1)
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize("how", HOW)
 def test_any_node_may_end(suite, how):

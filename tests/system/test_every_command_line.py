@@ -22,6 +22,7 @@ from pam_bringup.__main__ import main as pam_bringup
 from pam_bringup.viewer import markers_node
 from pam_check.__main__ import main as pam_check
 from pam_check.chain import private_domain, set_environment
+from pam_cli.__main__ import main as pam_cli
 from pam_control import controller_node
 from pam_demo.__main__ import main as pam_demo
 from pam_driver import driver_node
@@ -32,6 +33,7 @@ from pam_gap.live import monitor_node
 from pam_model import argument_types, model_node
 from pam_model.__main__ import main as pam_model
 from pam_model.command_line import Command
+from pam_ros.program_name import PROGRAM
 from pam_sim import rig_node
 from pam_sim.__main__ import main as pam_sim
 from support.rigs import ELBOW
@@ -152,7 +154,30 @@ def test_a_tool_tells_its_version_with_and_without_a_command(tool, capfd):
 def test_every_package_with_a_program_is_tried_here():
     """The controller is a node alone."""
     programs = {name.split(".")[0] for name in modules() if name.endswith(".__main__")}
-    assert programs - {"pam_control"} == set(TOOLS)
+    assert programs - {"pam_control", "pam_cli"} == set(TOOLS)
+
+
+def test_pam_names_every_tool_and_runs_its_commands(capfd):
+    assert pam_cli(["--help"]) == 0
+    told = capfd.readouterr().out
+    assert all(f"\n    {tool[4:]} " in told for tool in (*TOOLS, "pam_control"))
+    for tool, command in COMMANDS:
+        assert pam_cli([tool[4:], command.name, "--help"]) == 0
+        usage = capfd.readouterr().out
+        assert usage.startswith(f"usage: {PROGRAM} {tool[4:]} {command.name} ")
+        assert "python -m" not in usage
+    assert "did you mean gap?" in refused(pam_cli, ["gapp"], capfd)
+    assert "did you mean diagnose?" in refused(pam_cli, ["gap", "diagnoze"], capfd)
+    assert pam_cli(["--version"]) == 0
+
+
+def test_no_message_names_a_form_of_the_command_that_a_fresh_shell_does_not_have():
+    """Modules that are internal to a command are named as modules."""
+    internal = ("pam_check.blind.", "pam_demo.recorder_node", "<package>", "python -m module")
+    for name, path in modules().items():
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if "python -m " in line:
+                assert any(one in line for one in internal), f"{name}: {line}"
 
 
 @each_command
@@ -217,7 +242,7 @@ def test_an_empty_rig_file_is_named(tool, command, tmp_path, capfd, monkeypatch)
         ("pam_check", ["fuzz", "nonsense"], "frames"),
         ("pam_check", ["lifecycle", "--cycles", "10", "--unplugged", "5"], "--unplugged 5"),
         ("pam_demo", ["close-loop", "--hide", "x=abc"], "--hide x=abc"),
-        ("pam_demo", ["close-loop", "--hide", "x=1"], "effect x"),
+        ("pam_demo", ["close-loop", "--hide", "x=1"], "effect"),
         ("pam_demo", ["--true-effects", "x=abc"], "--true-effects x=abc"),
         ("pam_gap", ["diagnose", "--rig", str(ELBOW), "--out", "out"], "no recording"),
         ("pam_gap", ["diagnose", "empty.csv", "--rig", str(ELBOW), "--out", "out"], "empty.csv"),
@@ -227,7 +252,7 @@ def test_an_empty_rig_file_is_named(tool, command, tmp_path, capfd, monkeypatch)
         ("pam_model", ["show", "nonsense"], "nonsense"),
         ("pam_model", ["show", "gaylord", "--output", "picture.nonsense"], "nonsense"),
         ("pam_sim", ["rig", "--rig", str(ELBOW), "--dbc", "empty.csv"], "empty.csv"),
-        ("pam_sim", ["rig", "--rig", str(ELBOW), "--effect", "x=1"], "effect x"),
+        ("pam_sim", ["rig", "--rig", str(ELBOW), "--effect", "x=1"], "effect"),
         ("pam_sim", ["fault-tables", "empty.csv"], "empty.csv"),
         ("pam_driver", ["check-rig", "empty.csv"], "empty.csv"),
         ("pam_driver", ["monitor", "empty.csv"], "empty.csv"),
@@ -271,23 +296,23 @@ def test_help_loads_nothing_heavy_and_takes_less_than_a_third_of_a_second():
     )
     loaded = set(done.stdout.rpartition("LOADED")[2].split())
     assert loaded & HEAVY == set()
-    for tool in TOOLS:
+    for words in ([], *([tool[4:]] for tool in TOOLS)):
         before = os.times()
-        subprocess.run([sys.executable, "-m", tool, "--help"], capture_output=True, check=True)
+        subprocess.run([ROOT / "pam", *words, "--help"], capture_output=True, check=True)
         after = os.times()
         used = after.children_user + after.children_system
-        assert used - before.children_user - before.children_system < LONGEST_HELP, tool
+        assert used - before.children_user - before.children_system < LONGEST_HELP, words
 
 
 def test_the_page_of_exit_codes_names_every_command_with_a_check():
     page = (ROOT / "docs" / "exit_codes.md").read_text(encoding="utf-8")
-    rows = [line for line in page.splitlines() if line.startswith("| `python -m ")]
+    rows = [line for line in page.splitlines() if line.startswith("| `./pam ")]
     named = {
         (tool, command.name)
         for tool, command in COMMANDS
         for row in rows
-        if (f"python -m {tool} " in row and f"{command.name}`" in row)
-        or (f"python -m {tool}`" in row and command.name == "run")
+        if (f"./pam {tool[4:]} " in row and f"{command.name}`" in row)
+        or (f"./pam {tool[4:]}`" in row and command.name == "run")
     }
     assert named == {(tool, command.name) for tool, command in COMMANDS if command.bad_news}
 
@@ -305,6 +330,7 @@ def test_one_module_parses_all_command_lines_and_draws_all_progress_bars():
 @pytest.mark.parametrize(
     ("line", "answers"),
     [
+        ("pam ga", ["gap"]),
         ("pam gap dia", ["diagnose"]),
         ("pam model braid --an", ["--angle"]),
         ("pam sim --v", ["--version"]),
@@ -315,14 +341,13 @@ def test_the_shell_learns_how_a_command_line_goes_on(line, answers, tmp_path):
     pytest.importorskip("argcomplete", reason="completion is optional")
     answer = tmp_path / "answer"
     asked = {
-        "_ARGCOMPLETE": "3",  # the words before the arguments: python -m package
+        "_ARGCOMPLETE": "1",  # the words before the arguments
         "_ARGCOMPLETE_IFS": "\n",
         "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
         "COMP_LINE": line,
         "COMP_POINT": str(len(line)),
     }
-    words = [sys.executable, *line.split()[1:3]]
-    subprocess.run(words, env=os.environ | asked, check=True, timeout=60.0)
+    subprocess.run([ROOT / "pam"], env=os.environ | asked, check=True, timeout=60.0)
     assert [word.strip() for word in answer.read_text().splitlines()] == answers
 
 
@@ -347,7 +372,7 @@ def test_help_of_a_node_tells_parameters_topics_and_an_example(node, capfd):
     assert NODES[node](["--help"]) == 0
     told = capfd.readouterr()
     assert told.err == ""
-    for text in ("usage: ros2 run pam_", "subscribes:", "publishes:", "parameters:", "example:"):
+    for text in (f"usage: {PROGRAM} ", "subscribes:", "publishes:", "parameters:", "example:"):
         assert text in told.out
     assert "docs/rig_file.md" in told.out
 

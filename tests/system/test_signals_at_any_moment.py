@@ -65,12 +65,14 @@ def ends_quietly(program: str, number: int, left: int, words: list[str]) -> None
     assert (ended.returncode, ended.stderr) == (128 + number, "stopped\n"), ended.stdout
 
 
+@pytest.mark.sampled("six of the programs, which all begin in the same way", cases=6)
 @pytest.mark.parametrize("number", NUMBERS)
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_a_signal_at_the_first_import_is_one_line(program: str, number: int) -> None:
     ends_quietly(AS_A_MODULE, number, 12, [program, "--help"])
 
 
+@pytest.mark.sampled("two of the nodes, at either moment", cases=2)
 @pytest.mark.parametrize("left", [150, 300])
 @pytest.mark.parametrize("program", [name for name in PROGRAMS if name.endswith("_node")])
 def test_a_signal_in_the_middle_of_the_imports_of_a_node_is_one_line(
@@ -79,6 +81,7 @@ def test_a_signal_in_the_middle_of_the_imports_of_a_node_is_one_line(
     ends_quietly(AS_A_MODULE, signal.SIGINT, left, [program, "--help"])
 
 
+@pytest.mark.sampled("two of the seven entry points, which one function makes", cases=2)
 @pytest.mark.parametrize(("package", "function"), ENTRY_POINTS)
 def test_a_signal_while_ros2_run_imports_a_node_is_one_line(package: str, function: str) -> None:
     pytest.importorskip("rclpy")
@@ -86,6 +89,7 @@ def test_a_signal_while_ros2_run_imports_a_node_is_one_line(package: str, functi
     ends_quietly(program, signal.SIGTERM, 250, ["program", "--help"])
 
 
+@pytest.mark.sampled("one of the three moments", cases=1)
 @pytest.mark.parametrize("left", [80, 300, 500])
 def test_a_signal_while_a_command_imports_its_modules_is_one_line(left: int) -> None:
     ends_quietly(AS_A_MODULE, signal.SIGINT, left, ["pam_check", "state-walk"])

@@ -40,6 +40,7 @@ def test_step_is_tracked_and_stiffness_delivered(suite):
     assert measured.position == pytest.approx(suite.position("elbow"), abs=0.02)
 
 
+@pytest.mark.long("test_mixed_rig moves two joints on two boards without processes")
 @pytest.mark.rerun_because(HOST_STALLS)
 def test_two_joints_on_two_boards_move_apart(make_suite):
     suite = make_suite(ROOT / "config" / "two_joints.yaml")

@@ -127,36 +127,29 @@ def adapted_rig(rig: Rig, learnt: Sequence[LearntOfJoint]) -> AdaptedRig:
     return AdaptedRig(rig, tuple(changes), tuple(left))
 
 
-def save_adapted_rig(rig: Rig, learnt: Sequence[LearntOfJoint], file: str) -> str:
+def save_adapted_rig(made: AdaptedRig, path: Path) -> str:
     """Write a new rig file with what was learnt; return a line for the person who asked.
 
     Parameters
     ----------
-    rig : Rig
-        As its file describes it.
-    learnt : sequence of LearntOfJoint
-        What is known.
-    file : str
-        It must not exist.
+    made : AdaptedRig
+        From `adapted_rig`.
+    path : Path
+        It must not exist; its folder is made if needed.
 
     Raises
     ------
     PamError
-        When there is nothing to write, or no place for it.
+        When it cannot be written.
     """
-    if not file:
-        raise PamError("set the parameter adaptation.rig_file to the file to be written")
-    path = Path(file).absolute()
     try:
         if path.exists():
             raise PamError(
                 f"{path}: exists, and is not overwritten; set another adaptation.rig_file"
             )
-        if not path.parent.is_dir():
-            raise PamError(f"{path}: the folder {path.parent} does not exist")
-    except OSError as error:  # a name that is too long, a folder that may not be read
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:  # a name that is too long, a folder that may not be written
         raise PamError(f"{path}: cannot be written: {error.strerror or error}") from None
-    made = adapted_rig(rig, learnt)
     save_rig(made.rig, path, made.notes)
     return f"written: {path}; {len(made.changes)} numbers, which are listed at its beginning"
 

@@ -57,12 +57,32 @@ class CommandIntake:
         self._clock = clock
         self._reason_against = reason_against
         self._log = log
+        self._orders = 0
+        self._last_order: dict[str, int] = {}  # by joint, which anything older must not undo
         self._news = RepeatedNews()
         self.rejected = self.slowed = 0
         self.last_rejection = self.last_note = ("", -math.inf)
 
+    @property
+    def ticket(self) -> int:
+        """The present moment among the commands: a trajectory that waits keeps its own."""
+        return self._orders
+
+    def supersede(self, names: Sequence[str] = ()) -> None:
+        """Do not follow what arrived before and is still being planned, for all or some joints.
+
+        The lock must be held.
+        """
+        self._orders += 1
+        for name in names or self._controller.rig.joint_names:
+            self._last_order[name] = self._orders
+
     def trajectory(
-        self, data: bytes, most_points: int, seconds: Callable[[TrajectoryMessage], float | None]
+        self,
+        data: bytes,
+        most_points: int,
+        seconds: Callable[[TrajectoryMessage], float | None],
+        ticket: int | None = None,
     ) -> None:
         """Take a serialized trajectory.
 
@@ -74,22 +94,29 @@ class CommandIntake:
             Largest number of points.
         seconds : callable
             Gives the message's stamp on the controller's time axis [s]; None for "now".
+        ticket : int, optional
+            `ticket` when it arrived; by default now.
         """
         with self.rejecting("joint_trajectory"):
             with self._lock:
                 self._require_active("trajectory")
             message = read_trajectory(data, most_points)
             if message.points:
-                self.follow(message.names, message.points, seconds(message))
+                self.follow(message.names, message.points, seconds(message), ticket)
                 return
             with self._lock:
                 self._require_active("trajectory")
                 known = self._controller.rig.joint_names
                 stopped = [name for name in message.names if name in known]
                 self._controller.references.stop(stopped, self._clock())
+                self.supersede(stopped)
 
     def follow(
-        self, names: Sequence[str], points: Sequence[TrajectoryPoint], start: float | None
+        self,
+        names: Sequence[str],
+        points: Sequence[TrajectoryPoint],
+        start: float | None,
+        ticket: int | None = None,
     ) -> tuple[dict[str, JointSpline], str]:
         """Follow a trajectory from now on.
 
@@ -101,6 +128,8 @@ class CommandIntake:
             At least one.
         start : float or None
             Time at which time_from_start is zero [s]; None for the present time.
+        ticket : int, optional
+            `ticket` when it arrived; by default now. What came after it is not undone.
 
         Returns
         -------
@@ -115,9 +144,11 @@ class CommandIntake:
             When the trajectory is rejected; the present reference is kept.
         """
         references = self._controller.references
+        ticket = self._orders if ticket is None else ticket
         with self._lock:
             self._require_active("trajectory")
-        planned = references.plan(names, points, start=start, now=self._clock())
+            measured = self._controller.measured
+        planned = references.plan(names, points, start=start, now=self._clock(), measured=measured)
         if planned is None:
             raise CommandError("trajectory rejected: it has no points")
         with self._lock:
@@ -126,6 +157,12 @@ class CommandIntake:
         splines, note = references.join(planned, at_join, now)
         with self._lock:
             self._require_active("trajectory")
+            later = [name for name in splines if self._last_order.get(name, 0) > ticket]
+            if later:
+                raise CommandError(
+                    f"trajectory rejected: while it was planned, another command for "
+                    f"{', '.join(later)} came, such as a stop"
+                )
             references.take(splines)
         if note:
             self.slowed += 1
@@ -147,7 +184,10 @@ class CommandIntake:
             except CommandError:
                 self._controller.references.refused_stream(names, now)
                 raise
-            self._controller.references.stream(names, positions, velocities, now=now)
+            self._controller.references.stream(
+                names, positions, velocities, now=now, measured=self._controller.measured
+            )
+            self.supersede(names)
 
     def stiffness(self, values: Sequence[float]) -> None:
         """Take a stiffness for each joint [N m/rad]."""

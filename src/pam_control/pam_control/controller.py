@@ -76,6 +76,7 @@ class Controller(LoopDesign):
                 for channel in self.channels
             },
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
+            start_margin=rig.plausibility.position_margin,
         )
         self.correction = SensorCorrection(self.robot)
         self.stiffness_commands = self._default_stiffness(settings)
@@ -87,6 +88,17 @@ class Controller(LoopDesign):
         self.use(self.prepared)
 
     # --- settings ---------------------------------------------------------------------------------
+
+    def prepare(self, settings: ControlSettings) -> PreparedSettings:
+        """Design and check other settings, which may take minutes; nothing changes yet.
+
+        Raises
+        ------
+        ControlDesignError
+            When a loop would not be safe.
+        """
+        self.foresee_stiffness(self._default_stiffness(settings))
+        return super().prepare(settings)
 
     def change(self, settings: ControlSettings) -> None:
         """Use other settings from the next step on; missing gains are designed again.
@@ -100,7 +112,12 @@ class Controller(LoopDesign):
 
     def use(self, prepared: PreparedSettings) -> None:
         """Use prepared settings from the next step on, without a jump of the desired pressures."""
+        before = self._default_stiffness(self.prepared.asked)
         self.prepared = prepared
+        after = self._default_stiffness(prepared.asked)
+        if after != before and self.stiffness_commands == before:  # none was commanded
+            self.stiffness_commands = after
+            self._drive()
         self._apply((self.guard.softened and prepared.soft) or prepared.normal)
 
     @property
@@ -145,6 +162,11 @@ class Controller(LoopDesign):
 
     # --- commands -------------------------------------------------------------------------------
 
+    @property
+    def measured(self) -> dict[str, float]:
+        """Where the joints are [rad], by name; NaN where that is not known."""
+        return {channel.joint.name: channel.position for channel in self.channels}
+
     def set_stiffness(self, values: Sequence[float]) -> None:
         """Set the commanded stiffness of every joint [N m/rad].
 
@@ -181,6 +203,13 @@ class Controller(LoopDesign):
             When this law takes no torques, or for values that cannot be used.
         """
         raise CommandError("torque command rejected: only law torque takes torques")
+
+    def foresees(self, values: Sequence[float]) -> bool:
+        """Whether the limits for these stiffnesses [N m/rad] are known already."""
+        return all(
+            not math.isfinite(value) or self._limits.knows(channel, value)
+            for channel, value in zip(self.channels, values, strict=False)
+        )
 
     def foresee_stiffness(self, values: Sequence[float]) -> None:
         """Compute limits for stiffnesses [N m/rad] that will be commanded; needs no lock."""

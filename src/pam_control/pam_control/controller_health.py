@@ -9,6 +9,7 @@ from typing import Any
 
 from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
+from pam_control.setting_changes import SettingChanges
 from pam_ros import diagnostics as health
 from pam_ros.periodic import PeriodicLoop
 
@@ -37,6 +38,8 @@ class ControllerHealth:
         The controller.
     intake : CommandIntake
         Its commands.
+    changes : SettingChanges
+        Its settings.
 
     Attributes
     ----------
@@ -44,10 +47,13 @@ class ControllerHealth:
         What the driver has said last about commands.
     """
 
-    def __init__(self, name: str, controller: Controller, intake: CommandIntake) -> None:
+    def __init__(
+        self, name: str, controller: Controller, intake: CommandIntake, changes: SettingChanges
+    ) -> None:
         self._name = name
         self._controller = controller
         self._intake = intake
+        self._changes = changes
         self._counts = [JointCounts() for _ in controller.channels]
         self._oldest = [0.0, 0.0]
         self.driver = "no state heard"
@@ -60,7 +66,7 @@ class ControllerHealth:
             off = channel.telemetry.error
             counts.cycles += 1
             counts.clipped += bool(channel.telemetry.clipped)
-            counts.limited += references.limited(channel.joint.name)
+            counts.limited += references.held_back(channel.joint.name)
             counts.squares += off * off
             counts.largest = max(counts.largest, abs(off))
 
@@ -103,11 +109,18 @@ class ControllerHealth:
         values["soft gains because"] = guard.softened or "not used"
         values["stopped because"] = guard.stopped or "not stopped"
         values["lowering"] = controller.lowering.phase.value
+        changes = self._changes
+        values["being designed"] = changes.designing or "nothing"
+        values["last change refused"] = changes.refusal or "none"
         level, text = health.OK, "controlling"
         if reason:
             level, text = health.STALE, f"sends no commands: {reason}"
         elif guard.softened:
             level, text = health.WARN, f"controlling with soft gains: {guard.softened}"
+        elif changes.refusal:
+            level, text = health.WARN, f"controlling; {changes.refusal}"
+        elif changes.designing:
+            text = f"controlling; being designed: {changes.designing}"
         return health.diagnostic_status(f"{self._name}: loop", level, text, values)
 
     def _commands(self, now: float) -> Any:
@@ -143,7 +156,7 @@ class ControllerHealth:
             "largest error [rad]": counts.largest,
             "clipped share [-]": counts.clipped / cycles,
             "clipped last": ", ".join(telemetry.clipped) or "nothing",
-            "reference limited share [-]": counts.limited / cycles,
+            "reference held back share [-]": counts.limited / cycles,
             "stiffness asked [N m/rad]": controller.stiffness_commands[index],
             "stiffness now [N m/rad]": channel.stiffness_factor * telemetry.stiffness_reached,
             "least stiffness [N m/rad]": low,
@@ -176,7 +189,7 @@ class ControllerHealth:
         if counts.limited:
             joint = channel.joint
             texts.append(
-                f"reference limited in {counts.limited / cycles:.0%} of the cycles (max_velocity "
+                f"reference held back in {counts.limited / cycles:.0%} of the cycles (max_velocity "
                 f"{joint.max_velocity:g} rad/s, max_acceleration {joint.max_acceleration:g} "
                 "rad/s^2, or what the valves can drive)"
             )

@@ -37,6 +37,8 @@ class ControllerInputs:
         Gives a block for a topic, in which a PamError means that its message is rejected.
     take_driver_state : callable
         Called with each message about the driver's state.
+    lose_driver_state : callable
+        Called when so many of them arrived at once that some were lost.
 
     Attributes
     ----------
@@ -56,6 +58,7 @@ class ControllerInputs:
         clock: Callable[[], float],
         rejecting: Callable[[str], AbstractContextManager[None]],
         take_driver_state: Callable[[Any], object],
+        lose_driver_state: Callable[[], object],
     ) -> None:
         self.positions: list[float] = []
         self.pressures: list[float] = []
@@ -71,7 +74,12 @@ class ControllerInputs:
             self._position_topic,
             self._pressure_topic,
             PolledTopic(
-                node, DiagnosticStatus, "pam_driver/state", take_driver_state, latched=True
+                node,
+                DiagnosticStatus,
+                "pam_driver/state",
+                take_driver_state,
+                latched=True,
+                overflow=lose_driver_state,
             ),
         ]
 

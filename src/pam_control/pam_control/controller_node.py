@@ -2,9 +2,10 @@
 
 docs/controller.md describes topics, parameters and behaviour. The control cycle runs in one thread
 with absolute deadlines, which takes the measurements itself. All other messages and the parameters
-are handled by the executor in the main thread, because designing gains for a changed parameter
-takes longer than the permitted age of a measurement. The design itself runs in a process of its
-own, because it would hold the interpreter's lock.
+are handled by the executor in the main thread. What takes longer than a cycle there would keep
+`~/stop` waiting: a design, the plan of a trajectory and files have threads of their own
+(`pam_ros.slow_work`). The search of a design runs in a process of its own, because it would hold
+the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -33,7 +35,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from pam_control.actions.follow_trajectory import FollowTrajectory
-from pam_control.adapted_rig import learnt_of, save_adapted_rig
+from pam_control.adapted_rig import AdaptedRig, adapted_rig, learnt_of, save_adapted_rig
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller_health import ControllerHealth
@@ -41,27 +43,30 @@ from pam_control.controller_inputs import ControllerInputs
 from pam_control.controller_parameters import (
     HELP,
     create_controller,
+    kept_file,
     parameter_table,
-    settings_from,
 )
 from pam_control.controller_topics import ControllerTopics
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.feedback.separate_process import SeparateProcess
 from pam_control.references.stiffness_test import StiffnessTest
 from pam_control.references.test_motion import test_motion
-from pam_control.trajectory_message import TrajectoryMessage
+from pam_control.references.trajectory import CommandError
+from pam_control.setting_changes import SettingChanges
+from pam_control.trajectory_message import TrajectoryMessage, is_stop
 from pam_model.errors import PamError
-from pam_model.rig import rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_ros import diagnostics as health
 from pam_ros.driver_state import (
     activation_of,
     permits_full_speed,
     reason_against_commands,
 )
-from pam_ros.errors import ParameterError
+from pam_ros.errors import MalformedMessageError, ParameterError
 from pam_ros.parameters import NodeParameters, Value
 from pam_ros.periodic import PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
+from pam_ros.slow_work import SlowWork
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
 from pam_ros.subscriptions import subscribe
@@ -69,6 +74,7 @@ from pam_ros.subscriptions import subscribe
 TEST_EVERY = 0.25  # s
 LARGEST_TRAJECTORY = 2**26  # bytes; the number of points is limited by a parameter
 SWITCH_INTERVAL = 5e-4  # s; the control thread can run soon after a callback has begun
+NAME = "pam_controller"
 
 
 class ControllerNode(Node):  # type: ignore[misc]
@@ -81,30 +87,46 @@ class ControllerNode(Node):  # type: ignore[misc]
     """
 
     def __init__(self) -> None:
-        super().__init__("pam_controller", automatically_declare_parameters_from_overrides=True)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         self._controller: Any = None
         names = self._joint_names_given()
         self._table = parameter_table(names)
         self._declared = NodeParameters(
-            self, self._table, rig_of_node, self._on_change, keeps_real_time=True
+            self,
+            self._table,
+            rig_of_node,
+            self._on_change,
+            describe=described_key,
+            usual_name=NAME,
+            keeps_real_time=True,
         )
         self.rig = self._declared.described
-        self._values: dict[str, Value] = {p.name: self._declared[p.name] for p in self._table}
+        values = {p.name: self._declared[p.name] for p in self._table}
         folder = user_cache_folder()
         self._designs = KeptDesigns(folder)
         self.get_logger().info(
             f"designing the gains of {', '.join(self.rig.joint_names)}; designs of earlier starts "
             f"are {f'in {folder}' if folder else 'not kept: there is no home folder'}"
         )
-        self._controller = create_controller(
-            self.rig, self._values, self.rig.joint_names, self._designs
-        )
-        self._log_design()
+        self._controller = create_controller(self.rig, values, self.rig.joint_names, self._designs)
         self._design_process = SeparateProcess()
         self._designs.compute_in(self._design_process)
+        self.steady_timers = SteadyTimers()
+        self._designing, self._planning, self._foreseeing, self._writing = (
+            SlowWork(name, self.steady_timers) for name in ("design", "plan", "limits", "files")
+        )
+        self._lock = threading.Lock()
+        self._changes = SettingChanges(
+            self._controller,
+            self._lock,
+            values,
+            self._designing.submit,
+            in_force=self._on_in_force,
+            refused=self._on_refused,
+        )
+        self._log_design()
 
         self._origin = time.monotonic()
-        self._lock = threading.Lock()
         self._reason = "no measurement yet"
         self._activation = ""  # the last one of the driver that was heard
         self._driver_reason = ""  # why the driver takes no commands; empty without such a driver
@@ -115,26 +137,29 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._reason_against_references,
             self.get_logger().warning,
         )
-        self.steady_timers = SteadyTimers()
         self._action = FollowTrajectory(
             self,
             self.steady_timers,
             self._controller,
             self.intake,
             self._lock,
-            values=lambda: self._values,
+            values=lambda: self._changes.values,
             clock=self._now,
             seconds=self._seconds,
             reason_against=self._reason_against_references,
+            planning=self._planning,
         )
-        self._health = ControllerHealth(self.get_name(), self._controller, self.intake)
+        self._health = ControllerHealth(
+            self.get_name(), self._controller, self.intake, self._changes
+        )
 
         rate = self._declared.number("loop.rate")
         every = rate / min(self._declared.number("telemetry.rate"), rate)
         self._topics = ControllerTopics(self, self.rig, max(1, round(every)))
         latest = QoSProfile(depth=1)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        subscribe(  # bytes, which its own reader reads: see pam_control.trajectory_message
+        # bytes, which its own reader reads: see pam_control.trajectory_message
+        self._trajectories = subscribe(
             self, JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10,
             read=bytes, most_bytes=LARGEST_TRAJECTORY,
         )  # fmt: skip
@@ -149,7 +174,12 @@ class ControllerNode(Node):  # type: ignore[misc]
         self._stiffness_test = StiffnessTest(self._controller.references)
         self.steady_timers.add(TEST_EVERY, self._test_stiffness)
         self._inputs = ControllerInputs(
-            self, self.rig, self._now, self.intake.rejecting, self._on_driver_state
+            self,
+            self.rig,
+            self._now,
+            self.intake.rejecting,
+            self._on_driver_state,
+            self._on_lost_driver_state,
         )
         self.polled_topics = self._inputs.topics
         priority = int(self._declared.number("loop.realtime_priority"))
@@ -168,10 +198,10 @@ class ControllerNode(Node):  # type: ignore[misc]
         return [name for name in given if isinstance(name, str)]
 
     def _log_design(self) -> None:
-        settings = self._controller.settings
+        settings, law = self._controller.settings, self._changes.values["law"]
         self.get_logger().info(str(self._designs.take_report()))
         self.get_logger().info(
-            f"{self._values['law']}: feedforward {'on' if settings.feedforward else 'off'}, "
+            f"{law}: feedforward {'on' if settings.feedforward else 'off'}, "
             f"pressure loop {settings.pressure_gain:.1f} 1/s"
         )
         for channel in self._controller.channels:
@@ -205,8 +235,30 @@ class ControllerNode(Node):  # type: ignore[misc]
     # --- messages in ----------------------------------------------------------------------------
 
     def _on_trajectory(self, data: bytes) -> None:
-        most = int(self._values["trajectory.max_points"])
-        self.intake.trajectory(data, most, self._start_of)
+        """A stop at once; the plan of a motion takes seconds if it has many points."""
+        most = int(self._changes.values["trajectory.max_points"])
+        if is_stop(data):
+            self.intake.trajectory(data, most, self._start_of)
+            return
+        with self.intake.rejecting("joint_trajectory"):
+            if self._planning.full:
+                raise CommandError("trajectory rejected: too many others are being planned")
+            ticket = self.intake.ticket
+            self._planning.submit(
+                lambda: self._followed(data, most, ticket), self._on_trajectory_read
+            )
+
+    def _followed(self, data: bytes, most: int, ticket: int) -> str:
+        """Follow a trajectory; return why it cannot be read, if so."""
+        try:
+            self.intake.trajectory(data, most, self._start_of, ticket)
+        except MalformedMessageError as error:
+            return str(error)
+        return ""
+
+    def _on_trajectory_read(self, malformed: str) -> None:
+        if malformed:
+            self._trajectories.callback.refuse(malformed)
 
     def _start_of(self, message: TrajectoryMessage) -> float | None:
         return self._seconds(Time(sec=message.seconds, nanosec=message.nanoseconds))
@@ -215,7 +267,18 @@ class ControllerNode(Node):  # type: ignore[misc]
         self.intake.stream(list(message.name), list(message.position), list(message.velocity))
 
     def _on_stiffness(self, message: Any) -> None:
-        self.intake.stiffness(list(message.data))
+        """At once, unless limits of motion for this stiffness have to be computed."""
+        values = list(message.data)
+        if not self._foreseeing.busy and self._controller.foresees(values):
+            self.intake.stiffness(values)
+            return
+        with self.intake.rejecting("stiffness_commands"):
+            if self._foreseeing.full:
+                raise CommandError("stiffness command rejected: too many others wait")
+            self._foreseeing.submit(
+                lambda: self._controller.foresee_stiffness(values),
+                lambda _: self.intake.stiffness(values),
+            )
 
     def _on_torque(self, message: Any) -> None:
         self.intake.torque(list(message.data))
@@ -235,6 +298,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             response.message = done if response.success else f"nothing moves: {self._reason}"
             if response.success:
                 act(self._now())
+                self.intake.supersede()
         self.get_logger().warning(response.message)
         return response
 
@@ -247,10 +311,16 @@ class ControllerNode(Node):  # type: ignore[misc]
             if not self._controller.adapts:
                 raise PamError("nothing is learnt: adaptation.enabled is false, or the law is "
                                "not model_based")  # fmt: skip
+            path = kept_file(self._changes.values, "adaptation.rig_file")
+            if path is None:
+                raise PamError("set the parameter adaptation.rig_file to the file to be written")
+            if self._writing.full:
+                raise PamError("other files are being written")
             with self._lock:
                 learnt = [learnt_of(channel) for channel in self._controller.channels]
-            file = str(self._values["adaptation.rig_file"])
-            response.message, response.success = save_adapted_rig(self.rig, learnt, file), True
+            made = adapted_rig(self.rig, learnt)
+            self._writing.submit(lambda: _written(made, path), self.get_logger().info)
+            response.message, response.success = f"being written: {path}; the log says when", True
         except PamError as error:
             response.message, response.success = str(error), False
         self.get_logger().info(f"save_adapted_rig: {response.message}")
@@ -279,8 +349,22 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._health.driver = self._driver_reason or "takes commands"
             before, self._activation = self._activation, activation_of(message)
             if self._driver_reason or self._activation != before:
-                self._controller.drop_commands()
+                self._drop(self._driver_reason or "the driver was activated anew")
                 self._reason = self._driver_reason
+
+    def _on_lost_driver_state(self) -> None:
+        """A state in which the driver takes no commands may have been among those lost."""
+        with self._lock:
+            self._drop("more messages of the driver's state arrived at once than are kept")
+
+    def _drop(self, reason: str) -> None:
+        """Drop what the controller follows; the lock is held.
+
+        This holds although the next message, taken in the same cycle, says that all is well.
+        """
+        self._controller.drop_commands()
+        self.intake.supersede()
+        self._action.drop(reason)
 
     def _reason_against_references(self) -> str:
         """Why no references are taken; empty if they are."""
@@ -288,17 +372,23 @@ class ControllerNode(Node):  # type: ignore[misc]
             return f"the controller is not active: {self._reason}"
         return str(self._controller.reason_against_references())
 
-    def _on_change(self, changes: Mapping[str, Value]) -> None:
-        values = {**self._values, **changes}
+    def set_parameters_atomically(self, parameter_list: Any) -> Any:
+        """As the services for parameters call it; the answer says what is being designed."""
+        return self._declared.with_remark(super().set_parameters_atomically(parameter_list))
+
+    def _on_change(self, changes: Mapping[str, Value]) -> str:
         try:
-            settings = settings_from(values, self.rig.joint_names)
-            prepared = self._controller.prepare(settings)
-            with self._lock:
-                self._controller.use(prepared)
+            return self._changes.ask(changes)
         except PamError as error:
             raise ParameterError(str(error)) from None
-        self._values = values
+
+    def _on_in_force(self, text: str) -> None:
+        self.get_logger().info(text)
         self._log_design()
+
+    def _on_refused(self, former: Mapping[str, Value], text: str) -> None:
+        self.get_logger().error(text)
+        self._declared.restore(former)
 
     # --- the control cycle ----------------------------------------------------------------------
 
@@ -346,7 +436,8 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _test_stiffness(self) -> None:
         """Move a joint that rests a little, if that was asked for."""
-        amplitude = float(self._values["stiffness_test.amplitude"])
+        values = self._changes.values
+        amplitude = float(values["stiffness_test.amplitude"])
         if amplitude == 0.0:
             self._stiffness_test.forget()
             return
@@ -358,7 +449,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             due = self._stiffness_test.due(self._now(), stiffnesses, amplitude)
         if due is not None:
             name, position = due
-            frequency = float(self._values["stiffness_test.frequency"])
+            frequency = float(values["stiffness_test.frequency"])
             with self.intake.rejecting("stiffness_test"):
                 points = test_motion(position, amplitude, frequency)
                 self.intake.follow([name], points, None)
@@ -368,7 +459,7 @@ class ControllerNode(Node):  # type: ignore[misc]
     def _report(self) -> None:
         now = self._now()
         ages = (now - self._inputs.position_time, now - self._inputs.pressure_time)
-        law = str(self._values["law"])
+        law = str(self._changes.values["law"])
         statuses = self._health.statuses(now, self._reason, law, self.loop, ages)
         with _unless_ending():
             stamp = self.get_clock().now().to_msg()
@@ -383,6 +474,13 @@ class ControllerNode(Node):  # type: ignore[misc]
         finally:
             self._design_process.close()
             super().destroy_node()
+
+
+def _written(made: AdaptedRig, path: Path) -> str:
+    try:
+        return f"save_adapted_rig: {save_adapted_rig(made, path)}"
+    except PamError as error:
+        return f"save_adapted_rig: not written: {error}"
 
 
 @contextlib.contextmanager

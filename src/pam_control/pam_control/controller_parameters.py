@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from pam_control.actions.goal_tolerances import tolerance_parameters
 from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
+from pam_control.kept_files import file_inside, kept_folder
 from pam_control.laws.gravity_compensation import GravityCompensation
 from pam_control.laws.impedance import ImpedanceController
 from pam_control.laws.position_stiffness import PositionStiffnessController
@@ -157,7 +159,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         ),
         _number(
             "stiffness.default", d.default_stiffness, "N m/rad", BY_SIZE, 1e5,
-            f"stiffness until one is commanded; {_SIZE}", fixed=True,
+            f"stiffness until one is commanded; {_SIZE}",
         ),
         _number(
             "stiffness.rate_limit", d.stiffness_rate, "N m/(rad s)", BY_SIZE, 1e5,
@@ -200,8 +202,14 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             f"largest torque that is learnt; {_SIZE}",
         ),
         Parameter(
+            "files.folder", "", "-", 0, 0,
+            "folder of the files that adaptation.rig_file and learning.file name; empty: "
+            "pam_control in $ROS_HOME or ~/.ros",
+        ),
+        Parameter(
             "adaptation.rig_file", "", "-", 0, 0,
-            "new rig file that ~/save_adapted_rig writes, with what was learnt", changeable=True,
+            "new rig file in files.folder that ~/save_adapted_rig writes, with what was learnt",
+            changeable=True,
         ),
         Parameter(
             "learning.motion", d.learning_motion, "-", 0, 0,
@@ -211,7 +219,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         ),
         Parameter(
             "learning.file", d.learning_file, "-", 0, 0,
-            "file in which learnt motions are kept; empty: in memory only",
+            "file in files.folder in which learnt motions are kept; empty: in memory only",
             changeable=True,
         ),
         _number(
@@ -277,8 +285,8 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
     Raises
     ------
     PamError
-        For a design range whose lower end is above its upper end, or a stiffness test without
-        anything that would learn from it.
+        For a design range whose lower end is above its upper end, a stiffness test without
+        anything that would learn from it, or a file outside of files.folder.
     """
 
     def number(name: str) -> float:
@@ -308,6 +316,7 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
             "stiffness_test.amplitude: must be 0 unless law is model_based and adaptation.enabled "
             "is true, because only then a stiffness is estimated"
         )
+    kept_file(values, "adaptation.rig_file")
     gain = number("pressure_loop.gain")
     partial = {}
     for name in joint_names:
@@ -354,7 +363,7 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         adaptation=bool(values["adaptation.enabled"]),
         adaptation_limit=number("adaptation.limit"),
         learning_motion=str(values["learning.motion"]),
-        learning_file=str(values["learning.file"]),
+        learning_file=str(kept_file(values, "learning.file") or ""),
         impedance_damping=number("impedance.damping"),
         float_hold_torque=number("float.hold_torque"),
         float_speed_limit=number("float.speed_limit"),
@@ -363,6 +372,18 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         stream_bandwidth=number("stream.bandwidth"),
         allow_nonzero_end_velocity=bool(values["trajectory.allow_nonzero_end_velocity"]),
     )
+
+
+def kept_file(values: Mapping[str, Value], key: str) -> Path | None:
+    """The file that a parameter names; None for an empty name.
+
+    Raises
+    ------
+    PamError
+        If it is not inside of files.folder.
+    """
+    name = str(values[key])
+    return file_inside(kept_folder(str(values["files.folder"])), name, key) if name else None
 
 
 def create_controller(

@@ -36,11 +36,14 @@ class DrivableLimits:
         velocity = REFERENCE_SHARE * channel.joint.reduced_velocity
         return replace(limits, velocity=min(velocity, limits.velocity))
 
+    def knows(self, channel: JointChannel, stiffness: float) -> bool:
+        """Whether the limits at this stiffness [N m/rad] were computed before."""
+        return _key(channel, stiffness) in self._known
+
     def _at(self, channel: JointChannel, stiffness: float) -> MotionLimits:
-        step = round(math.log(max(stiffness, LEAST_STIFFNESS)) / STIFFNESS_STEP)
-        key = (channel.joint.name, step)
+        key = _key(channel, stiffness)
         if key not in self._known:
-            self._known[key] = self._limits(channel, math.exp(STIFFNESS_STEP * step))
+            self._known[key] = self._limits(channel, math.exp(STIFFNESS_STEP * key[1]))
         return self._known[key]
 
     def _limits(self, channel: JointChannel, stiffness: float) -> MotionLimits:
@@ -60,3 +63,8 @@ class DrivableLimits:
             jerk=own_jerk / JERK_SHARE,
             valve_share=demand.share,
         )
+
+
+def _key(channel: JointChannel, stiffness: float) -> tuple[str, int]:
+    step = round(math.log(max(stiffness, LEAST_STIFFNESS)) / STIFFNESS_STEP)
+    return channel.joint.name, step

@@ -30,6 +30,7 @@ from pam_model.robot import compose
 from pam_ros.valve_command import PRESSURE_REGULATOR
 
 WARM_UP = 2  # repetitions in which the adaptation learns the rig
+LEARNING_FIELDS = ("learning_motion", "learning_file", "adaptation", "default_stiffness")
 STIFFNESS_RANGE = 0.15  # about the default stiffness, for which learning converges
 
 
@@ -208,8 +209,17 @@ class LoopDesign(ABC):
             found.append(checked_margins(channel.joint.name, cases, timing, gains, stable))
         return found
 
+    def is_quick(self, settings: ControlSettings) -> bool:
+        """Whether `prepare` only copies: it designs, checks and reads nothing."""
+        before = self.prepared.asked
+        return (
+            not settings.changes_loop(before)
+            and settings.default_stiffness == before.default_stiffness
+            and self._learns_as_before(settings)
+        )
+
     def prepare(self, settings: ControlSettings) -> PreparedSettings:
-        """Design and check other settings, which may take seconds; nothing changes yet.
+        """Design and check other settings, which may take minutes; nothing changes yet.
 
         Raises
         ------
@@ -223,12 +233,19 @@ class LoopDesign(ABC):
         prepared = PreparedSettings(
             settings, normal.changed_to(settings), soft and soft.changed_to(settings)
         )
-        if all(
-            getattr(settings, name) == getattr(before.asked, name)
-            for name in ("learning_motion", "learning_file", "adaptation")
-        ):
+        if self._learns_as_before(settings):
             return dataclasses.replace(prepared, learning=before.learning)
         return self._with_learning(prepared)
+
+    def _learns_as_before(self, settings: ControlSettings) -> bool:
+        before = self.prepared.asked
+        return not (self._learns(before) or self._learns(settings)) or all(
+            getattr(settings, name) == getattr(before, name) for name in LEARNING_FIELDS
+        )
+
+    def _learns(self, settings: ControlSettings) -> bool:
+        """Whether repeated motions are learnt."""
+        return bool(settings.learning_motion) and self.has_adaptation and settings.feedforward
 
     def _with_learning(self, prepared: PreparedSettings) -> PreparedSettings:
         """With the learning that the settings ask for.
@@ -239,7 +256,7 @@ class LoopDesign(ABC):
             For a file that cannot be read; ControlDesignError if no learning filter converges.
         """
         settings = prepared.normal.settings
-        if not (settings.learning_motion and self.has_adaptation and settings.feedforward):
+        if not self._learns(settings):
             return prepared
         told = settings.replace(extra_delay=0.0)
         filters = {
@@ -256,7 +273,13 @@ class LoopDesign(ABC):
         path = Path(settings.learning_file) if settings.learning_file else None
         warm_up = WARM_UP if settings.adaptation else 1
         session = LearningSession(
-            self.rig, settings.learning_motion, path, filters, settings.period, warm_up
+            self.rig,
+            settings.learning_motion,
+            path,
+            filters,
+            settings.period,
+            warm_up,
+            read=self.designs.compute,
         )
         return dataclasses.replace(prepared, learning=session)
 

@@ -18,6 +18,7 @@ from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_ros.errors import MalformedMessageError
 
 HEADER = 4  # bytes, the encapsulation header; alignment counts from its end
+LARGEST_STOP = 65_536  # bytes of a message without points
 LITTLE_ENDIAN = 1  # second byte of the header
 
 
@@ -81,6 +82,18 @@ class _Reader:
     def doubles(self) -> tuple[float, ...]:
         """A sequence of double."""
         return self.numbers("d", 8, self.count(8))
+
+
+def is_stop(data: bytes) -> bool:
+    """Whether a message has no points, so that it stops joints; it is read in no time."""
+    return len(data) <= LARGEST_STOP and not _points_of(data)
+
+
+def _points_of(data: bytes) -> bool:
+    try:
+        return bool(read_trajectory(data, 0).points)
+    except CommandError:
+        return True
 
 
 def read_trajectory(data: bytes, most_points: int) -> TrajectoryMessage:

@@ -45,7 +45,7 @@ from pam_sim.simulated_rig import apply_effects
 
 SIMULATING = "simulating"  # in the line that the rig's node writes when its boards run
 MOST_REPEATS = 2  # of one motion; a busy host may exceed the driver's time-outs
-COMPILE_TIMEOUT = 600.0  # s; at its first start the rig compiles its plant, 20 s of processor time
+COMPILE_TIMEOUT = 600.0  # s; a first start compiles the plant and designs gains
 START_TIMEOUT = 60.0  # s, until a node is ready
 LAWS: dict[str, dict[str, Setting]] = {
     "full": {"stream.bandwidth": 15.0},
@@ -96,7 +96,7 @@ def _play(
                 raise TooSlowError(f"{motion.title}: not played again: {error}") from None
             player.clear_faults(chain.check)
             player.activate(chain.check)
-            player.wait_for_controller(START_TIMEOUT, chain.check)
+            player.wait_for_controller(COMPILE_TIMEOUT, chain.check)
 
 
 def perform(
@@ -135,7 +135,7 @@ def perform(
         asked = {"activate_on_start": True, "startup_timeout": START_TIMEOUT}
         chain.start("driver", asked | REALTIME["driver"] | paced["driver"])
         chain.start("model")
-        player.wait_for_driver(START_TIMEOUT, chain.check)
+        player.wait_for_driver(COMPILE_TIMEOUT, chain.check)
         law_now = ""
         done = 0.0
         for law, motion in plays:
@@ -146,7 +146,7 @@ def perform(
                     player.activate(chain.check)
                 bar.show(done, "starting the controller")
                 chain.start("controller", LAWS[law] | REALTIME["controller"] | paced["controller"])
-                player.wait_for_controller(START_TIMEOUT, chain.check)
+                player.wait_for_controller(COMPILE_TIMEOUT, chain.check)
                 if tries and not runs:
                     bar.show(done, f"trying {rate:g} Hz")
                     _try(player, chain)
@@ -176,7 +176,8 @@ def _try(player: Player, chain: Chain) -> None:
     try:
         player.play(trial(), chain.check, lambda gone: None)
     except NotPlayedError as error:
-        raise TooSlowError(str(error)) from None
+        print(f"the trial ended early: {error}", flush=True)
+        raise TooSlowError("its loops were so late that a motion was interrupted") from None
     judge(player.late_share())
 
 

@@ -12,7 +12,6 @@ if __name__ == "__main__":  # before the imports below, which take time
 
     end_at_signals()
 
-import importlib
 import signal
 import sys
 import time
@@ -32,11 +31,13 @@ from pam_model.argument_types import count, output_folder
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError
 from pam_ros.foreign_text import plain
+from pam_ros.message_types import message_type
 from pam_ros.node_end import end_node
 from pam_ros.periodic import take_priority
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 from pam_ros.subscriptions import subscribe
+from pam_ros.unforeseen import ending_broken
 
 NOT_RECORDED = ("/parameter_events",)
 LOOK_EVERY = 0.2  # s
@@ -57,11 +58,10 @@ class Recorder(Node):  # type: ignore[misc]
         for topic, types in self.get_topic_names_and_types():
             if topic in self._topics or topic in NOT_RECORDED or not self.count_publishers(topic):
                 continue
-            package, _, name = types[0].rpartition("/")
             try:
-                message = getattr(importlib.import_module(package.replace("/", ".")), name)
+                message = message_type(types[0])
                 connection = self._writer.add_connection(topic, types[0], typestore=self._typestore)
-            except (ImportError, AttributeError, ValueError, TypesysError):
+            except (LookupError, TypesysError):
                 self.get_logger().warning(
                     f"{plain(topic)}: type {plain(types[0])} is not known, not recorded"
                 )
@@ -120,13 +120,14 @@ def record(out: Path) -> None:
         executor.add_node(node)
         print(f"recording to {out}", flush=True)
         looked = kept = 0.0
-        for _ in turns(executor, None, lambda: not ending):
-            if time.monotonic() - kept > KEEP_EVERY:
-                node.keep()
-                kept = time.monotonic()
-            if time.monotonic() - looked > LOOK_EVERY:
-                node.join_new_topics()
-                looked = time.monotonic()
+        with ending_broken(node, PamError, OSError):
+            for _ in turns(executor, None, lambda: not ending):
+                if time.monotonic() - kept > KEEP_EVERY:
+                    node.keep()
+                    kept = time.monotonic()
+                if time.monotonic() - looked > LOOK_EVERY:
+                    node.join_new_topics()
+                    looked = time.monotonic()
         end_node(node, executor)
     rclpy.try_shutdown()
 

@@ -7,11 +7,21 @@ which one table look-up finds, so that a kind of board adds only its own decodin
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from pam_driver.boards.frame_errors import ForeignCommandError, FrameError, UnknownFrameError
-from pam_driver.boards.protocol import NEVER, Address, Channel, Condition, Frame, Hear, Sample
+from pam_driver.boards.protocol import (
+    NEVER,
+    Address,
+    Board,
+    Channel,
+    Condition,
+    Frame,
+    Hear,
+    Sample,
+)
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT
 from pam_driver.boards.wiring import RigWiring
 from pam_driver.can_bus.bus import BusState, ReceivedFrame, SendOutcome
 from pam_driver.joint_velocity import JointVelocity
@@ -38,7 +48,9 @@ LATCH_PERIOD = 0.05
 Clock = Callable[[], tuple[float, float]]
 """Gives the present monotonic and wall time [s]."""
 _Angle = tuple[JointVelocity, Mapping[Channel, Sample], Channel]
-_Route = tuple[Hear, tuple[_Angle, ...]]
+_Route = tuple[Hear, tuple[_Angle, ...], Board]
+Look = Callable[[Board, float], None]
+"""Looks at a board at a monotonic time [s]."""
 
 
 class BoardSet:
@@ -66,6 +78,8 @@ class BoardSet:
         Open buses by name.
     pressures, angles : tuple of (mapping, channel)
         Where each muscle's pressure and each joint's angle is kept, in the rig's order.
+    sensors : tuple of (Availability, str, channel)
+        The same, first muscles, then joints, for what a board says to have no measurement of.
     valves : tuple of Board
         The board of each muscle, in the rig's order.
     frame_errors : Counter
@@ -91,6 +105,11 @@ class BoardSet:
         self.angles = tuple(
             (self.boards[board].angles, channel) for board, channel in wiring.joints
         )
+        self.sensors = tuple(
+            (self.boards[board].availability, what, channel)
+            for what, wires in ((PRESSURE_INPUT, wiring.sensors), (ANGLE_INPUT, wiring.joints))
+            for board, channel in wires
+        )
         self.valves = tuple(self.boards[board] for board, _ in wiring.muscles)
         self.frame_errors: Counter[str] = Counter()
         self.last_frame_error: dict[str, str] = {}
@@ -115,9 +134,11 @@ class BoardSet:
             routes = self._routes[wired.bus]
             for frame_id, hear in board.listeners.items():
                 measures = frame_id in board.identifiers.answers
-                routes[frame_id] = (hear, angles if measures else ())
+                routes[frame_id] = (hear, angles if measures else (), board)
 
-    def receive(self, now: float, wall_now: float, clock: Clock | None = None) -> float:
+    def receive(
+        self, now: float, wall_now: float, clock: Clock | None = None, look: Look | None = None
+    ) -> float:
         """Process the frames that have arrived on the buses.
 
         Parameters
@@ -130,6 +151,9 @@ class BoardSet:
             Gives both times anew after the frames were read. Without it, frames that arrived while
             this process stood still between the look at the clocks and the reading would seem to
             have followed each other without a pause.
+        look : callable, optional
+            Looks at a board before a frame replaces another one with the same identifier that
+            arrived in this call and says something else.
 
         Returns
         -------
@@ -145,13 +169,17 @@ class BoardSet:
         longest = now - self._drained_at
         for name, frames in arrived:
             routes = self._routes[name]
+            heard: dict[int, bytes] = {}
             for frame_id, data, stamp in frames:
                 time = now - min(max(wall_now - stamp, 0.0), longest)
                 try:
-                    hear, angles = routes[frame_id]
+                    hear, angles, board = routes[frame_id]
                 except KeyError:
                     self._count(name, self._stranger(frame_id, data))
                     continue
+                if look is not None and heard.get(frame_id, data) != data:
+                    look(board, time)
+                heard[frame_id] = data
                 try:
                     hear(data, time, stamp)
                 except FrameError as error:
@@ -203,11 +231,8 @@ class BoardSet:
 
     def host_faults(self) -> tuple[Condition, ...]:
         """The boards that report a fault which a driver latched on them."""
-        text = "keeps a fault that the driver latched earlier"
         return tuple(
-            Condition("latched_fault", board.name, text)
-            for board in self.boards.values()
-            if board.host_fault
+            condition for board in self.boards.values() for condition in host_fault_of(board)
         )
 
     def acknowledge(self) -> None:
@@ -235,3 +260,10 @@ class BoardSet:
         for counter in (self.frame_errors, counts):
             counter[error.kind] += 1
         self.last_frame_error[error.kind] = last[error.kind] = str(error)
+
+
+def host_fault_of(board: Board) -> Iterator[Condition]:
+    """Whether a board reports a fault which a driver latched on it."""
+    if board.host_fault:
+        text = "keeps a fault that the driver latched earlier"
+        yield Condition("latched_fault", board.name, text)

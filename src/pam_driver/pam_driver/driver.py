@@ -6,6 +6,7 @@ Only the I/O thread calls `cycle`; everything else may be called from another th
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 from collections import Counter
@@ -70,6 +71,8 @@ class Driver:
         Why the driver vented by itself without a fault; empty after the next activation.
     intake : CommandIntake
         Checks commands and counts those that it refuses and accepts.
+    broken : Condition or None
+        The exception that ended the regular work of the driver's process, see `fail`.
 
     Raises
     ------
@@ -101,6 +104,7 @@ class Driver:
         self._vents = self.intake.vented
         self.people = PeopleInputs(rig.people, self._boards.boards)
         self.vent_reason = ""
+        self.broken: Condition | None = None
         self._judge = FaultJudge(robot, self._boards, settings, self._vents, plausibility)
         self._exhausts = ExhaustWatch(
             robot,
@@ -243,6 +247,36 @@ class Driver:
             self._boards.vent(now)
             self._send_valve_commands(now)
 
+    def fail(self, text: str, now: float) -> None:
+        """Stop after an exception that nobody foresaw, in whatever part of the process it was.
+
+        The joints are lowered while the cycle still runs. The second exception vents at once, and
+        so does one in the judgement itself: what would lower the joints is what has failed.
+
+        Parameters
+        ----------
+        text : str
+            Describes the exception; it becomes the text of the fault `internal_error`.
+        now : float
+            Monotonic time [s].
+        """
+        with self._lock:
+            if self.broken is None:
+                self.broken = Condition("internal_error", "", text)
+                with contextlib.suppress(Exception):
+                    self.conditions = tuple(self._conditions(now))
+                    self._react(now)
+                    return
+            self._break_off(self.broken, now)
+
+    def _break_off(self, broken: Condition, now: float) -> None:
+        """Vent at once, without any judgement."""
+        if broken not in self.faults:
+            self.faults += (broken,)
+        self._event(SafetyEvent.FAULT, now)
+        self._boards.vent(now)
+        self._send_valve_commands(now)
+
     def clear_faults(self, now: float) -> None:
         """Clear the faults of the driver and the boards; moving still requires activation."""
         with self._lock:
@@ -275,7 +309,7 @@ class Driver:
             Gives both times anew, see `BoardSet.receive`.
         """
         with self._lock:
-            now = self._boards.receive(now, wall_now, clock)
+            now = self._boards.receive(now, wall_now, clock, self._look)
             oldest = now - self._settings.sensor_timeout
             snapshot = take_snapshot(self.state, self._boards, self._velocity, oldest)
             self._readings = Readings(snapshot.pressures, snapshot.positions, snapshot.velocities)
@@ -289,12 +323,19 @@ class Driver:
             self._obey_enabling_switch(now)
             self.conditions = tuple(self._conditions(now))
             self._react(now)
+            self._judge.judged()
+            self.people.judged()
             if OUTPUTS[self.state].latch:
                 self._boards.latch_fault(now)
             if OUTPUTS[self.state].lower:
                 self._lower(now)
             sent = self._send_valve_commands(now) if OUTPUTS[self.state].send else ()
             return snapshot._replace(state=self.state, sent=sent)
+
+    def _look(self, board: Board, time: float) -> None:
+        """Keep what a board says before its next frame replaces it."""
+        self._judge.look(board, time, self._active_since, self._cleared_at)
+        self.people.hear_board(board)
 
     def _react(self, now: float) -> None:
         """Change the state as what was found demands."""
@@ -382,7 +423,7 @@ class Driver:
         held = self.people.pressed(now)
         # a board that was just told to clear its faults needs a moment to report it
         if not held and now - self._cleared_at > self._settings.board_timeout:
-            held = self._boards.host_faults()
+            held = tuple(self._judge.passing(self._boards.host_faults(), "latched_fault"))
         if held:
             before = self.state
             self._event(SafetyEvent.LATCHED_FAULT, now)
@@ -418,6 +459,8 @@ class Driver:
             self._command_time,
             self.intake.last_rejection,
         )
+        if self.broken is not None:
+            yield self.broken
         yield from self._judge.conditions(motion, now)
         yield from self.intake.conditions(now)
         yield from self._exhausts.conditions(now)

@@ -9,6 +9,7 @@ from typing import Final
 from pam_driver.can_bus.bus import CanPort
 from pam_driver.driver import Driver
 from pam_ros.periodic import PeriodicLoop
+from pam_ros.unforeseen import described
 
 # The final vent is sent several times: a frame may be lost, and the bus is closed afterwards.
 _LAST_VENTS: Final = 5
@@ -37,21 +38,28 @@ def end_driver(
     complain : callable
         Takes the message of an error that happened on the way; the valves vent all the same.
     """
-    try:
-        if driver is not None and loop is not None:
-            driver.deactivate(time.monotonic())
-            # it ends by itself after lowering_timeout as long as the thread runs
-            while driver.lowers and loop.running and not hurry():
-                time.sleep(_POLL)
-        if loop is not None:
-            loop.stop(timeout=1.0)
-    except Exception as error:  # an error of the thread must not keep the valves open
-        complain(f"I/O thread: {error}")
-    finally:
-        if driver is not None:
-            for _ in range(_LAST_VENTS):
-                driver.vent_at_once(time.monotonic())
-                time.sleep(0.002)
-            driver.close(time.monotonic())
-        for port in ports:
-            port.close()
+
+    def attempt(what: str, act: Callable[[], object]) -> None:
+        try:
+            act()
+        except Exception as error:  # no error on the way must keep the valves open
+            complain(f"{what}: {described(error)}")
+
+    if driver is not None and loop is not None:
+        attempt("lowering", lambda: _lower(driver, loop, hurry))
+    if loop is not None:
+        attempt("I/O thread", lambda: loop.stop(timeout=1.0))
+    if driver is not None:
+        for _ in range(_LAST_VENTS):
+            attempt("venting", lambda: driver.vent_at_once(time.monotonic()))
+            time.sleep(0.002)
+        attempt("the end of the driver", lambda: driver.close(time.monotonic()))
+    for port in ports:
+        attempt(f"closing {port.name}", port.close)
+
+
+def _lower(driver: Driver, loop: PeriodicLoop, hurry: Callable[[], bool]) -> None:
+    driver.deactivate(time.monotonic())
+    # it ends by itself after lowering_timeout as long as the thread runs
+    while driver.lowers and loop.running and not hurry():
+        time.sleep(_POLL)

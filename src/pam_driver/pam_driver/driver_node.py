@@ -42,13 +42,13 @@ from pam_driver.safety.states import FAULTY, LAMPS, SafetyState
 from pam_driver.snapshot import Snapshot
 from pam_driver.start_up import Advice, StartUp
 from pam_model.errors import PamError
-from pam_model.rig import rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_ros.diagnostics import diagnostic_array
 from pam_ros.driver_state import LATCHED, driver_state_message
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
-from pam_ros.lifecycle import refuse_impossible_transitions
+from pam_ros.lifecycle import notice_errors_of_transitions, refuse_impossible_transitions
 from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, tell_mistake
 from pam_ros.parameters import NodeParameters
@@ -57,11 +57,13 @@ from pam_ros.phase_follower import PhaseFollower
 from pam_ros.polled_topic import PolledTopic
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import SteadyTimers, turns
+from pam_ros.unforeseen import BROKEN, described, hand_over, tell_unforeseen
 
 _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
 _MOVING = frozenset({SafetyState.CHECKING, SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
+NAME = "pam_driver"
 
 
 class DriverNode(LifecycleNode):  # type: ignore[misc]
@@ -74,10 +76,13 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     """
 
     def __init__(self) -> None:
-        super().__init__("pam_driver", automatically_declare_parameters_from_overrides=True)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
         self.failure = ""
+        self.runs = False  # from now on no exception is a mistake of the user
         self.hurry: Callable[[], bool] = lambda: False
-        self._values = NodeParameters(self, TABLE, rig_of_node, keeps_real_time=True)
+        self._values = NodeParameters(
+            self, TABLE, rig_of_node, describe=described_key, usual_name=NAME, keeps_real_time=True
+        )
         self._rig = self._values.described
         bus_options(str(self._values["bus.options"]))
         if self._values["activate_on_start"] and not self._values["autostart"]:
@@ -95,7 +100,9 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._activation = 0  # names the last one
         self._published_state = ("", 0)
         self._vent_reason = ""
+        self._broken = ""  # the exception that ends this process
         refuse_impossible_transitions(self)
+        notice_errors_of_transitions(self, self._notice)
 
         keeps_nan = bool(self._values["joint_states.keep_nan"])
         self._topics = DriverTopics(self, self._rig, keeps_nan)
@@ -109,14 +116,18 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             read=JointStateReader().read,
         )
         self.polled_topics = [self._commands]
+        self._people: dict[str, PolledTopic] = {}
         for name, topic in PEOPLE_TOPICS.items():
             if getattr(self._rig.people, f"{name}_topic"):
                 # not latched: the last word of a publisher that has ended must not count as new;
                 # polled, so that they are also heard while the end of the node lowers the joints
                 hear = partial(self._on_people, name)
-                # what cannot be read does not permit anything
+                # what cannot be read, or is lost since too many arrived, does not permit anything
                 forbid = partial(self._on_people, name, Bool(data=False))
-                self.polled_topics.append(PolledTopic(self, Bool, topic, hear, malformed=forbid))
+                self._people[name] = PolledTopic(
+                    self, Bool, topic, hear, malformed=forbid, overflow=forbid
+                )
+        self.polled_topics += self._people.values()
         self.create_service(Trigger, "~/vent", self._on_vent)
         self.create_service(Trigger, "~/clear_faults", self._on_clear_faults)
         # a plain publisher: that of a lifecycle node is silent until the node is active
@@ -225,6 +236,32 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._loop is not None:
             self._loop.check()
 
+    def fail(self, error: Exception) -> None:
+        """Latch an exception that nobody foresaw as a fault, and say so; the process must end."""
+        if self._broken:
+            return
+        self._broken = described(error)
+        driver = self._driver
+        if driver is not None and driver.broken is None:
+            driver.fail(self._broken, time.monotonic())
+        lowers = driver is not None and driver.lowers
+        self._fault_reported = True
+        done = "lowering, then the driver ends" if lowers else "vented, the driver ends"
+        tell_unforeseen(self.get_logger(), error, done)
+        self._tell_last_state()
+
+    def _notice(self, error: Exception) -> None:
+        """Act on the exception of a transition before rclpy calls `on_error`."""
+        self.fail(error)
+        hand_over(error)
+
+    def _tell_last_state(self) -> None:
+        """Publish the state; after an exception, what fails here must not stop the end."""
+        try:
+            self._publish_state()
+        except Exception as error:
+            self.get_logger().debug(described(error))
+
     def _fail(self, reason: str) -> TransitionCallbackReturn:
         self.failure = reason
         if not self._starting:  # during autostart `main` prints the reason and ends
@@ -246,7 +283,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             self._driver = None
             self._vent_reason = ""
             if rclpy.ok():
-                self._publish_state()
+                self._tell_last_state()
 
     def _publish_state(self) -> None:
         """Publish the driver's state and its reason, if either has changed."""
@@ -255,6 +292,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         reason = self._vent_reason
         if driver is not None and state in FAULTY:
             reason = "; ".join(str(fault) for fault in driver.faults)
+        elif driver is None and self._broken:
+            state, reason = SafetyState.FAULT, self._broken
         elif self._start_up.latched:
             reason = f"a fault is latched from before the clean-up: {self._start_up.latched}"
         reduced = self._rig.people.full_speed_topic and (
@@ -272,8 +311,20 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             self._lamp_topic.publish(String(data=self._lamp))
 
     def _cycle(self, driver: Driver, now: float) -> None:
-        """One cycle, in the I/O thread."""
-        self._poll()
+        """One cycle, in the I/O thread; after an exception only what stops the joints."""
+        try:
+            if driver.broken is not None:
+                for topic in self._people.values():
+                    topic.poll()
+                driver.cycle(now, time.time(), lambda: (time.monotonic(), time.time()))
+                return
+            self._poll()
+            self._whole_cycle(driver, now)
+        except Exception as error:
+            driver.fail(described(error), time.monotonic())
+            hand_over(error)
+
+    def _whole_cycle(self, driver: Driver, now: float) -> None:
         wall_now = time.time()
         snapshot = driver.cycle(now, wall_now, lambda: (time.monotonic(), time.time()))
         sent_at = time.time()
@@ -311,7 +362,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
 
     def _on_people(self, name: str, message: Any) -> None:
         if self._driver is not None:
-            self._driver.people.hear_topic(name, bool(message.data), time.monotonic())
+            arrived = time.monotonic() - self._people[name].waited
+            self._driver.people.hear_topic(name, bool(message.data), arrived)
 
     def _on_vent(self, request: Any, response: Any) -> Any:
         if self._driver is None:
@@ -346,6 +398,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         driver = self._driver
         if driver is None:
             self._poll()
+            return
+        if driver.broken is not None:  # `fail` is called in this turn, and tells it
             return
         self._publish_state()
         if driver.state in FAULTY and not self._fault_reported:
@@ -407,6 +461,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return ended
     logging.getLogger("can").setLevel(logging.ERROR)
     sys.setswitchinterval(0.0005)  # else the I/O thread may wait 5 ms for the executor's thread
+    code = 0
     with EndSignals() as signals:
         node: DriverNode | None = None
         executor: EventsExecutor | None = None
@@ -424,17 +479,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
             gc.freeze()
             node.share_priority()
             timers = node.steady_timers
+            node.runs = True
             for _ in turns(executor, timers, lambda: not signals.asked and rclpy.ok()):
                 node.check()
-        except (PamError, ParameterError) as error:
-            tell_mistake(error)
-            return MISTAKE
+        except Exception as error:
+            if node is None or not node.runs:
+                if not isinstance(error, (PamError, ParameterError)):
+                    raise
+                tell_mistake(error)
+                return MISTAKE
+            code = BROKEN
+            node.fail(error)
         finally:
             if node is not None:
                 node.close()
             end_node(node, executor)
             rclpy.try_shutdown()
-    return 0
+    return code
 
 
 if __name__ == "__main__":

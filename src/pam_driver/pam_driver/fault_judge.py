@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple, Protocol
 
-from pam_driver.board_set import BoardSet
-from pam_driver.boards.protocol import NEVER, Condition
+from pam_driver.board_set import BoardSet, host_fault_of
+from pam_driver.boards.availability import WINDOW
+from pam_driver.boards.protocol import NEVER, Board, Condition
 from pam_driver.can_bus.bus import BusState
 from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.joint_speed import JointSpeedWatch
 from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.pressure_plausibility import LONGEST_GAP, Deviation
 from pam_driver.safety.sensor_checks import SensorChecks
+from pam_driver.safety.since_judged import SinceJudged
 from pam_model.robot import Robot
 
 # A command of another driver is a fault for this long after it was received [s].
@@ -80,6 +82,13 @@ class Motion(NamedTuple):
     last_rejection: str
 
 
+class _Sensors(NamedTuple):
+    """Sensors, by their places in the rig's order."""
+
+    pressures: Sequence[int]
+    angles: Sequence[int]
+
+
 class FaultJudge:
     """Finds what is wrong with a rig while the driver runs.
 
@@ -116,6 +125,16 @@ class FaultJudge:
         self.loop = LoopWatch(settings.loop_delay_limit, settings.period)
         rig = robot.rig
         self._speeds = JointSpeedWatch(robot)
+        self._kept = SinceJudged()
+        self._sensor_names = (*rig.muscle_names, *rig.joint_names)
+        self._all_sensors = _Sensors(range(len(boards.pressures)), range(len(boards.angles)))
+        self._sensors_of = {
+            board.name: _Sensors(
+                [i for i, (of, _) in enumerate(boards.pressures) if of is board.pressures],
+                [i for i, (of, _) in enumerate(boards.angles) if of is board.angles],
+            )
+            for board in boards.boards.values()
+        }
         self._rig = rig
         self._boards = boards
         self._settings = settings
@@ -131,6 +150,36 @@ class FaultJudge:
         self._limits = tuple(
             muscle.max_pressure + settings.over_pressure_margin for muscle in rig.muscles
         )
+
+    def look(self, board: Board, time: float, active_since: float, cleared_at: float) -> None:
+        """Keep what a board says now, because its next frame may say something else.
+
+        Silence is judged once in a cycle: it is not said, and goes on.
+
+        Parameters
+        ----------
+        board : Board
+            The board.
+        time : float
+            When its next frame arrived, monotonic [s].
+        active_since, cleared_at : float
+            Since when the boards are told to be active, and when their faults were last cleared,
+            monotonic [s].
+        """
+        moving = time - active_since > self._settings.board_timeout
+        said = board.conditions(time, math.inf, math.inf, moving)
+        self._kept.keep(condition for condition in said if condition.kind != "board_lost")
+        self._kept.keep(self._range_conditions(self._sensors_of[board.name]))
+        if time - cleared_at > self._settings.board_timeout:
+            self._kept.keep(host_fault_of(board))
+
+    def passing(self, found: Iterable[Condition], kind: str) -> Iterator[Condition]:
+        """What holds now of a kind, and what held of it since the last judgement."""
+        return self._kept.added_to(found, kind)
+
+    def judged(self) -> None:
+        """Forget what was wrong in passing: the driver has acted on it."""
+        self._kept.judged()
 
     def watch_motion(
         self, readings: Readings, command_age: float, now: float, slow: bool = False
@@ -243,11 +292,16 @@ class FaultJudge:
         boards = self._boards
         yield from self._bus_conditions(now)
         moving = now - motion.since > settings.board_timeout
-        for board in boards.boards.values():
-            yield from board.conditions(
+        said = [
+            condition
+            for board in boards.boards.values()
+            for condition in board.conditions(
                 now, settings.board_timeout, settings.sensor_timeout, moving
             )
-        yield from self._sensor_conditions(now)
+        ]
+        said += self._sensor_conditions(now)
+        kept = self._kept.added_to(said)
+        yield from (condition for condition in kept if condition.kind != "latched_fault")
         yield from self._speeds.conditions(now)
         yield from self.loop.conditions()
         yield from self._implausible
@@ -285,21 +339,37 @@ class FaultJudge:
     def _sensor_conditions(self, now: float) -> Iterator[Condition]:
         timeout = self._settings.sensor_timeout
         rig, boards = self._rig, self._boards
-        for index, (samples, channel) in enumerate(boards.pressures):
+        for muscle, (samples, channel) in zip(rig.muscles, boards.pressures, strict=True):
+            if now - samples[channel].time > timeout:
+                yield Condition("stale_sensor", muscle.name, f"no pressure for {timeout:g} s")
+        for joint, (samples, channel) in zip(rig.joints, boards.angles, strict=True):
+            if now - samples[channel].time > timeout:
+                yield Condition("stale_sensor", joint.name, f"no angle for {timeout:g} s")
+        for name, (availability, what, channel) in zip(
+            self._sensor_names, boards.sensors, strict=True
+        ):
+            missing = availability.missing_share(what, channel, now)
+            if missing * WINDOW > timeout:
+                text = f"its board says so in {100.0 * missing:.0f} % of its messages of a second"
+                yield Condition("sensor_intermittent", name, f"no {what} again and again, {text}")
+        yield from self._range_conditions(self._all_sensors, now - timeout)
+
+    def _range_conditions(self, sensors: _Sensors, oldest: float = NEVER) -> Iterator[Condition]:
+        """The measurements beyond their limits that are not older than this [s]."""
+        rig, boards = self._rig, self._boards
+        for index in sensors.pressures:
+            samples, channel = boards.pressures[index]
             sample = samples[channel]
-            if now - sample.time > timeout:
-                name = rig.muscles[index].name
-                yield Condition("stale_sensor", name, f"no pressure for {timeout:g} s")
-            elif sample.value > self._limits[index]:
+            if sample.time >= oldest and sample.value > self._limits[index]:
                 muscle = rig.muscles[index]
                 text = f"{sample.value:.0f} Pa, max_pressure is {muscle.max_pressure:.0f} Pa"
                 yield Condition("over_pressure", muscle.name, text)
-        for index, (samples, channel) in enumerate(boards.angles):
+        for index in sensors.angles:
+            samples, channel = boards.angles[index]
             joint, sample = rig.joints[index], samples[channel]
             low, high = joint.position_limits
             margin = rig.plausibility.position_margin
-            if now - sample.time > timeout:
-                yield Condition("stale_sensor", joint.name, f"no angle for {timeout:g} s")
-            elif not low - margin <= sample.value <= high + margin:
+            inside = low - margin <= sample.value <= high + margin
+            if not inside and sample.time >= oldest and sample.time > NEVER:
                 text = f"at {sample.value:.3f} rad, position_limits are {low:g} to {high:g} rad"
                 yield Condition("position_limit", joint.name, text)

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import JointEstimator
-from pam_model.rig import rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_model.robot import compose
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
@@ -41,14 +41,17 @@ PARAMETERS = (
 )
 # Measurements are taken before every estimate, and at least so often, so that none is lost [Hz].
 _POLL_RATE = 100.0
+NAME = "pam_model"
 
 
 class ModelNode(Node):  # type: ignore[misc]
     """ROS interface of a JointEstimator: subscriptions, publishers and parameters."""
 
     def __init__(self) -> None:
-        super().__init__("pam_model", automatically_declare_parameters_from_overrides=True)
-        self._declared = NodeParameters(self, PARAMETERS, rig_of_node, self._change)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+        self._declared = NodeParameters(
+            self, PARAMETERS, rig_of_node, self._change, describe=described_key, usual_name=NAME
+        )
         self._rig = self._declared.described
         self._estimator = JointEstimator(
             compose(self._rig),

@@ -1,7 +1,8 @@
-"""A correction for a defect of rclpy's lifecycle nodes."""
+"""Corrections for defects of rclpy's lifecycle nodes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rcl
@@ -39,3 +40,28 @@ def refuse_impossible_transitions(node: Any) -> None:
             return response
 
     service.callback = answer
+
+
+def notice_errors_of_transitions(node: Any, notice: Callable[[Exception], object]) -> None:
+    """Tell what the callback of a transition raised; rclpy takes it for an "error" and is silent.
+
+    Parameters
+    ----------
+    node : rclpy.lifecycle.LifecycleNode
+        A node that has been initialised.
+    notice : callable
+        Called with the exception, before the node's `on_error`.
+    """
+
+    def noticing(callback: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        def call(state: Any) -> Any:
+            try:
+                return callback(state)
+            except Exception as error:
+                notice(error)
+                raise
+
+        return call
+
+    for state, callback in node._callbacks.items():
+        node._callbacks[state] = noticing(callback)

@@ -13,6 +13,8 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
 
+from pam_ros.unforeseen import handing_over
+
 
 class GoalEnd(Enum):
     """How a goal ends."""
@@ -63,8 +65,9 @@ class LongActions(ActionServer):  # type: ignore[misc]
             action_type,
             name,
             lambda _: action_type.Result(),
-            handle_accepted_callback=accepted,
-            cancel_callback=canceled,
+            # the executor keeps the errors of its tasks
+            handle_accepted_callback=handing_over(accepted, lambda _: None),
+            cancel_callback=handing_over(canceled, lambda _: CancelResponse.ACCEPT),
         )
 
     def notify_execute(self, goal_handle: Any, execute_callback: Callable[[Any], Any]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 
 from pam_ros.errors import MalformedMessageError
 from pam_ros.message_layout import check_layout
@@ -36,6 +36,17 @@ def decode(data: bytes, kind: Any) -> Any:
         raise MalformedMessageError(
             f"the middleware cannot read it ({type(error).__name__})"
         ) from None
+
+
+def encode(message: Any) -> bytes:
+    """The bytes of a message, as they are sent.
+
+    Parameters
+    ----------
+    message : object
+        Of any type of message.
+    """
+    return bytes(serialize_message(message))
 
 
 def checked(data: bytes, kind: Any) -> bytes:

@@ -11,7 +11,6 @@ Source of the layout: OMG, Common Data Representation (CDR) as in DDS-XTypes 1.3
 
 from __future__ import annotations
 
-import importlib
 import struct
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -27,6 +26,7 @@ from rosidl_parser.definition import (
 )
 
 from pam_ros.errors import MalformedMessageError
+from pam_ros.message_types import message_type
 
 ENCAPSULATION: Final = 4
 """Bytes before the message: two for the kind of layout, two for options."""
@@ -96,8 +96,7 @@ def _value(field: Any) -> _Walk:
     if isinstance(field, AbstractGenericString):
         return _wide_text
     if isinstance(field, NamespacedType):
-        module = importlib.import_module(".".join(field.namespaces))
-        return _message(getattr(module, field.name))
+        return _message(message_type("/".join(field.namespaced_name())))
     if isinstance(field, Array):
         return _repeated(field.value_type, field.size)
     if isinstance(field, AbstractSequence):

@@ -9,9 +9,10 @@ are refused here. The node passes a function that reads the keys that are not it
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -19,11 +20,14 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.parameter import Parameter as RosParameter
 
 from pam_ros.errors import ParameterError
 from pam_ros.foreign_text import shown, value_shown
+from pam_ros.parameter_files import given_files, refuse_lost_sections
 
 Value = bool | int | float | str
+OnChange = Callable[[Mapping[str, Value]], str | None]
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
@@ -76,8 +80,11 @@ class Parameter:
             if not math.isfinite(value):
                 raise ParameterError(f"{self.name} = {value} {self.unit}: must be a finite number")
             if not self.low <= value <= self.high:
+                told = f"{value:g}"
+                if self.low <= float(told) <= self.high:  # rounded to the limit
+                    told = repr(value)
                 raise ParameterError(
-                    f"{self.name} = {value:g} {self.unit}: must be from {self.low:g} to "
+                    f"{self.name} = {told} {self.unit}: must be from {self.low:g} to "
                     f"{self.high:g} {self.unit}"
                 )
         assert isinstance(value, bool | int | float | str)
@@ -85,11 +92,7 @@ class Parameter:
 
     def descriptor(self) -> Any:
         """The description that `ros2 param describe` shows: text, unit and range."""
-        descriptor = ParameterDescriptor(
-            name=self.name,
-            description=f"{self.description} [{self.unit}]",
-            read_only=not self.changeable,
-        )
+        descriptor = _descriptor(self.name, self.description, self.unit, not self.changeable)
         if type(self.default) is float:
             descriptor.floating_point_range = [
                 FloatingPointRange(from_value=float(self.low), to_value=float(self.high))
@@ -99,6 +102,43 @@ class Parameter:
                 IntegerRange(from_value=int(self.low), to_value=int(self.high))
             ]
         return descriptor
+
+
+class OtherKey(Protocol):
+    """What is told about a key that is not the node's own: a number if its bounds differ."""
+
+    @property
+    def text(self) -> str:
+        """One line."""
+
+    @property
+    def unit(self) -> str:
+        """SI unit, "-" for none."""
+
+    @property
+    def low(self) -> float:
+        """Lower bound."""
+
+    @property
+    def high(self) -> float:
+        """Upper bound."""
+
+
+def _descriptor(name: str, text: str, unit: str, read_only: bool) -> Any:
+    return ParameterDescriptor(name=name, description=f"{text} [{unit}]", read_only=read_only)
+
+
+def _declaration_of_other(name: str, value: Any, key: OtherKey) -> tuple[Any, Any]:
+    """Value and descriptor of a key that is only read at the start."""
+    descriptor = _descriptor(name, key.text, key.unit, read_only=True)
+    if not key.low < key.high:
+        return value, descriptor
+    between = FloatingPointRange(from_value=float(key.low), to_value=float(key.high))
+    if isinstance(value, array | Sequence) and not isinstance(value, str):
+        descriptor.additional_constraints = f"each from {key.low:g} to {key.high:g} {key.unit}"
+        return value, descriptor
+    descriptor.floating_point_range = [between]
+    return float(value), descriptor
 
 
 class NodeParameters[Described]:
@@ -114,18 +154,26 @@ class NodeParameters[Described]:
         Reads the keys that are not in the table, for example a robot description. It takes these
         keys with their values and the names in the table (so that its message about an unknown key
         can suggest one of them), and raises an exception for a key that it does not know.
+    describe : callable
+        What is told about a key that is not in the table; takes the result of `read_others` and
+        the key's name.
+    usual_name : str
+        Name of the node where nobody renames it: sections of parameter files with this name that
+        ROS does not apply are refused, see `pam_ros.parameter_files`.
     keeps_real_time : bool, optional
         Refuse `use_sim_time`, at the start and while the node runs. It must be set for a node that
         moves air or judges the age of measurements: with a simulated clock that stops, old values
         would never become too old.
     on_change : callable, optional
         Takes a mapping of the values that change, after they were checked; it refuses the change
-        by raising a ParameterError.
+        by raising a ParameterError. It may return a remark for the person who asked, see
+        `with_remark`.
 
     Raises
     ------
     ParameterError
-        If a parameter is out of bounds or of a wrong type.
+        If a parameter is out of bounds or of a wrong type, or a section of a parameter file was
+        meant for this node and is not applied.
 
     Attributes
     ----------
@@ -138,10 +186,17 @@ class NodeParameters[Described]:
         node: Any,
         table: Sequence[Parameter],
         read_others: Callable[[Mapping[str, Any], Collection[str]], Described],
-        on_change: Callable[[Mapping[str, Value]], None] | None = None,
+        on_change: OnChange | None = None,
         *,
+        describe: Callable[[Described, str], OtherKey],
+        usual_name: str,
         keeps_real_time: bool = False,
     ) -> None:
+        full_name = node.get_fully_qualified_name()
+        for warning in refuse_lost_sections(full_name, usual_name, given_files()):
+            node.get_logger().warning(warning)
+        self._node = node
+        self._remark = ""
         self._keeps_real_time = keeps_real_time
         self._check_clock("use_sim_time", node.get_parameter("use_sim_time").value)
         self._table = {parameter.name: parameter for parameter in table}
@@ -164,6 +219,10 @@ class NodeParameters[Described]:
             node.declare_parameter(
                 name, self._values[name], parameter.descriptor(), ignore_override=True
             )
+        for name, value in others.items():
+            known, descriptor = _declaration_of_other(name, value, describe(self.described, name))
+            node.undeclare_parameter(name)
+            node.declare_parameter(name, known, descriptor, ignore_override=True)
         node.add_on_set_parameters_callback(self._set)
 
     def __getitem__(self, name: str) -> Value:
@@ -172,6 +231,17 @@ class NodeParameters[Described]:
     def number(self, name: str) -> float:
         """The value of a numeric parameter as a float."""
         return float(self._values[name])
+
+    def with_remark(self, result: Any) -> Any:
+        """The result of the last change with the remark of `on_change`, which rclpy drops."""
+        if result.successful:
+            result.reason = self._remark
+        return result
+
+    def restore(self, values: Mapping[str, Value]) -> None:
+        """Set parameters back to former values, which are not checked again."""
+        self._values.update(values)  # so that `_set` finds no change
+        self._node.set_parameters([RosParameter(name, value=v) for name, v in values.items()])
 
     def _check_clock(self, name: str, value: Any) -> None:
         if self._keeps_real_time and name == "use_sim_time" and value is True:
@@ -182,6 +252,7 @@ class NodeParameters[Described]:
 
     def _set(self, requested: Sequence[Any]) -> Any:
         changes: dict[str, Value] = {}
+        self._remark = ""
         try:
             for entry in requested:
                 parameter = self._table.get(entry.name)
@@ -200,7 +271,7 @@ class NodeParameters[Described]:
             # a value that is set again and again must not cost a new design each time
             changes = {name: new for name, new in changes.items() if new != self._values[name]}
             if changes and self._on_change is not None:
-                self._on_change(changes)
+                self._remark = self._on_change(changes) or ""
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._values.update(changes)

@@ -18,6 +18,7 @@ from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
+from pam_ros.unforeseen import tell_unforeseen
 
 
 def spin_node(
@@ -43,16 +44,19 @@ def spin_node(
     mistake : exception type
         The exception that `make_node` and `check` raise for a user's mistake. For this one and for
         ParameterError the text is printed, and the node ends. Any other exception is a fault of the
-        program and is raised.
+        program: it ends the node, too, and is told in one line (`pam_ros.unforeseen`), or is raised
+        if there is no node yet.
 
     Returns
     -------
     int
-        Exit code: 0 after a signal or the help text, 2 for a user's mistake.
+        Exit code: 0 after a signal or the help text, 2 for a user's mistake, 70 after an exception
+        that nobody foresaw.
     """
     ended = usage.answer(arguments)
     if ended is not None:
         return ended
+    code = 0
     with EndSignals() as signals:
         node = executor = None
         try:
@@ -69,8 +73,17 @@ def spin_node(
             pass
         except (ParameterError, mistake) as error:
             tell_mistake(error)
-            return MISTAKE
+            code = MISTAKE
+        except Exception as error:
+            if node is None:
+                raise
+            code = tell_unforeseen(node.get_logger(), error)
         finally:
-            end_node(node, executor)
+            try:
+                end_node(node, executor)
+            except Exception as error:
+                if node is None:
+                    raise
+                code = code or tell_unforeseen(node.get_logger(), error)
             rclpy.try_shutdown()
-    return 0
+    return code

@@ -15,6 +15,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
+from pam_ros.unforeseen import guard_callbacks, raise_handed_over
+
 TURN: Final = 0.1
 """How long the executor may wait before its loop looks at other things again [s]."""
 _SHORTEST: Final = 1e-4  # s; a time-out of zero means something else to some executors
@@ -82,13 +84,21 @@ def turns(
         Those of its node.
     going_on : callable
         Whether there is another turn.
+
+    Raises
+    ------
+    Exception
+        What a callback raised, also one whose caller swallows it, see `pam_ros.unforeseen`.
     """
+    for node in executor.get_nodes():
+        guard_callbacks(node)
     with _kept_awake(executor):
         while going_on():
             wait = TURN if timers is None else timers.until_next()
             executor.spin_once(timeout_sec=min(max(wait, _SHORTEST), TURN))
             if timers is not None:
                 timers.call_due()
+            raise_handed_over()
             yield
 
 

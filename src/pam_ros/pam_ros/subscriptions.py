@@ -77,22 +77,23 @@ class GuardedTopic:
     def __call__(self, data: bytes) -> None:
         """Read a message and hand it over."""
         if self._most_bytes is not None and len(data) > self._most_bytes:
-            self._refuse(f"{len(data)} bytes, expected at most {self._most_bytes}")
+            self.refuse(f"{len(data)} bytes, expected at most {self._most_bytes}")
             return
         try:
             message = self._read(data)
         except MalformedMessageError as error:
-            self._refuse(str(error))
+            self.refuse(str(error))
             return
         except Exception as error:  # whatever it is, the bytes have brought it about
-            self._refuse(type(error).__name__)
+            self.refuse(type(error).__name__)
             return
         try:
             self._take(message)
         except MalformedMessageError as error:
-            self._refuse(str(error))
+            self.refuse(str(error))
 
-    def _refuse(self, reason: str) -> None:
+    def refuse(self, reason: str) -> None:
+        """Count a message as malformed; for whoever reads on after the message was taken."""
         self.count += 1
         self.last = reason, time.monotonic()
         if self._malformed is not None:

@@ -164,6 +164,7 @@ INJECTIONS: Mapping[str, Injection] = {
     "board_frozen": _freeze,
     "counter_jump": _misbehave("counter_jump"),
     "counter_frozen": _misbehave("counter_frozen"),
+    "not_available_between": _misbehave("not_available_between"),
     "pressure_stuck": _sensor(lambda v, t, d: rig_faults.stuck(), encoder=False),
     "pressure_noisy": _sensor(
         lambda v, t, d: rig_faults.noisy(v["amplitude"], d.randrange(1 << 30)), encoder=False

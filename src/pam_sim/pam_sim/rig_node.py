@@ -27,7 +27,7 @@ from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.driver_parameters import bus_options
 from pam_model.errors import PamError
 from pam_model.plant.simulate import DEFAULT_STEP
-from pam_model.rig import Rig, load_rig, rig_of_node
+from pam_model.rig import Rig, described_key, load_rig, rig_of_node
 from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status
 from pam_ros.foreign_text import shown
 from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
@@ -122,12 +122,17 @@ def _simulated_rig(rig: Rig, values: NodeParameters[Rig]) -> SimulatedRig:
     )
 
 
+NAME = "pam_rig"
+
+
 class RigNode(Node):  # type: ignore[misc]
     """Publishes the true state of a RigLoop and injects faults on request."""
 
     def __init__(self) -> None:
-        super().__init__("pam_rig", automatically_declare_parameters_from_overrides=True)
-        values = NodeParameters(self, PARAMETERS, rig_of_node)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+        values = NodeParameters(
+            self, PARAMETERS, rig_of_node, describe=described_key, usual_name=NAME
+        )
         self._rig = values.described
         simulated = _simulated_rig(self._rig, values)
         options = bus_options(str(values["bus.options"]))

@@ -16,6 +16,7 @@ import pytest
 
 from pam_driver.boards.frame_errors import FrameError
 from pam_driver.boards.protocol import Address, Condition
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT
 from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_model.rig import Rig
 from pam_sim.boards.protocol import BoardSettings, BoardValve
@@ -372,6 +373,29 @@ def a_lost_sensor_is_never_a_number(bench: BoardBench) -> None:
         assert {found.kind for found in bench.conditions()} == {"board_fault"}
 
 
+def a_measurement_that_is_missing_again_and_again_is_counted(bench: BoardBench) -> None:
+    """Every second one, so that the last value never becomes too old.
+
+    A device that cannot say that it has no value sends none.
+    """
+    known = bench.pressures, bench.angles
+    nothing = [math.nan] * len(known[0]), [math.nan] * len(known[1])
+    for number in range(120):
+        bench.pressures, bench.angles = nothing if number % 2 else known
+        bench.run(0.005, None)
+    for address, board in bench.boards.items():
+        wired = bench.wiring.boards[address]
+        sensors = [(PRESSURE_INPUT, wire.channel) for wire in wired.pressures]
+        sensors += [(ANGLE_INPUT, wire.channel) for wire in wired.angles]
+        for sensor in sensors:
+            share = board.availability.missing_share(*sensor, bench.now)
+            assert 0.3 < share < 0.7 or (share == 0.0 and not board.promises.counts_samples)
+    bench.pressures, bench.angles = known
+    bench.run(1.2, None)
+    for board in bench.boards.values():
+        assert not board.availability.missing_share(PRESSURE_INPUT, 0, bench.now)
+
+
 def what_it_reports_can_be_shown(bench: BoardBench) -> None:
     for seconds in (0.0, 0.3):
         bench.run(seconds, None)
@@ -412,6 +436,7 @@ CHECKS: Final[Sequence[Callable[[BoardBench], None]]] = (
     a_frozen_counter_is_found,
     a_board_that_does_not_hear_is_found,
     a_lost_sensor_is_never_a_number,
+    a_measurement_that_is_missing_again_and_again_is_counted,
     what_it_reports_can_be_shown,
     strangers_are_named_or_nobodys,
 )

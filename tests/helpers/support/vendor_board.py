@@ -12,6 +12,7 @@ import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
+from pam_driver.boards.availability import Availability
 from pam_driver.boards.frame_errors import (
     ForeignCommandError,
     FrameError,
@@ -31,6 +32,7 @@ from pam_driver.boards.protocol import (
     Sample,
     WiredBoard,
 )
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT
 from pam_driver.can_bus.identifiers import EXTENDED
 from pam_sim.boards.protocol import BoardSettings, BoardValve, SimulatedBoard
 
@@ -79,6 +81,7 @@ class VendorBoard:
         }
         self.pressures: dict[Channel, Sample] = {"valve": Sample()}
         self.angles: dict[Channel, Sample] = {"shaft": Sample()}
+        self.availability = Availability()
         self._wired = wired
         self._heard_at = {"pressure": NEVER, "angle": NEVER}
 
@@ -127,6 +130,7 @@ class VendorBoard:
             raise FrameLengthError(frame_id, f"{len(data)} bytes, expected 2")
         self._heard_at["pressure"] = time
         (raw,) = struct.unpack(">h", data)
+        self.availability.hear(PRESSURE_INPUT, "valve", raw != NO_PRESSURE, time)
         if raw != NO_PRESSURE:
             self.pressures["valve"] = Sample(raw * MBAR, time, stamp)
 
@@ -138,6 +142,7 @@ class VendorBoard:
         if not abs(degrees) <= 720.0 and not math.isnan(degrees):
             raise FrameRangeError(frame_id, f"{degrees:g} deg, expected -720 to 720")
         self._heard_at["angle"] = time
+        self.availability.hear(ANGLE_INPUT, "shaft", not math.isnan(degrees), time)
         if not math.isnan(degrees):
             self.angles["shaft"] = Sample(math.radians(degrees), time, stamp)
 

@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from pam_bringup.viewer.arm_drawing import Stroke, arm_strokes
 from pam_model.errors import PamError
-from pam_model.rig import rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_model.robot import compose
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
@@ -51,12 +51,17 @@ def cylinder(stroke: Stroke, number: int, frame: str) -> Marker:
     return marker
 
 
+NAME = "pam_markers"
+
+
 class MarkersNode(Node):  # type: ignore[misc]
     """Draws the muscles of every joint whose angle is measured."""
 
     def __init__(self) -> None:
-        super().__init__("pam_markers", automatically_declare_parameters_from_overrides=True)
-        self._declared = NodeParameters(self, PARAMETERS, rig_of_node)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+        self._declared = NodeParameters(
+            self, PARAMETERS, rig_of_node, describe=described_key, usual_name=NAME
+        )
         self._robot = compose(self._declared.described)
         self._frame = str(self._declared["frame"])
         self._positions: dict[str, float] = {}

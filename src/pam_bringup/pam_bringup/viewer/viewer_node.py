@@ -21,6 +21,7 @@ from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
+from pam_ros.unforeseen import ending_broken
 
 TYPES = {kind.__name__: kind for kind in (DiagnosticArray, DiagnosticStatus, JointState)}
 TYPES["Float64MultiArray"] = Float64MultiArray
@@ -52,8 +53,9 @@ def show_robot(namespace: str, view: RobotView) -> None:
         executor = EventsExecutor()
         executor.add_node(node)
         try:
-            for _ in turns(executor, None, lambda: rclpy.ok() and not signals.asked):
-                pass
+            with ending_broken(node, ExternalShutdownException):
+                for _ in turns(executor, None, lambda: rclpy.ok() and not signals.asked):
+                    pass
         except ExternalShutdownException:
             pass
         finally:

@@ -58,9 +58,10 @@ def _declare_fuzz_topics(parser: Parser) -> None:
 
 
 def _fuzz_topics(given: Arguments) -> Outcome:
-    from pam_check.fuzz.topics_node import run  # noqa: PLC0415  (rclpy)
+    from pam_check.faults.operator_node import open_operator  # noqa: PLC0415  (rclpy)
+    from pam_check.fuzz.topics_node import run  # noqa: PLC0415
 
-    return run(given)
+    return run(given, open_operator)
 
 
 COMMANDS = (
@@ -85,6 +86,6 @@ COMMANDS = (
         _declare_fuzz_topics,
         _fuzz_topics,
         bad_news="if a process ended or wrote a traceback, or the arm left its bounds",
-        examples=("python -m pam_check fuzz-topics --seconds 600",),
+        examples=("pam check fuzz-topics --seconds 600",),
     ),
 )

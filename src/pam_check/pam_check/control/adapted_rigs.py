@@ -20,7 +20,7 @@ from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import TOLD, play, true_rig
 from pam_check.control.drawn_stiffness import drawn
 from pam_check.control.rough_control import RoughControl
-from pam_control.adapted_rig import learnt_of, save_adapted_rig
+from pam_control.adapted_rig import adapted_rig, learnt_of, save_adapted_rig
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import load_rig
@@ -85,7 +85,7 @@ def run_draw(learning: RoughControl, written: RoughControl, seed: int, folder: P
     play(learning.controller, joint, muscles, learning.motions[MOTION], seed)
     learnt = [learnt_of(channel) for channel in learning.controller.channels]
     path = folder / f"adapted_{seed}.yaml"
-    save_adapted_rig(learning.rig, learnt, str(path))
+    save_adapted_rig(adapted_rig(learning.rig, learnt), path)
     adapted = PositionStiffnessController(
         load_rig(path), TOLD.replace(adaptation=False), learning.designs
     )

@@ -59,6 +59,18 @@ def _forbidden(name: str) -> Injection:
     return inject
 
 
+def _for_one_message(name: str) -> Injection:
+    """Forbidden in one message; permissions follow before the driver has a cycle."""
+
+    def inject(chain: FaultChain, values: Values, draw: random.Random) -> None:
+        _permitted(chain, name)
+        chain.driver.people.hear_topic(name, False, chain.now)
+        for _ in range(round(values["permissions"])):
+            chain.driver.people.hear_topic(name, True, chain.now)
+
+    return inject
+
+
 def _slowed(end: Injection) -> Injection:
     """The joint brakes; the user pauses and sends references again, which are followed slowly."""
 
@@ -133,6 +145,8 @@ def _input_lost(name: str) -> Injection:
 
 INJECTIONS: Mapping[str, Injection] = {
     "emergency_stop_pressed": _forbidden(EMERGENCY_STOP),
+    "emergency_stop_for_one_message": _for_one_message(EMERGENCY_STOP),
+    "enabling_switch_for_one_message": _for_one_message(ENABLING_SWITCH),
     "emergency_stop_silent": _ends(EMERGENCY_STOP),
     "enabling_switch_released": _forbidden(ENABLING_SWITCH),
     "enabling_switch_silent": _ends(ENABLING_SWITCH),

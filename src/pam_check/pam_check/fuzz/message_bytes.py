@@ -5,7 +5,6 @@ The fields of a message are found from its type, so that a new topic needs nothi
 
 from __future__ import annotations
 
-import importlib
 import math
 import random
 import struct
@@ -13,6 +12,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from rosidl_parser.definition import AbstractSequence, Array, BasicType, NamespacedType
+
+from pam_ros.message_types import message_type
 
 _TEXTS: Final = ("", "elbow", "elbow_flexor", "state", "é" * 300, "x" * 4000, "\x1b[2J", "a\nb")
 _NUMBERS: Final = (math.nan, math.inf, -math.inf, 0.0, 1e308, -1e308, 1.0, -1.0)
@@ -38,8 +39,7 @@ def drawn(kind: Any, draw: random.Random) -> Any:
 
 def _value(field: Any, draw: random.Random) -> Any:
     if isinstance(field, NamespacedType):
-        module = importlib.import_module(".".join(field.namespaces))
-        return drawn(getattr(module, field.name), draw)
+        return drawn(message_type("/".join(field.namespaced_name())), draw)
     if isinstance(field, Array):
         return [_value(field.value_type, draw) for _ in range(field.size)]
     if isinstance(field, AbstractSequence):

@@ -1,6 +1,6 @@
 """Sends spoilt bytes to every subscription of a running chain, while the arm moves.
 
-`python -m pam_check fuzz-topics --seconds 600` starts the nodes of a simulated rig as processes,
+`pam check fuzz-topics --seconds 600` starts the nodes of a simulated rig as processes,
 and finds their subscriptions by looking at the ROS graph: a new topic is attacked by itself. Rounds
 take turns. In one half only malformed messages are sent, which must not disturb the motion; in the
 other half any message of the topic's type is sent as well, and the driver may stop.
@@ -10,13 +10,11 @@ No process may end or write a traceback, and the arm must stay within the bounds
 
 from __future__ import annotations
 
-import importlib
 import random
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -28,9 +26,9 @@ from sensor_msgs.msg import JointState
 
 from pam_check.chain import Chain, multicast_bus, private_domain
 from pam_check.endurance.process_use import use_of
-from pam_check.faults.operator_node import FaultOperator, open_operator
+from pam_check.faults.process_campaign import OpenOperator, Operator
 from pam_check.faults.rig_bounds import bounds_of
-from pam_check.fuzz.callbacks_node import Messages
+from pam_check.fuzz.messages import Messages
 from pam_check.processes import NodeProcess, ProcessError
 from pam_check.programs import DIAGNOSIS, MODULES
 from pam_driver.can_bus.bus import open_bus
@@ -38,14 +36,21 @@ from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.errors import PamError
 from pam_model.rig import Rig, load_rig
 from pam_ros.errors import MalformedMessageError
+from pam_ros.joint_state_bytes import JointStateReader
 from pam_ros.message_decoder import decode
-from pam_ros.subscriptions import subscribe
+from pam_ros.message_types import message_type
+from pam_ros.node_end import end_node
+from pam_ros.polled_topic import PolledTopic
 
 PATIENCE: Final = 60.0  # s
 MOVE_WITHIN: Final = 6.0  # s
 ROUND: Final = 3.0  # s of attack, before the arm is made to move again
 BURST: Final = 20  # messages between two looks at the arm
 PAUSE: Final = 0.01  # s between two bursts
+# Messages that are kept for each topic, and the share of new ones: to draw one takes longer than
+# to send it.
+KEPT: Final = 100
+NEW: Final = 0.1
 # What the first asks for really happens in the simulated rig, and by the others the arm is watched.
 _MALFORMED_ALONE: Final = ("/inject_fault", "/ground_truth/")
 _NOT_ATTACKED: Final = ("/rosout", "/parameter_events")
@@ -91,15 +96,22 @@ class Attack:
 class TopicAttacker(Node):  # type: ignore[misc]
     """Publishes on every topic that another node hears, and looks at the true state of the arm."""
 
-    def __init__(self, rig: Rig, seed: int, attack: Attack, spared: Sequence[str]) -> None:
+    def __init__(self, rig: Rig, seed: int, attack: Attack) -> None:
         super().__init__("attacker")
-        self._spared = {*spared, self.get_name()}
         self._draw = random.Random(seed)
         self._messages = Messages(rig, self._draw)
         self._attack = attack
         self._aimed: dict[str, tuple[Any, Any]] = {}
-        subscribe(self, JointState, "ground_truth/joint_states", self._on_joints, 10)
-        subscribe(self, JointState, "ground_truth/pressure_states", self._on_pressures, 10)
+        self._drawn: dict[tuple[str, bool], list[tuple[bytes, bool]]] = {}
+        self.polled_topics = [
+            PolledTopic(
+                self, JointState, f"ground_truth/{name}", take, read=JointStateReader().read
+            )
+            for name, take in (
+                ("joint_states", self._on_joints),
+                ("pressure_states", self._on_pressures),
+            )
+        ]
 
     def _on_joints(self, message: Any) -> None:
         speeds = [abs(speed) for speed in message.velocity]
@@ -108,10 +120,16 @@ class TopicAttacker(Node):  # type: ignore[misc]
     def _on_pressures(self, message: Any) -> None:
         self._attack.pressure = max([self._attack.pressure, *message.effort])
 
+    def watch(self) -> None:
+        """Take what was published about the true state."""
+        for topic in self.polled_topics:
+            topic.poll()
+        rclpy.spin_once(self, timeout_sec=0.0)
+
     def look(self) -> int:
         """Find the subscriptions of the other nodes; returns the number of topics."""
         for name, namespace in self.get_node_names_and_namespaces():
-            if name in self._spared:
+            if name == self.get_name():
                 continue
             try:
                 heard = self.get_subscriber_names_and_types_by_node(name, namespace)
@@ -120,8 +138,7 @@ class TopicAttacker(Node):  # type: ignore[misc]
             for topic, (kind, *_) in heard:
                 if topic in self._aimed or topic in _NOT_ATTACKED or "/_" in topic:
                     continue
-                package, _, message = kind.rpartition("/")
-                found = getattr(importlib.import_module(package.replace("/", ".")), message)
+                found = message_type(kind)
                 # latched: nodes that start later hear the last one as well
                 qos = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
                 self._aimed[topic] = found, self.create_publisher(found, topic, qos)
@@ -131,15 +148,26 @@ class TopicAttacker(Node):  # type: ignore[misc]
         """Publish one message on one topic."""
         topic = self._draw.choice(sorted(self._aimed))
         kind, publisher = self._aimed[topic]
-        data = self._messages.data(kind)
-        bad = _is_malformed(data, kind)
         spared = any(part in topic for part in _MALFORMED_ALONE)
-        while (malformed_alone or spared) and not bad:
-            data = self._messages.data(kind)
-            bad = _is_malformed(data, kind)
+        data, bad = self._data(topic, kind, malformed_alone=malformed_alone or spared)
         self._attack.sent[topic] += 1
         self._attack.malformed += bad
         publisher.publish(data)
+
+    def _data(self, topic: str, kind: Any, *, malformed_alone: bool) -> tuple[bytes, bool]:
+        """The bytes of a message, and whether they are malformed; most were sent before."""
+        kept = self._drawn.setdefault((topic, malformed_alone), [])
+        if len(kept) >= KEPT and self._draw.random() > NEW:
+            return self._draw.choice(kept)
+        while True:
+            data = self._messages.data(kind)
+            bad = _is_malformed(data, kind)
+            if bad or not malformed_alone:
+                break
+        if len(kept) >= KEPT:
+            kept.pop(self._draw.randrange(KEPT))
+        kept.append((data, bad))
+        return data, bad
 
 
 def _is_malformed(data: bytes, kind: Any) -> bool:
@@ -154,6 +182,7 @@ def attack_chain(
     rig_path: Path,
     seconds: float,
     seed: int,
+    open_operator: OpenOperator,
     others: Mapping[str, tuple[str, Sequence[str]]] | None = None,
 ) -> Attack:
     """Start a chain, attack it and end it.
@@ -166,6 +195,8 @@ def attack_chain(
         How long [s].
     seed : int
         Seed of the messages.
+    open_operator : callable
+        Makes the operator who moves the arm.
     others : mapping, optional
         Further processes: name -> module and arguments.
 
@@ -177,22 +208,22 @@ def attack_chain(
     environment, bus, rig = private_domain(), multicast_bus(), load_rig(rig_path)
     attack = Attack()
     port = open_bus(bus.interface, bus.channel, port=bus.port)
-    opened: AbstractContextManager[FaultOperator] = open_operator(
-        rig.joint_names, port, environment
-    )
     try:
-        with opened as operator, Chain([rig_path], bus, environment) as chain:
+        with (
+            open_operator(rig.joint_names, port, environment) as operator,
+            Chain([rig_path], bus, environment) as chain,
+        ):
             for name in MODULES:
                 chain.start(name)
             for name, (module, arguments) in (others or {}).items():
                 chain.processes[name] = NodeProcess(
                     module, environment=environment, arguments=arguments
                 )
-            attacker = TopicAttacker(rig, seed, attack, (operator.get_name(),))
+            attacker = TopicAttacker(rig, seed, attack)
             try:
                 _attack(chain, operator, attacker, attack, time.monotonic() + seconds)
             finally:
-                attacker.destroy_node()
+                end_node(attacker)
     finally:
         port.close()
     _judge(attack, chain, rig)
@@ -200,7 +231,7 @@ def attack_chain(
 
 
 def _attack(
-    chain: Chain, operator: FaultOperator, attacker: TopicAttacker, attack: Attack, end: float
+    chain: Chain, operator: Operator, attacker: TopicAttacker, attack: Attack, end: float
 ) -> None:
     if not operator.run(PATIENCE, operator.ready):
         raise PamError(f"no chain within {PATIENCE:g} s")
@@ -216,7 +247,7 @@ def _attack(
             while time.monotonic() < until:
                 for _ in range(BURST):
                     attacker.send(malformed_alone=malformed_alone)
-                    rclpy.spin_once(attacker, timeout_sec=0.0)
+                attacker.watch()
                 operator.run(PAUSE)
                 chain.check()
             if malformed_alone and moves:
@@ -230,7 +261,7 @@ def _attack(
         attack.problems.append(str(error))
 
 
-def _makes_move(operator: FaultOperator) -> bool:
+def _makes_move(operator: Operator) -> bool:
     """Make the arm move; on a host with other work the driver may refuse, or vent soon."""
     try:
         operator.make_move(MOVE_WITHIN)
@@ -268,7 +299,7 @@ def _judge(attack: Attack, chain: Chain, rig: Rig) -> None:
         attack.problems.append(f"{attack.speed:.2f} rad/s, at most {bounds.speed:.2f} rad/s")
 
 
-def run(given: Arguments) -> Outcome:
+def run(given: Arguments, open_operator: OpenOperator) -> Outcome:
     """Attack and print the figures; the command of `pam_check.__main__`.
 
     Raises
@@ -283,7 +314,7 @@ def run(given: Arguments) -> Outcome:
             "monitor": (DIAGNOSIS, ("monitor", "--ros-args", "--params-file", str(rig))),
             "record": (DIAGNOSIS, ("record", "--rig", str(rig), "--out", bag)),
         }
-        attack = attack_chain(rig, given.seconds, given.seed, others)
+        attack = attack_chain(rig, given.seconds, given.seed, open_operator, others)
     for line in figures(attack):
         print(line)
     return Outcome({"sent": attack.sent.total(), "malformed": attack.malformed}, attack.problems)

@@ -43,6 +43,7 @@ LEFT_OUT: Final = frozenset({
     "_counter", "_counter_sent", "_samples", "counter", "command_counter", "frames_lost",
     "frames_repeated", "frames_reordered", "_reordered_in_a_row", "restarts", "rejected_frames",
     "accepted", "rejected", "frame_errors", "last_frame_error", "uptime", "_grid", "_turns",
+    "drops", "availability", "sensors",  # no measurement is missing on any path
     # the round trip to the board, whose limit no path reaches, since frames take no time
     "_echo_delay", "_echo",
     # the age of the board stands in the system as well

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from pam_control.actions.goal_tolerances import GoalCode, GoalError, goal_tolerances
@@ -19,6 +20,7 @@ from pam_control.references.trajectory import TrajectoryPoint as Point
 from pam_ros.foreign_text import all_shown
 from pam_ros.long_actions import GoalEnd, LongActions
 from pam_ros.parameters import Value
+from pam_ros.slow_work import SlowWork
 from pam_ros.steady_timers import SteadyTimers
 
 try:
@@ -53,6 +55,8 @@ class FollowTrajectory:
         A stamp on the controller's time axis [s]; None for "now".
     reason_against : callable
         Why nothing is followed at present; empty if it is. Called with the lock held.
+    planning : SlowWork
+        Plans the trajectories.
     """
 
     def __init__(
@@ -67,6 +71,7 @@ class FollowTrajectory:
         clock: Callable[[], float],
         seconds: Callable[[Any], float | None],
         reason_against: Callable[[], str],
+        planning: SlowWork,
     ) -> None:
         self._node = node
         self._controller = controller
@@ -76,6 +81,7 @@ class FollowTrajectory:
         self._clock = clock
         self._seconds = seconds
         self._reason_against = reason_against
+        self._planning = planning
         self._handle: Any = None
         self._goal: TrajectoryGoal | None = None
         self._server: LongActions | None = None
@@ -100,15 +106,45 @@ class FollowTrajectory:
         if self._goal is not None:
             self._goal.observe(now, self._controller.channels, self._controller.references)
 
+    def drop(self, reason: str) -> None:
+        """End the active goal: the driver has stopped the motion; the lock must be held."""
+        if self._goal is not None and self._goal.outcome is None:
+            self._goal.outcome = Outcome(GoalCode.INVALID_GOAL, reason)
+
     # --- requests -------------------------------------------------------------------------------
 
     def _begin(self, handle: Any) -> None:
-        """Follow a new goal instead of the present one, if it can be followed."""
+        """Plan a new goal."""
+        if self._planning.full:
+            text = "too many trajectories are being planned"
+            self._end(handle, GoalEnd.ABORTED, GoalCode.INVALID_GOAL, text)
+            return
+        ticket = self._intake.ticket
+        self._planning.submit(
+            lambda: self._planned(handle.request, ticket), partial(self._began, handle)
+        )
+
+    def _planned(self, request: Any, ticket: int) -> TrajectoryGoal | GoalError:
         try:
-            goal = self._follow(handle.request)
+            return self._follow(request, ticket)
         except GoalError as error:
-            self._node.get_logger().warning(f"{NAME}: {error}", throttle_duration_sec=1.0)
-            self._end(handle, GoalEnd.ABORTED, error.code, str(error))
+            return error
+
+    def _refuse(self, handle: Any, error: GoalError) -> None:
+        """End a goal that cannot be followed."""
+        self._node.get_logger().warning(f"{NAME}: {error}", throttle_duration_sec=1.0)
+        how = GoalEnd.CANCELED if handle.is_cancel_requested else GoalEnd.ABORTED
+        self._end(handle, how, error.code, str(error))
+
+    def _began(self, handle: Any, goal: TrajectoryGoal | GoalError) -> None:
+        """Follow a planned goal instead of the present one, if it can be followed."""
+        if isinstance(goal, GoalError):
+            self._refuse(handle, goal)
+            return
+        if handle.is_cancel_requested:
+            with self._lock:
+                self._controller.references.stop(goal.names, self._clock())
+            self._end(handle, GoalEnd.CANCELED, GoalCode.SUCCESSFUL, "canceled; braking")
             return
         before, old = self._handle, self._goal
         with self._lock:
@@ -121,7 +157,7 @@ class FollowTrajectory:
             self._end(before, GoalEnd.ABORTED, GoalCode.INVALID_GOAL, "replaced by a newer goal")
         self._timer.reset()
 
-    def _follow(self, request: Any) -> TrajectoryGoal:
+    def _follow(self, request: Any, ticket: int) -> TrajectoryGoal:
         """Hand the trajectory of a request over.
 
         Raises
@@ -164,7 +200,7 @@ class FollowTrajectory:
         ]
         try:
             splines, note = self._intake.follow(
-                names, points, self._seconds(trajectory.header.stamp)
+                names, points, self._seconds(trajectory.header.stamp), ticket
             )
         except PastTrajectoryError as error:
             raise GoalError(GoalCode.OLD_HEADER_TIMESTAMP, str(error)) from None
@@ -177,7 +213,11 @@ class FollowTrajectory:
     def _cancel(self, handle: Any) -> None:
         """Brake within the limits and hold; the monitor ends the goal."""
         with self._lock:
-            if handle is self._handle and self._goal is not None and self._goal.outcome is None:
+            if handle is not self._handle:  # it is still being planned
+                known = self._controller.rig.joint_names
+                names = handle.request.trajectory.joint_names
+                self._intake.supersede([name for name in names if name in known])
+            elif self._goal is not None and self._goal.outcome is None:
                 self._goal.outcome = Outcome(GoalCode.SUCCESSFUL, "canceled; braking")
                 self._controller.references.stop(self._goal.names, self._clock())
 

@@ -14,6 +14,7 @@ from pam_control.actions.goal_tolerances import GoalCode, GoalTolerances
 from pam_control.joint_channel import JointChannel
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.spline import JointSpline
+from pam_model.within_limits import beyond, within
 
 _REPLACED_BY = {
     "trajectory": "another trajectory",
@@ -144,8 +145,10 @@ def _violation(
 ) -> str:
     """Which tolerance a joint violates; empty if none."""
     name = channel.joint.name
-    if abs(error) > most:
-        return f"{name} is {error:.4g} rad off, tolerance {most:g} rad"
-    if abs(speed) > fastest:
-        return f"{name} is {speed:.3g} rad/s off, tolerance {fastest:g} rad/s"
+    if not within(error, -most, most):
+        off, _, permitted = beyond(error, -most, most)
+        return f"{name} is {off} rad off, tolerance {permitted} rad"
+    if not within(speed, -fastest, fastest):
+        off, _, permitted = beyond(speed, -fastest, fastest)
+        return f"{name} is {off} rad/s off, tolerance {permitted} rad/s"
     return ""

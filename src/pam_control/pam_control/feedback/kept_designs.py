@@ -35,7 +35,7 @@ from pam_control.feedback.linear_joint import LoopTiming
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.observer_design import ObserverCost, design_with_observer
 from pam_control.feedback.pid import PidGains
-from pam_control.feedback.separate_process import SeparateProcess
+from pam_control.feedback.separate_process import LONGEST, SeparateProcess
 
 LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
 MOST_FILES = 512
@@ -102,11 +102,32 @@ class KeptDesigns:
         self._found: dict[DesignTask, PidGains] = {}
         self._stable: dict[Any, list[bool]] = {}
         self._report = DesignReport()
-        self._call: Callable[..., Any] = _call_here
+        self._process: SeparateProcess | None = None
 
     def compute_in(self, process: SeparateProcess) -> None:
         """Compute what is not kept in another process from now on: a loop of this one will run."""
-        self._call = process.call
+        self._process = process
+
+    def compute[T](self, function: Callable[..., T], *arguments: Any, within: float = LONGEST) -> T:
+        """The result of a function of a module, which must not hold up the loop.
+
+        Parameters
+        ----------
+        function : callable
+            Computed in the other process, if there is one.
+        *arguments
+            Its arguments.
+        within : float, optional
+            The other process gives up after this time [s].
+
+        Raises
+        ------
+        PamError
+            The one of the function, or one that says that it took too long.
+        """
+        if self._process is None:
+            return function(*arguments)
+        return self._process.call_within(within, function, *arguments)
 
     def take_report(self) -> DesignReport:
         """Return the summary since the last call."""
@@ -143,7 +164,7 @@ class KeptDesigns:
         if gains is not None:
             self._report.read += 1
         else:
-            gains = self._call(_design, joint, task)
+            gains = self.compute(_design, joint, task)
             self._report.designed += 1
             self._write(task, gains)
         self._found[task] = gains
@@ -164,7 +185,7 @@ class KeptDesigns:
         if isinstance(kept, list) and len(kept) == len(cases):
             found = [answer is True for answer in kept]
         else:
-            found = self._call(_stable, cases, timing, gains)
+            found = self.compute(_stable, cases, timing, gains)
             self._store(key, POLES, {"stable": found})
         self._stable[loop] = found
         return found
@@ -245,10 +266,6 @@ def _stable(cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains) -> l
     from pam_control.feedback.closed_loop import is_stable  # noqa: PLC0415
 
     return [is_stable(case, timing, gains) for case in cases]
-
-
-def _call_here(function: Callable[..., Any], *arguments: Any) -> Any:
-    return function(*arguments)
 
 
 def _cost(task: DesignTask, gains: PidGains) -> float:

@@ -13,7 +13,7 @@ import pickle
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, BinaryIO, Final
 
 from pam_model.errors import PamError
@@ -21,7 +21,7 @@ from pam_model.errors import PamError
 NICE: Final = 5
 """By how much the other process leaves the processor to the nodes."""
 LONGEST: Final = 120.0
-"""A call that takes longer is given up [s]."""
+"""A call that takes longer is given up, unless it states another time [s]."""
 _PROGRAM: Final = "from pam_control.feedback.separate_process import serve; serve()"
 
 
@@ -34,11 +34,17 @@ class SeparateProcess:
 
     def __init__(self) -> None:
         self._process = _start()
+        self._closed = False
 
     def close(self) -> None:
-        """End the process."""
+        """End the process; a call in another thread ends with a PamError."""
+        self._closed = True
         self._process.kill()
-        self._process.communicate()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with contextlib.suppress(OSError, ValueError):
+                assert pipe is not None
+                pipe.close()
 
     def call[**P, T](self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
         """The result of a function of a module, which is computed in the other process.
@@ -48,30 +54,54 @@ class SeparateProcess:
         PamError
             The one that the function raises, or one that says that the process has ended.
         """
+        answer: T = self._call(LONGEST, function, arguments, named)
+        return answer
+
+    def call_within[T](self, longest: float, function: Callable[..., T], *arguments: Any) -> T:
+        """As `call`, given up after a time [s]."""
+        answer: T = self._call(longest, function, arguments, {})
+        return answer
+
+    def _call(
+        self,
+        longest: float,
+        function: Callable[..., Any],
+        arguments: tuple[Any, ...],
+        named: Mapping[str, Any],
+    ) -> Any:
+        if self._closed:
+            raise PamError(f"{function.__name__.strip('_')}: the node ends")
         if self._process.poll() is not None:
             self._process = _start()
         process = self._process
         assert process.stdin is not None
         assert process.stdout is not None
-        too_long = threading.Timer(LONGEST, process.kill)
+        given_up = threading.Event()
+
+        def give_up() -> None:
+            given_up.set()
+            process.kill()
+
+        too_long = threading.Timer(longest, give_up)
         too_long.daemon = True
         too_long.start()
         try:
             pickle.dump((function, arguments, named), process.stdin)
             process.stdin.flush()
             result, error = pickle.load(process.stdout)
-        except (EOFError, OSError, pickle.UnpicklingError):
-            code = process.wait()
+        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+            code, what = process.wait(), function.__name__.strip("_")
+            if given_up.is_set():
+                raise PamError(f"{what} took more than {longest:g} s and was given up") from None
             raise PamError(
-                f"the process that computes {function.__name__.strip('_')} has ended with code "
-                f"{code}; its last lines in the log of this node say why"
+                f"the process that computes {what} has ended with code {code}; its last lines in "
+                "the log of this node say why"
             ) from None
         finally:
             too_long.cancel()
         if error is not None:
             raise error
-        answer: T = result
-        return answer
+        return result
 
 
 def _start() -> subprocess.Popen[bytes]:

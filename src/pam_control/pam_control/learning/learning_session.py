@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pam_control.learning.learnt_file import LearntFile
 from pam_control.learning.motion_learner import MotionLearner
@@ -29,6 +30,8 @@ class LearningSession:
         Of the control loop [s].
     warm_up : int
         Repetitions in which the adaptation learns.
+    read : callable
+        See `LearntFile`.
 
     Attributes
     ----------
@@ -51,9 +54,10 @@ class LearningSession:
         filters: Mapping[str, Filter],
         period: float,
         warm_up: int,
+        read: Callable[..., Any],
     ) -> None:
         self.name = name
-        self._file = None if path is None else LearntFile(path, rig)
+        self._file = None if path is None else LearntFile(path, rig, read)
         self.problem = "" if self._file is None else self._file.note
         known = {} if self._file is None else self._file.motion(name)
         self.learners: dict[str, MotionLearner] = {}

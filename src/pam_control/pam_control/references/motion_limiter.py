@@ -107,6 +107,7 @@ class MotionLimiter:
         self.limits = limits
         self.bounds = bounds
         self.limited = False
+        self.gap = 0.0  # rad, between the source and the last reference
         self.keep = KEPT_AT_LEAST
         self._history: deque[tuple[float, JointReference]] = deque()
 
@@ -114,7 +115,7 @@ class MotionLimiter:
         """Rest at `position` [rad]; the next step begins the history."""
         self._rest = JointReference(position)
         self._history.clear()
-        self.limited = False
+        self.limited, self.gap = False, 0.0
 
     @property
     def state(self) -> JointReference:
@@ -143,7 +144,10 @@ class MotionLimiter:
             # a remainder of rounding would be a step of no length
             step = time - last if time - last < 1.5 * LONGEST_STEP else LONGEST_STEP
             last = time if step == time - last else last + step
-            self._history.append((last, self._step(source(last), step, planned)))
+            target = source(last)
+            reference = self._step(target, step, planned)
+            self.gap = abs(target.position - reference.position)
+            self._history.append((last, reference))
         while len(self._history) > 2 and self._history[1][0] < time - self.keep:
             self._history.popleft()
 

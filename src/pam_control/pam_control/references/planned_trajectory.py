@@ -30,6 +30,7 @@ from pam_control.references.trajectory import (
     PastTrajectoryError,
     TrajectoryPoint,
 )
+from pam_model.within_limits import within
 
 RESERVE = 1.001  # a scaled trajectory stays below its limits by this factor
 SLOWER = 1.1  # step of a search for a duration
@@ -96,6 +97,9 @@ def plan(
         _field([point.velocities for point in points], len(names)),
         _field([point.accelerations for point in points], len(names)),
     )
+    for index, name in enumerate(names):  # a start at the stop, and rounding
+        if name in bounds:
+            np.clip(fields[0][:, index], *bounds[name], out=fields[0][:, index])
     found = {
         name: Waypoints(times, *(field[:, index] for field in fields))
         for index, name in enumerate(names)
@@ -172,7 +176,7 @@ def _stopping_factor(
     slowest = MOST_FOR_STOP * factor
     while factor < slowest:
         state = JointReference(position, velocity / factor, acceleration / factor**2)
-        if lower <= limits.rest(state) <= upper:
+        if within(limits.rest(state), lower, upper):
             return factor
         factor *= SLOWER
     raise CommandError(

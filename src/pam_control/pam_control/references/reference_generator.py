@@ -25,14 +25,15 @@ from pam_control.references.spline import JointReference, JointSpline
 from pam_control.references.streamed_command import check_streamed_command
 from pam_control.references.trajectory import (
     LATEST_START,
+    START_MARGIN,
     CommandError,
     TrajectoryPoint,
     check_trajectory,
 )
+from pam_model.within_limits import within
 
 LONGEST_FILTER_STEP = 0.02
 RESUMED_WITHIN = 0.05  # rad
-ROUNDING = 1e-6  # rad
 
 
 @dataclass(slots=True)
@@ -68,6 +69,8 @@ class ReferenceGenerator:
         Limits of speed and acceleration; a joint without them is not limited.
     max_velocities : mapping of str to float, optional
         Speed [rad/s] above which a waypoint is refused, by joint.
+    start_margin : float, optional
+        How far the driver permits a joint beyond its position limits [rad].
     stream_timeout : float
         Age at which a streamed command expires [s].
     stream_bandwidth : float
@@ -85,12 +88,14 @@ class ReferenceGenerator:
         motion: Mapping[str, MotionLimits] | None = None,
         *,
         max_velocities: Mapping[str, float] | None = None,
+        start_margin: float = START_MARGIN,
         stream_timeout: float = 0.2,
         stream_bandwidth: float = 40.0,
     ) -> None:
         self.limits = dict(limits)
         self.motion = dict(motion or {})
         self.max_velocities = dict(max_velocities or {})
+        self._start_margin = start_margin
         self.stream_timeout = stream_timeout
         self.stream_bandwidth = stream_bandwidth
         self.allow_nonzero_end_velocity = False
@@ -205,8 +210,12 @@ class ReferenceGenerator:
         *,
         start: float | None,
         now: float,
+        measured: Mapping[str, float] | None = None,
     ) -> PlannedTrajectory | None:
-        """Check a trajectory and scale it to the limits; None if it has no points."""
+        """Check a trajectory and scale it to the limits; None if it has no points.
+
+        `measured` says where the joints are [rad], as far as that is known.
+        """
         if not points:
             return None
         check_trajectory(
@@ -215,6 +224,8 @@ class ReferenceGenerator:
             self.limits,
             max_velocities=self.max_velocities,
             allow_nonzero_end_velocity=self.allow_nonzero_end_velocity,
+            measured=measured,
+            start_margin=self._start_margin,
         )
         begin = now if start is None else start
         if begin - now > LATEST_START:
@@ -241,7 +252,7 @@ class ReferenceGenerator:
         """Follow these splines from now on."""
         for name, spline in splines.items():
             lower, upper = self.limits[name]
-            planned = spline.lowest >= lower - ROUNDING and spline.highest <= upper + ROUNDING
+            planned = within(spline.lowest, lower, upper) and within(spline.highest, lower, upper)
             self._sources[name] = _Source(spline.end_position, spline, planned=planned)
 
     def stream(
@@ -251,6 +262,7 @@ class ReferenceGenerator:
         velocities: Sequence[float] = (),
         *,
         now: float,
+        measured: Mapping[str, float] | None = None,
     ) -> None:
         """Take streamed references for some or all joints.
 
@@ -262,6 +274,8 @@ class ReferenceGenerator:
             [rad], [rad/s]; velocities may be empty.
         now : float
             Present time [s].
+        measured : mapping of str to float, optional
+            Where the joints are [rad], as far as that is known.
 
         Raises
         ------
@@ -269,7 +283,19 @@ class ReferenceGenerator:
             When the message is rejected: an unknown joint, a wrong size, a number that is not
             finite or a position outside the limits.
         """
-        check_streamed_command(names, positions, velocities, self.limits, self.max_velocities)
+        check_streamed_command(
+            names,
+            positions,
+            velocities,
+            self.limits,
+            self.max_velocities,
+            measured or {},
+            self._start_margin,
+        )
+        positions = [
+            limited(position, *self.limits[name])
+            for name, position in zip(names, positions, strict=True)
+        ]
         self._check_continued(names, positions, now)
         for index, name in enumerate(names):
             source = self._sources[name]
@@ -391,6 +417,22 @@ class ReferenceGenerator:
         stream = self._sources[name].stream
         limiter = self._limiters.get(name)
         return (stream is not None and stream.limited) or (limiter is not None and limiter.limited)
+
+    def held_back(self, name: str) -> bool:
+        """Whether the limits of motion keep the reference away from what was asked for.
+
+        The steps of a stream are always rounded; that alone, and the lag of its filter, are none.
+        """
+        if not self.limited(name):
+            return False
+        source, limiter = self._sources[name], self._limiters.get(name)
+        stream = source.stream
+        if stream is None:
+            return limiter is not None and limiter.gap > RESUMED_WITHIN
+        state = stream.state if limiter is None else limiter.state
+        asked = stream.target + stream.velocity * (stream.advanced - stream.received)
+        lag = 2.0 * abs(state.velocity) / self.stream_bandwidth
+        return abs(limited(asked, *self.limits[name]) - state.position) > RESUMED_WITHIN + lag
 
     def following(self, name: str) -> str:
         """The joint's present source: "trajectory", "stream" or "hold"."""

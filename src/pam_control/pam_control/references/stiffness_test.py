@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from pam_control.references.reference_generator import ReferenceGenerator
+from pam_model.within_limits import within
 
 REST: Final = 2.0  # s, after the end of a motion
 STILL: Final = 1e-6  # rad/s
@@ -58,7 +59,7 @@ class StiffnessTest:
                 continue
             since = self._still_since.setdefault(name, now)
             position = reference.position
-            has_room = low + amplitude <= position <= high - amplitude
+            has_room = within(position, low + amplitude, high - amplitude)
             if now - since >= REST and has_room and not self._was_tested(name, position, stiffness):
                 found = found or (name, position, stiffness)
         if found is None or len(self._still_since) < len(self._references.limits):

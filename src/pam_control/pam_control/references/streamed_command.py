@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from pam_control.references.trajectory import LARGEST, CommandError
+from pam_control.references.trajectory import (
+    LARGEST,
+    START_MARGIN,
+    CommandError,
+    check_position,
+    check_speed,
+)
 from pam_ros.foreign_text import shown
 
 
@@ -15,8 +21,12 @@ def check_streamed_command(
     velocities: Sequence[float],
     limits: Mapping[str, tuple[float, float]],
     max_velocities: Mapping[str, float],
+    measured: Mapping[str, float],
+    start_margin: float = START_MARGIN,
 ) -> None:
     """Reject a streamed command that cannot be followed.
+
+    A joint that hangs at its stop may be told to stay there, a little beyond its limits.
 
     Parameters
     ----------
@@ -28,6 +38,10 @@ def check_streamed_command(
         Position limits [rad] of every joint of the rig.
     max_velocities : mapping of str to float
         Largest speed [rad/s] of a joint; by default any plausible speed.
+    measured : mapping of str to float
+        Where the joints are [rad], as far as that is known.
+    start_margin : float, optional
+        How far the driver permits a joint beyond its position limits [rad].
 
     Raises
     ------
@@ -45,18 +59,11 @@ def check_streamed_command(
     for index, name in enumerate(names):
         if name not in limits:
             raise CommandError(f"{what}: unknown joint {shown(name)}; known: {', '.join(limits)}")
-        lower, upper = limits[name]
         position = positions[index]
         velocity = velocities[index] if len(velocities) else 0.0
         if not (math.isfinite(position) and math.isfinite(velocity)):
             raise CommandError(f"{what}: {name} at {position} rad, {velocity} rad/s")
-        fastest = max_velocities.get(name, LARGEST["velocities"])
-        if abs(velocity) > fastest:
-            raise CommandError(
-                f"{what}: {name} at {velocity:g} rad/s is above its max_velocity, {fastest:g} rad/s"
-            )
-        if not lower <= position <= upper:
-            raise CommandError(
-                f"{what}: {name} at {position:g} rad is outside its position_limits "
-                f"[{lower:g}, {upper:g}] rad"
-            )
+        check_speed(what, name, velocity, max_velocities.get(name, LARGEST["velocities"]))
+        place = measured.get(name, math.nan)
+        margin = None if math.isnan(place) else start_margin
+        check_position(what, name, position, limits[name], place, margin)

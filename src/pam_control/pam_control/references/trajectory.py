@@ -7,11 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pam_model.errors import PamError
+from pam_model.rig import Plausibility
+from pam_model.within_limits import beyond, is_at_joint, within
 from pam_ros.foreign_text import shown
 
 # [rad/s], [rad/s^2]: no joint moves so fast, and larger numbers would overflow a spline.
 LARGEST = {"velocities": 100.0, "accelerations": 1e5}
 DEFAULT_END_SPEED = 1e-3
+START_MARGIN = Plausibility().position_margin  # rad; a rig file may state another one
 LATEST_START = 60.0  # s after its arrival; a joint must not move by itself when nobody expects it
 
 
@@ -44,8 +47,13 @@ def check_trajectory(
     *,
     max_velocities: Mapping[str, float] | None = None,
     allow_nonzero_end_velocity: bool = False,
+    measured: Mapping[str, float] | None = None,
+    start_margin: float = START_MARGIN,
 ) -> None:
     """Reject a trajectory that cannot be followed.
+
+    A planner begins where the joint is, and a joint at its stop may be a little beyond its limits:
+    the first of several points may be there, too.
 
     Parameters
     ----------
@@ -59,6 +67,10 @@ def check_trajectory(
         Largest speed [rad/s] of every joint of the rig; by default any plausible speed.
     allow_nonzero_end_velocity : bool, optional
         Accept a last point with a velocity; the reference then brakes beyond it.
+    measured : mapping of str to float, optional
+        Where the joints are [rad], as far as that is known.
+    start_margin : float, optional
+        How far the driver permits a joint beyond its position limits [rad].
 
     Raises
     ------
@@ -88,7 +100,10 @@ def check_trajectory(
                 f"the point before, {previous:g} s"
             )
         previous = point.time_from_start
-        _check_point(where, names, point, limits, max_velocities or {})
+        _check_point(where, names, point, max_velocities or {})
+        margin = start_margin if number == 0 and len(points) > 1 else None
+        for name, position in zip(names, point.positions, strict=True):
+            check_position(where, name, position, limits[name], (measured or {}).get(name), margin)
     if not allow_nonzero_end_velocity:
         for name, velocity in zip(names, points[-1].velocities, strict=False):
             if abs(velocity) > DEFAULT_END_SPEED:
@@ -101,7 +116,6 @@ def _check_point(
     where: str,
     names: Sequence[str],
     point: TrajectoryPoint,
-    limits: Mapping[str, tuple[float, float]],
     max_velocities: Mapping[str, float],
 ) -> None:
     fields = (
@@ -120,17 +134,60 @@ def _check_point(
                     f"{where}: {field} of {name} is {value:g}, expected {LARGEST[field]:g} at most"
                 )
     for name, value in zip(names, point.velocities, strict=False):
-        if abs(value) > max_velocities.get(name, math.inf):
-            raise CommandError(
-                f"{where}: {name} at {value:g} rad/s is above its max_velocity, "
-                f"{max_velocities[name]:g} rad/s"
-            )
+        check_speed(where, name, value, max_velocities.get(name, math.inf))
     if len(point.accelerations) > 0 and len(point.velocities) == 0:
         raise CommandError(f"{where}: accelerations without velocities")
-    for name, position in zip(names, point.positions, strict=True):
-        lower, upper = limits[name]
-        if not lower <= position <= upper:
-            raise CommandError(
-                f"{where}: {name} at {position:g} rad is outside its position_limits "
-                f"[{lower:g}, {upper:g}] rad"
-            )
+
+
+def check_speed(where: str, name: str, velocity: float, fastest: float) -> None:
+    """Reject a velocity [rad/s] above the joint's `fastest`.
+
+    Raises
+    ------
+    CommandError
+        The text begins with `where`.
+    """
+    if not within(velocity, -fastest, fastest):
+        told, _, most = beyond(velocity, -fastest, fastest)
+        raise CommandError(
+            f"{where}: {name} at {told} rad/s is above its max_velocity, {most} rad/s"
+        )
+
+
+def check_position(
+    where: str,
+    name: str,
+    position: float,
+    limits: tuple[float, float],
+    measured: float | None,
+    start_margin: float | None,
+) -> None:
+    """Reject a position [rad] outside of the joint's limits.
+
+    Parameters
+    ----------
+    where, name : str
+        What begins the message, and the joint.
+    position : float
+        [rad].
+    limits : (float, float)
+        [rad].
+    measured : float or None
+        Where the joint is [rad], if that is known.
+    start_margin : float or None
+        How far beyond the limits the command may be if the joint is there, too [rad]; None: it may
+        not.
+
+    Raises
+    ------
+    CommandError
+        The text begins with `where`.
+    """
+    if within(position, *limits):
+        return
+    if start_margin is not None and is_at_joint(position, measured, *limits, start_margin):
+        return
+    told, lower, upper = beyond(position, *limits)
+    raise CommandError(
+        f"{where}: {name} at {told} rad is outside its position_limits [{lower}, {upper}] rad"
+    )

@@ -9,15 +9,18 @@ from typing import Final, NamedTuple
 from pam_driver.boards.units import (
     ANGLE,
     ELECTRICAL,
+    OTHER_UNITS,
     PRESSURE,
     SHARE,
     UNITS,
     Linear,
+    reference_called,
     scale_of,
     unit_called,
     unknown_unit,
 )
 from pam_model.rig.keys import Key, Section
+from pam_ros.foreign_text import shown
 
 _REFERENCES: Final = ("gauge", "absolute")
 _NO_UNITS: Final = frozenset({"-", "1", "raw", "count", "counts", "digit", "digits", "inc"})
@@ -77,7 +80,7 @@ def read_conversion(
         return None
     result, quantity = scaled
     if quantity == PRESSURE:
-        shift = _reference_shift(where, ambient, absolute)
+        shift = _reference_shift(where, source, ambient, absolute)
         if shift is None:
             return None
         result = Linear(result.factor, result.offset + shift)
@@ -118,7 +121,7 @@ def _unit(where: Section, source: Source, quantities: Sequence[str]) -> str | No
     place = source.signal
     wanted = " or ".join(f"{'an' if name[0] in 'ae' else 'a'} {name}" for name in quantities)
     if stated is None and in_file is None:
-        given = f"has the unit {source.unit!r}" if source.unit else "has no unit"
+        given = f"has the unit {shown(source.unit)}" if source.unit else "has no unit"
         where.add(
             "unit",
             f": missing, and {place} {given} in the {source.file}; {unknown_unit('', allowed)}",
@@ -128,22 +131,33 @@ def _unit(where: Section, source: Source, quantities: Sequence[str]) -> str | No
     if unit is None:
         where.add("unit", f" = {stated}: unknown unit; {unknown_unit(stated, allowed)}")
         return None
-    has_unit = source.unit and source.unit.lower() not in _NO_UNITS
-    if has_unit and in_file != unit:
-        where.add("unit", f" = {unit}: the {source.file} says {source.unit} for {place}")
-        return None
+    foreign = source.unit.strip()
+    if foreign and foreign.lower() not in _NO_UNITS and in_file != unit:
+        given = shown(source.unit) if in_file is None else source.unit
+        told = f" = {unit}: the {source.file} says {given} for {place}"
+        if in_file is not None or foreign.lower() in OTHER_UNITS:
+            where.add("unit", told)
+            return None
+        where.doubt("unit", f"{told}, which is no known unit; {unit} is used")
     if UNITS[unit].quantity not in allowed:
         where.add("unit", f" = {unit}: {place} must be {wanted}, or have a scale")
         return None
     return unit
 
 
-def _reference_shift(where: Section, ambient: float, absolute: bool) -> float | None:
+def _reference_shift(
+    where: Section, source: Source, ambient: float, absolute: bool
+) -> float | None:
     reference = where.get("reference")
     if reference not in _REFERENCES:
         given = ": missing" if reference is None else f" = {reference!r}"
         where.add("reference", f"{given}; must be gauge or absolute")
         return None
+    stated = reference_called(source.unit)
+    if stated not in {"", reference}:
+        where.doubt(
+            "reference", f" = {reference}: the {source.file} says {source.unit} for {source.signal}"
+        )
     if (reference == "absolute") is absolute:
         return 0.0
     return ambient if absolute else -ambient

@@ -22,10 +22,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from pam_driver.boards.frame_errors import FrameError
 from pam_model.rig import Joint, Muscle
+
+if TYPE_CHECKING:
+    from pam_driver.boards.availability import Availability
 
 NEVER: Final = -math.inf
 EMERGENCY_STOP: Final = "emergency_stop"
@@ -224,6 +227,10 @@ class Board(Protocol):
         """
 
     @property
+    def availability(self) -> Availability:
+        """How often it has said that it has no measurement; it tells this of each one."""
+
+    @property
     def supply_pressure(self) -> float:
         """The last measured supply pressure [Pa absolute], NaN if the board does not measure it."""
 
@@ -316,6 +323,14 @@ class ExplainsPromises(Protocol):
     @property
     def without(self) -> Mapping[str, tuple[str, str]]:
         """By the name of a promise: what its absence means, and what makes up for it."""
+
+
+@runtime_checkable
+class NamesInvalidValues(Protocol):
+    """What a board may offer in addition, for tools that explain a rig before it runs."""
+
+    def invalid_values(self) -> Mapping[tuple[str, Channel], Mapping[int, str]]:
+        """By measurement ("pressure", "angle" or "supply", channel), raw values that are none."""
 
 
 @runtime_checkable

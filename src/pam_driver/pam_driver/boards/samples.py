@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
-from pam_driver.boards.protocol import Channel, Sample, WiredBoard
+from pam_driver.boards.availability import Availability
+from pam_driver.boards.protocol import Channel, Condition, Sample, WiredBoard
 
 PRESSURE_INPUT: Final = "pressure"
 ANGLE_INPUT: Final = "angle"
@@ -16,6 +17,8 @@ _TURN: Final = 2.0 * math.pi
 Keep = Callable[[str, float, float, float], None]
 """Keeps a measurement: the name of the value that means that there is none (else empty), the value
 in SI units, when it was measured (monotonic) and its stamp [s]."""
+Miss = Callable[[str, float], None]
+"""Notes a reading out of the range of the device's file: its text, and when it was measured [s]."""
 
 
 class Samples:
@@ -32,13 +35,34 @@ class Samples:
         The last samples [Pa gauge], [rad].
     supply_pressure : float
         [Pa absolute]; NaN if none was received.
+    availability : Availability
+        How often there was none.
+    out_of_range : int
+        Readings outside the range of the device's file so far.
     """
 
     def __init__(self, wired: WiredBoard) -> None:
         self.pressures: dict[Channel, Sample] = {wire.channel: Sample() for wire in wired.pressures}
         self.angles: dict[Channel, Sample] = {angle.channel: Sample() for angle in wired.angles}
         self.supply_pressure = math.nan
+        self.availability = Availability()
+        self.out_of_range = 0
         self._invalid: dict[str, str] = {}
+        self._missed: dict[str, tuple[float, str]] = {}
+
+    def missed(self, now: float, timeout: float) -> Iterator[str]:
+        """The signals that have shown nothing within the range of their file for `timeout` [s].
+
+        A reading out of range is no measurement; a single one has no other consequence.
+        """
+        for what, (since, text) in self._missed.items():
+            if now - since > timeout:
+                yield f"{what}: {text}"
+
+    def range_conditions(self, board: str, now: float, timeout: float) -> Iterator[Condition]:
+        """The condition of each signal that `missed` names."""
+        for text in self.missed(now, timeout):
+            yield Condition("sensor_range", board, text)
 
     def invalid_texts(self) -> list[str]:
         """The measurements that the device says it does not have."""
@@ -60,10 +84,13 @@ class Samples:
         kept = self.pressures if what == PRESSURE_INPUT else self.angles
 
         def keep(invalid: str, value: float, time: float, stamp: float) -> None:
+            self.availability.hear(what, channel, not invalid, time)
             if invalid:
                 invalids[called] = invalid
+                self._missed.pop(called, None)
                 return
             invalids.pop(called, None)
+            self._missed.pop(called, None)
             if what == SUPPLY_INPUT:
                 self.supply_pressure = value
             else:
@@ -71,3 +98,14 @@ class Samples:
                 kept[channel] = Sample(value, time, stamp)
 
         return keep
+
+    def misser(self, what: str, channel: Channel) -> Miss:
+        """The function that notes a reading out of range; see `keeper` for the parameters."""
+        called = f"{what} {channel}".strip()
+
+        def miss(text: str, time: float) -> None:
+            self.out_of_range += 1
+            since = self._missed.get(called, (time,))[0]
+            self._missed[called] = (since, text)
+
+        return miss

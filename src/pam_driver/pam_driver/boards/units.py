@@ -7,6 +7,7 @@ International System of Units, 9th edition (bar, degree); NIST SP 811 (psi).
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, Final, NamedTuple
@@ -47,28 +48,45 @@ UNITS: Final[Mapping[str, Unit]] = {
 }
 """All units by the name that the rig file uses; an electrical value is in V or A."""
 
-# Other spellings in DBC and EDS files. A spelling that implies gauge or absolute is none of them on
-# purpose: the reference is written in the rig file, where a reader sees it.
+# Other spellings in DBC and EDS files, in lower case. "¡ã" and "Â°" are "°" in GBK and in UTF-8,
+# read as Windows-1252.
 _SPELLINGS: Final[Mapping[str, str]] = {
+    **{name.lower(): name for name in UNITS},
     "%": "percent",
-    "°": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "Deg": "deg",
-    "turn": "rev",
-    "turns": "rev",
-    "Bar": "bar",
-    "barg": "bar",
-    "bara": "bar",
-    "PSI": "psi",
-    "psig": "psi",
-    "psia": "psi",
-    "kpa": "kPa",
-    "pa": "Pa",
-    "volt": "V",
-    "Volt": "V",
-    "sec": "s",
+    **dict.fromkeys(("°", "º", "˚", "¡ã", "â°", "degree", "degrees", "degs"), "deg"),
+    **dict.fromkeys(("turn", "turns", "revolution", "revolutions"), "rev"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("volt", "volts"), "V"),
+    **dict.fromkeys(("pascal", "pascals"), "Pa"),
+    **dict.fromkeys(("sec", "second", "seconds"), "s"),
+    **dict.fromkeys(("millibar", "millibars"), "mbar"),
 }
+_BRACKETS: Final = re.compile(r"[\[({](.*)[\])}]")
+# "bar abs", "bar(a)", "kPa_g", "psig": a unit of pressure, and what it is measured from
+_REFERRED: Final = re.compile(
+    r"(.*?)[\s_\-.,(\[]*(?:(abs(?:olute)?\.?|a)|(gauge|gage|rel(?:ative)?\.?|g))[)\]]?",
+    re.IGNORECASE,
+)
+OTHER_UNITS: Final = frozenset(
+    {
+        "°c",
+        "degc",
+        "deg c",
+        "celsius",
+        "k",
+        "°f",
+        "degf",
+        "rpm",
+        "1/min",
+        "hz",
+        "khz",
+        "n",
+        "nm",
+        "a",
+    }
+    | {"w", "kw", "l/min", "m/s", "km/h", "mm", "m", "kg", "g", "ohm", "rad/s", "deg/s", "°/s", "h"}
+)
+"""Units, in lower case, that are well known and measure something else."""
 
 
 class Linear(NamedTuple):
@@ -76,6 +94,16 @@ class Linear(NamedTuple):
 
     factor: float
     offset: float = 0.0
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether every value has a finite counterpart in both directions, as far as known."""
+        return (
+            self.factor != 0.0
+            and all(map(math.isfinite, self))
+            and math.isfinite(1.0 / self.factor)
+            and math.isfinite(self.offset / self.factor)
+        )
 
     def si(self, value: float) -> float:
         """The value in SI."""
@@ -88,8 +116,40 @@ class Linear(NamedTuple):
 
 def unit_called(name: str) -> str | None:
     """The name in `UNITS` of a unit as a DBC or EDS file spells it; None for an unknown one."""
-    name = _SPELLINGS.get(name, name)
-    return name if name in UNITS else None
+    return _unit_and_reference(name)[0]
+
+
+def reference_called(name: str) -> str:
+    """Whether the spelling of a unit says "gauge" or "absolute"; empty if it says neither.
+
+    It never replaces the key `reference` of the rig file, where a reader sees it.
+    """
+    return _unit_and_reference(name)[1]
+
+
+def _unit_and_reference(name: str) -> tuple[str | None, str]:
+    name = " ".join(name.split())
+    whole = _BRACKETS.fullmatch(name)
+    name = whole[1].strip() if whole else name
+    unit = _spelled(name)
+    if unit is not None:
+        return unit, ""
+    match = _REFERRED.fullmatch(name)
+    unit = _spelled(match[1].strip()) if match else None
+    if match is None or unit is None or UNITS[unit].quantity != PRESSURE:
+        return None, ""
+    return unit, "absolute" if match[2] else "gauge"
+
+
+def _spelled(name: str) -> str | None:
+    """A unit in any case; but mPa is not MPa, and Mbar is not mbar."""
+    if name in UNITS:
+        return name
+    unit = _SPELLINGS.get(name.removesuffix(".").lower())
+    if unit is None or name.islower() or name.isupper():
+        return unit
+    prefixes = {name[0], unit[0]}
+    return None if prefixes == {"m", "M"} and name[1:].lower() == unit[1:].lower() else unit
 
 
 def unknown_unit(name: object, quantities: Sequence[str]) -> str:
@@ -132,7 +192,8 @@ def scale_of(unit: str, scale: Mapping[str, Any], quantities: Sequence[str]) -> 
     if x0 == x1 or y0 == y1:
         return "the two points must differ in both units"
     slope = (y1 - y0) / (x1 - x0) * known.factor
-    return Linear(slope, y0 * known.factor - slope * x0)
+    result = Linear(slope, y0 * known.factor - slope * x0)
+    return result if result.is_usable else "the two points give no finite scale"
 
 
 def _real(value: object) -> bool:

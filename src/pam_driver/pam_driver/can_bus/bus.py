@@ -96,6 +96,7 @@ class CanPort:
         self._sent_ids: set[int] = set()
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=1024)
         self._controller = BusState.ERROR_ACTIVE
+        self._was_off = False
         self._down = False
         self._gone = False
         self._reopen_at = 0.0
@@ -107,8 +108,14 @@ class CanPort:
 
     @property
     def state(self) -> BusState:
-        """State of the bus, as far as it is known from errors."""
-        return BusState.DOWN if self._down else self._controller
+        """State of the bus, as far as it is known from errors.
+
+        A controller that was bus-off while the last frames arrived counts as bus-off until the
+        next are received, although it has recovered.
+        """
+        if self._down:
+            return BusState.DOWN
+        return BusState.BUS_OFF if self._was_off else self._controller
 
     def receive_all(self, now: float) -> list[ReceivedFrame]:
         """All frames that have arrived, oldest first; never waits for one.
@@ -122,6 +129,7 @@ class CanPort:
             self._reopen(now)
         bus = self._bus
         frames: list[ReceivedFrame] = []
+        self._was_off = False
         if bus is None:
             return frames
         for _ in range(MAX_FRAMES_PER_CALL):
@@ -261,6 +269,7 @@ class CanPort:
                 self._controller = BusState.ERROR_ACTIVE
         if kind & _ERR_BUS_OFF:
             self._controller = BusState.BUS_OFF
+            self._was_off = True
             self.counts["bus_off"] += 1
 
 

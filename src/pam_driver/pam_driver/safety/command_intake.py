@@ -19,11 +19,10 @@ from typing import Final, NamedTuple
 from pam_driver.boards.protocol import Condition
 from pam_model.errors import PamError
 from pam_model.rig import Muscle, Rig
+from pam_model.within_limits import beyond, within
 from pam_ros.message_sources import MessageSources
 from pam_ros.valve_command import ValveCommandError, ValveCommandFormat, ValveFields
 
-# A command that exceeds its limit by less is clipped and not refused, to allow for rounding.
-_ROUNDING: Final = 1e-6
 # A stamp may be ahead of the receiver's clock by so much, since clocks on one machine differ [s].
 _FUTURE: Final = 0.01
 
@@ -182,11 +181,10 @@ class CommandIntake:
         if not math.isfinite(value):
             raise CommandError("not_finite", f"{name}: {value} is not a finite number")
         lowest, highest, scale, unit = self._scale[index]
-        rounding = _ROUNDING * scale
-        if not lowest - rounding <= value <= highest + rounding:
+        if not within(value, lowest, highest):
+            told, low, high = beyond(value, lowest, highest)
             raise CommandError(
-                "out_of_range",
-                f"{name}: {value:g} {unit}, expected {lowest:g} to {highest:g} {unit}",
+                "out_of_range", f"{name}: {told} {unit}, expected {low} to {high} {unit}"
             )
         return min(max(value, lowest), highest) / scale
 

@@ -8,6 +8,9 @@ fault while air may move, and prevents activation otherwise. A released enabling
 is no fault: holding it again does not move anything before someone activates the driver. Without
 permission of full speed the joints must be slow, after the time in which the controller brakes.
 
+What forbids counts from the moment at which it is said until it has been judged, although the input
+may permit motion again by then (`pam_driver.safety.since_judged`).
+
 Sources: ISO 10218-1 (emergency stop, three-position enabling device, reduced speed), IEC 60204-1
 section 9.2
 (a reset must not itself start motion).
@@ -28,6 +31,7 @@ from pam_driver.boards.protocol import (
     Condition,
     Sample,
 )
+from pam_driver.safety.since_judged import SinceJudged
 from pam_model.errors import RigError
 from pam_model.rig import People
 
@@ -57,6 +61,7 @@ class PeopleInputs:
 
     def __init__(self, people: People, boards: Mapping[Address, Board]) -> None:
         self._boards = boards
+        self._kept = SinceJudged()
         self._deadline = people.deadline
         self._wanted = {
             EMERGENCY_STOP: people.emergency_stop_board,
@@ -93,6 +98,16 @@ class PeopleInputs:
                 self._full_speed_until = now + self._deadline
         if name in self._topics:
             self._topics[name] = Sample(float(permits), now)
+            self._kept.keep(self._forbidding_topic(name))
+
+    def hear_board(self, board: Board) -> None:
+        """Keep what the inputs of a board forbid before its next frame replaces it."""
+        for name in _WORDS:
+            self._kept.keep(self._forbidding_board(name, board))
+
+    def judged(self) -> None:
+        """Forget what was forbidden in passing: the driver has acted on it."""
+        self._kept.judged()
 
     def pressed(self, now: float) -> tuple[Condition, ...]:
         """The emergency stops that are pressed: latched faults in every state."""
@@ -104,7 +119,10 @@ class PeopleInputs:
         yield from self._silent(EMERGENCY_STOP, now)
 
     def not_enabled(self, now: float) -> str:
-        """Why the enabling switch forbids motion; "" if it permits it or there is none."""
+        """Why the enabling switch forbids motion, or forbade it since the last judgement.
+
+        "" if it permits it or there is none.
+        """
         found = (*self._forbidding(ENABLING_SWITCH), *self._silent(ENABLING_SWITCH, now))
         return "; ".join(str(condition) for condition in found)
 
@@ -117,20 +135,33 @@ class PeopleInputs:
         return now >= self._full_speed_until + self._slowing_time
 
     def _forbidding(self, name: str) -> Iterator[Condition]:
-        """The sources whose last value forbids motion."""
+        """The sources that forbid motion, or did so since the last judgement."""
+        found = [
+            condition
+            for board in self._boards.values()
+            for condition in self._forbidding_board(name, board)
+        ]
+        found += self._forbidding_topic(name)
+        yield from self._kept.added_to(found, name)
+
+    def _forbidding_board(self, name: str, board: Board) -> Iterator[Condition]:
+        """Whether the last value of an input of a board forbids motion."""
         text, word = _WORDS[name]
-        for board in self._boards.values():
-            sample = board.inputs.get(name)
-            if sample is not None and math.isnan(sample.value):
-                gone = (
-                    f"it had an input for the {word} and reports none now; if it has none, clean "
-                )
-                yield Condition(name, board.name, f"{gone}up and configure the driver")
-            elif sample is not None and sample.value != 1.0:
-                yield Condition(name, board.name, text)
+        sample = board.inputs.get(name)
+        if sample is None or sample.value == 1.0:
+            return
+        if math.isnan(sample.value):
+            text = (
+                f"it had an input for the {word} and reports none now; if it has none, clean "
+                "up and configure the driver"
+            )
+        yield Condition(name, board.name, text)
+
+    def _forbidding_topic(self, name: str) -> Iterator[Condition]:
+        """Whether the last message of the topic of an input forbids motion."""
         told = self._topics.get(name)
         if told is not None and told.time > NEVER and told.value != 1.0:
-            yield Condition(name, "topic", text)
+            yield Condition(name, "topic", _WORDS[name][0])
 
     def _silent(self, name: str, now: float) -> Iterator[Condition]:
         """The sources on which the rig file insists, and that are missing or too old."""

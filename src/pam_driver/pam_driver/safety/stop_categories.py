@@ -57,6 +57,9 @@ _DOUBT = "sensor, valve or muscle is not what lowering assumes"
 STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "command_timeout": StopCategory(1, "the controller is gone; sensors, boards and bus work"),
     "driver_paused": StopCategory(1, "the driver runs again; what came of the pause decides"),
+    "internal_error": StopCategory(
+        1, "the cycle of the driver still runs; where it does not, everything vents at once"
+    ),
     "two_publishers": StopCategory(
         1, "which command is right is unknown; sensors, boards and bus work"
     ),
@@ -67,6 +70,7 @@ STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
     "supply_low": StopCategory(1, "lowering only lets air out, so it needs no supply"),
     "supply_high": StopCategory(1, "lowering closes the supply side of every valve"),
     "stale_sensor": StopCategory(0, _SENSOR),
+    "sensor_intermittent": StopCategory(0, _SENSOR),
     "counter_frozen": StopCategory(0, _SENSOR),
     "over_pressure": StopCategory(0, "the pressure must fall as fast as possible"),
     "board_lost": StopCategory(0, _BOARD),

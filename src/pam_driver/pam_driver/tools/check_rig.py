@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from pam_driver.boards.protocol import Address, Board, DescribesItself
+from pam_driver.boards.protocol import Address, Board, DescribesItself, NamesInvalidValues
 from pam_driver.boards.weaker_promises import weaker_promises
 from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_driver.bus_load import HIGHEST_LOAD, bus_load
@@ -16,6 +16,7 @@ from pam_model.errors import RigError
 from pam_model.rig import Bus, Rig, load_rig
 from pam_model.robot import Robot, compose
 from pam_model.views.torque_range import first_angle_not_held
+from pam_ros.foreign_text import shown
 
 
 class Wire(NamedTuple):
@@ -42,6 +43,8 @@ class RigCheck:
         By bus, the share of time during which it carries frames; None if a board does not say.
     missing_promises : dict of str to list of str
         By board, what it does not do for safety.
+    invalid_values : dict of str to dict of str to int
+        By board with measurement, the raw values that count as no measurement, by name.
     problems : list of str
         Why the robot would not work although the file can be used.
     cautions : list of str
@@ -51,6 +54,7 @@ class RigCheck:
     wires: list[Wire] = field(default_factory=list)
     loads: dict[str, float | None] = field(default_factory=dict)
     missing_promises: dict[str, list[str]] = field(default_factory=dict)
+    invalid_values: dict[str, dict[str, int]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     cautions: list[str] = field(default_factory=list)
 
@@ -92,6 +96,10 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
     for address, board in boards.items():
         found.problems += _too_slow(address, board, rate, found.wires)
         found.missing_promises[board.name] = weaker_promises(board)
+        if isinstance(board, NamesInvalidValues):
+            for (what, channel), values in board.invalid_values().items():
+                called = f"{board.name}, {what} {channel}".rstrip()
+                found.invalid_values[called] = {name: raw for raw, name in values.items()}
     found.cautions = [*wiring.doubts, *_overfilled(rig), *_too_heavy(compose(rig))]
     return found
 
@@ -189,6 +197,7 @@ def run(given: Arguments) -> Outcome:
         "wires": found.wires,
         "bus_load": found.loads,
         "missing_promises": found.missing_promises,
+        "invalid_values": found.invalid_values,
         "problems": found.problems,
         "cautions": found.cautions,
     }
@@ -206,6 +215,9 @@ def _show(found: RigCheck, rig: Rig, only: Bus) -> None:
         bus = rig.buses.get(name, only)
         share = "not known" if load is None else f"{100.0 * load:.0f} %"
         print(f"\nbus {name or '(the only one)'}: load {share} of {bus.bitrate / 1000:g} kbit/s")
+    for called, values in found.invalid_values.items():
+        listed = ", ".join(f"{raw} ({shown(name)})" for name, raw in values.items())
+        print(f"{called}: no measurement at raw {listed}")
     for board, lines in found.missing_promises.items():
         for line in lines:
             print(f"{board}: {line}")

@@ -29,7 +29,7 @@ from sensor_msgs.msg import JointState
 from pam_gap.experiments.files import read_experiment
 from pam_gap.experiments.loop import ExperimentLoop, holding_commands
 from pam_model.errors import PamError
-from pam_model.rig import rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.periodic import PeriodicLoop
@@ -49,14 +49,22 @@ PARAMETERS = (
 )
 _SENSED = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 VENT_TIME = 1.0  # s, of venting at the end
+NAME = "pam_play"
 
 
 class PlayNode(Node):  # type: ignore[misc]
     """Connects measurements and valve commands to an ExperimentLoop."""
 
     def __init__(self) -> None:
-        super().__init__("pam_play", automatically_declare_parameters_from_overrides=True)
-        parameters = NodeParameters(self, PARAMETERS, rig_of_node, keeps_real_time=True)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+        parameters = NodeParameters(
+            self,
+            PARAMETERS,
+            rig_of_node,
+            describe=described_key,
+            usual_name=NAME,
+            keeps_real_time=True,
+        )
         self._rig = rig = parameters.described
         name = str(parameters["joint"]) or rig.joint_names[0]
         if name not in rig.joint_names:

@@ -187,7 +187,9 @@ class _Column:
         self.words = frozenset(listed)
         bracket = re.search(r"[\[(]([^\])]*)[\])]\s*$", name)
         in_bracket = unit_spelt(bracket[1]) if bracket else None
-        in_words = next((_UNIT_WORDS[w] for w in reversed(listed) if w in _UNIT_WORDS), "")
+        whole = [word.lower() for word in re.findall(r"[A-Za-z]+", name)]  # kPa is one word
+        parts = [*listed, *whole]
+        in_words = next((_UNIT_WORDS[w] for w in reversed(parts) if w in _UNIT_WORDS), "")
         self.unit = in_bracket or in_words or below
 
     def is_of(self, expected: str) -> bool:

@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState
 from pam_gap.live.live_gap import LiveGap, LiveWindow
 from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.errors import PamError
-from pam_model.rig import rig_of_node
+from pam_model.rig import described_key, rig_of_node
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
@@ -40,14 +40,17 @@ PARAMETERS = (
     ),
 )
 _SENSED = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+NAME = "pam_gap"
 
 
 class MonitorNode(Node):  # type: ignore[misc]
     """Connects topics and diagnostics to a LiveWindow."""
 
     def __init__(self) -> None:
-        super().__init__("pam_gap", automatically_declare_parameters_from_overrides=True)
-        self._declared = NodeParameters(self, PARAMETERS, rig_of_node)
+        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+        self._declared = NodeParameters(
+            self, PARAMETERS, rig_of_node, describe=described_key, usual_name=NAME
+        )
         self._rig = self._declared.described
         self._window = LiveWindow(self._rig, self._declared.number("window"))
         self._messages = 0

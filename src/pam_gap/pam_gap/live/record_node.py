@@ -32,6 +32,7 @@ from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
 from pam_ros.steady_timers import turns
 from pam_ros.subscriptions import MOST_BYTES_OF_DIAGNOSTICS, subscribe
+from pam_ros.unforeseen import ending_broken
 
 TOPICS = {
     "valve_commands": (JointState, "sensor_msgs/msg/JointState"),
@@ -151,20 +152,21 @@ def record(
             def going_on() -> bool:
                 return not (ending or (duration and time.monotonic() - begun > duration))
 
-            for _ in turns(executor, None, going_on):
-                now = time.monotonic()
-                if now - looked > LOOK_EVERY:
-                    node.join()
-                    looked = now
-                if now - kept > KEEP_EVERY:
-                    node.keep()
-                    kept = now
-                if now - told > TELL_EVERY:
-                    told, missing = now, advice.missing()
-                    if missing != said:
-                        still = "; ".join(missing) or "nothing is missing, Ctrl-C ends it"
-                        tell(f"{advice.duration:.0f} s. still missing: {still}")
-                    said = missing
+            with ending_broken(node, PamError, OSError):
+                for _ in turns(executor, None, going_on):
+                    now = time.monotonic()
+                    if now - looked > LOOK_EVERY:
+                        node.join()
+                        looked = now
+                    if now - kept > KEEP_EVERY:
+                        node.keep()
+                        kept = now
+                    if now - told > TELL_EVERY:
+                        told, missing = now, advice.missing()
+                        if missing != said:
+                            still = "; ".join(missing) or "nothing is missing, Ctrl-C ends it"
+                            tell(f"{advice.duration:.0f} s. still missing: {still}")
+                        said = missing
             end_node(node, executor)
     finally:
         rclpy.try_shutdown()

@@ -17,10 +17,11 @@ from pam_gap.recordings.recording import (
     RecordingError,
 )
 from pam_model.rig import Rig
+from pam_ros.foreign_text import MOST
 
 NO_JOINT = (
     "the rig file has no joint; expected one to diagnose. A muscle on a bench (`bench_muscles`) "
-    "cannot be diagnosed: `pam_model fit` fits its force from a table of pressure, length and force"
+    "cannot be diagnosed: `pam model fit` fits its force from a table of pressure, length and force"
 )
 
 
@@ -93,4 +94,5 @@ def _named(recording: Recording, prefix: str) -> list[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) or "none"
+    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return (", ".join(names[:MOST]) or "none") + more

@@ -24,6 +24,7 @@ import yaml
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.storage_mcap import decompress
 
+from pam_gap.recordings.packed_chunks import refuse_bomb
 from pam_gap.recordings.recording import RecordingError
 from pam_model.reading import read_text, reading
 
@@ -101,6 +102,9 @@ def read_bag[T](path: Path, read: Callable[[list[Path]], T]) -> tuple[T, list[st
     with reading(path, "a readable bag", RecordingError):
         if path.suffix == ROSBAG1:
             return read([path]), []
+        for source in storage_files(path):
+            if source.suffix == ".mcap":
+                _refuse_bombs(source)
         if not is_unfinished(path):
             try:
                 return read([path]), []
@@ -118,6 +122,27 @@ def read_bag[T](path: Path, read: Callable[[list[Path]], T]) -> tuple[T, list[st
                     return read(files), remarks
             except RecordingError as error:
                 raise RecordingError(f"{error} ({told})") from None
+
+
+def _refuse_bombs(source: Path) -> None:
+    """Refuse an MCAP file with a chunk that unpacks to too much, before it is unpacked."""
+    if source.stat().st_size < len(MAGIC):
+        return
+    with (
+        source.open("rb") as file,
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as mapped,
+        memoryview(mapped) as data,
+        data[len(MAGIC) :] as body,
+    ):
+        for code, content, whole in _records(body):
+            with content:
+                if code == _CHUNK and whole and len(content) >= 40:
+                    size, _, letters = struct.unpack_from("<QII", content, 16)
+                    compression = bytes(content[32 : 32 + letters][:8]).decode(errors="replace")
+                    with content[32 + letters + 8 :] as packed:
+                        refuse_bomb(packed, compression, size)
+            if code in (_DATA_END, _FOOTER):
+                break
 
 
 def salvage(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
@@ -247,6 +272,7 @@ class _McapContent:
         self.found.known_end = max(self.found.known_end, end)
         compression = bytes(content[32 : 32 + letters]).decode()
         packed = content[32 + letters + 8 :]
+        refuse_bomb(packed, compression, size)
         if whole:
             records = decompress(bytes(packed), compression, size, crc)
         elif not compression:

@@ -19,6 +19,7 @@ from pam_gap.recordings.recording import (
     RawRecording,
     RecordingError,
     from_columns,
+    is_name,
 )
 from pam_gap.recordings.size_limits import Allowance
 from pam_gap.recordings.text_table import Table, read_text_table
@@ -42,9 +43,12 @@ def is_table(path: Path) -> bool:
 def known_channel(name: str) -> bool:
     """Whether the name of a column is a channel of the rig contract."""
     return name == SUPPLY or (
-        name.startswith((COMMANDS, PRESSURES))
-        or (name.startswith(JOINTS) and name.endswith((".position", ".effort")))
-        or (name.startswith(MUSCLES) and name.endswith((".effort", ".position")))
+        is_name(name)
+        and (
+            name.startswith((COMMANDS, PRESSURES))
+            or (name.startswith(JOINTS) and name.endswith((".position", ".effort")))
+            or (name.startswith(MUSCLES) and name.endswith((".effort", ".position")))
+        )
     )
 
 

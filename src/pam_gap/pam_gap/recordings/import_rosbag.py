@@ -20,8 +20,16 @@ from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.recordings.broken_bag import STORAGES, read_bag, storage_files
 from pam_gap.recordings.joint_state_columns import JointStateColumns
-from pam_gap.recordings.recording import COMMANDS, SUPPLY, RawChannel, RawRecording, RecordingError
+from pam_gap.recordings.recording import (
+    COMMANDS,
+    SUPPLY,
+    RawChannel,
+    RawRecording,
+    RecordingError,
+    is_name,
+)
 from pam_ros.errors import MalformedMessageError
+from pam_ros.foreign_text import all_shown
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader, is_little_endian
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -68,7 +76,7 @@ def _topics(reader: AnyReader, path: Path) -> dict[str, list[Any]]:
     for leaf, topics in found.items():
         if len(topics) > 1:
             raise RecordingError(
-                f"{path}: several topics are called {leaf} ({', '.join(sorted(topics))}); "
+                f"{path}: several topics are called {leaf} ({all_shown(sorted(topics))}); "
                 "expected a bag of one rig"
             )
     return {
@@ -96,10 +104,10 @@ def _read(files: Sequence[Path], path: Path) -> RawRecording:
     with AnyReader(files, default_typestore=typestore) as reader:
         topics = _topics(reader, path)
         if not topics:
-            seen = sorted({c.topic for c in reader.connections})[:8]
+            seen = sorted({c.topic for c in reader.connections})
             raise RecordingError(
                 f"{path}: none of the topics {', '.join(_TOPICS)}; it holds "
-                f"{', '.join(seen) or 'nothing'}"
+                f"{all_shown(seen) or 'nothing'}"
             )
         for topic, connections in topics.items():
             counts = _Counts()
@@ -113,6 +121,10 @@ def _read(files: Sequence[Path], path: Path) -> RawRecording:
                     commands, counts.ambiguous = columns.commands(f"{COMMANDS}{{}}")
                     channels |= commands
             remarks += counts.remarks(topic)
+    strangers = [name for name in channels if not is_name(name)]
+    if strangers:
+        remarks.append(f"{all_shown(strangers)}: no names of channels, so they are not used")
+        channels = {name: channel for name, channel in channels.items() if is_name(name)}
     if not channels:
         raise RecordingError(f"{path}: the topics {', '.join(topics)} hold no messages")
     return RawRecording(path, channels, remarks)

@@ -17,7 +17,10 @@ from pam_gap.recordings.size_limits import MOST_BYTES
 
 _HEADER: Final = 128
 _MATRIX, _COMPRESSED = 14, 15
+_KINDS: Final = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13, _MATRIX, 16, 17, 18})
+"""Kinds of data; scipy ends the process where it looks one up that does not exist."""
 _CELL, _STRUCT, _OBJECT, _SPARSE = 1, 2, 3, 5
+_CLASSES: Final = range(1, 18)
 _MOST_NESTED: Final = 32
 
 
@@ -85,10 +88,15 @@ def _walk(data: memoryview, order: str, depth: int) -> None:
 def _element(data: memoryview, order: str, place: int) -> tuple[int, int, int, int]:
     """Kind, begin and end of the data of an element, and where the next one begins."""
     kind, count = struct.unpack_from(f"{order}II", data, place)
+    begin, following = place + 8, place + 8 + count + -count % 8
     if kind >> 16:  # a small element: its length and kind share four bytes, its data follow
-        return kind & 0xFFFF, place + 4, place + 4 + min(kind >> 16, 4), place + 8
-    begin = place + 8
-    return kind, begin, begin + count, begin + count + -count % 8
+        kind, count = kind & 0xFFFF, kind >> 16
+        begin, following = place + 4, place + 8
+        if count > 4:
+            raise ValueError("a small element claims more than four bytes")
+    if kind not in _KINDS or begin + count > len(data):
+        raise ValueError("an element of no known kind, or longer than its array")
+    return kind, begin, begin + count, following
 
 
 def _check_array(data: memoryview, order: str, depth: int) -> None:
@@ -97,9 +105,10 @@ def _check_array(data: memoryview, order: str, depth: int) -> None:
         return  # an empty cell
     _, begin, _, place = _element(data, order, 0)  # flags
     kind = struct.unpack_from(f"{order}I", data, begin)[0] & 0xFF
+    if kind not in _CLASSES:
+        raise ValueError("an array of no known class")
     _, begin, end, place = _element(data, order, place)
     sizes = struct.unpack_from(f"{order}{(end - begin) // 4}i", data, begin)
     if kind != _SPARSE and not 0 <= math.prod(sizes) <= len(data):
         raise ValueError("an array claims more elements than it has bytes")
-    if kind in (_CELL, _STRUCT, _OBJECT):
-        _walk(data[place:], order, depth)
+    _walk(data[place:], order, depth)

@@ -49,6 +49,15 @@ back."""
 _EPOCH = 1e8  # a time stamp above this is an absolute one
 
 
+LONGEST_NAME = 128
+"""Characters of the name of a channel; longer ones are noise."""
+
+
+def is_name(name: str) -> bool:
+    """Whether a foreign text can be the name of a channel, which messages repeat as it is."""
+    return len(name) <= LONGEST_NAME and name.isprintable()
+
+
 class RecordingError(PamError):
     """A recording that cannot be used; the message names file, channel and expectation."""
 

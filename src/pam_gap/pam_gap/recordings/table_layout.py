@@ -22,6 +22,8 @@ _SEPARATORS: Final = (";", "\t", ",", None)
 """In the order in which they are preferred; None stands for blanks."""
 _JUDGED: Final = 64
 """Cells of a line that are looked at, so that a line of 100,000 columns costs no more."""
+_LAST: Final = 8
+"""Lines at the end that tell how many columns there are."""
 _NUMBER: Final = re.compile(
     r"[-+]?\s*(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?\s*%?"
     r"|(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})([T ]+\d{1,2}:\d{2}.*)?"
@@ -87,8 +89,7 @@ def _share(cells: Sequence[str]) -> float:
 def _first_row(rows: Rows) -> tuple[int, float]:
     """Place of the first row of numbers, and how well the lines from there on are rows; -1, 0."""
     widths = [len(cells) for _, cells in rows]
-    tail = widths[len(widths) // 2 :]
-    width = Counter(tail).most_common(1)[0][0]
+    width = Counter(widths[-_LAST:]).most_common(1)[0][0]
     shares = [_share(cells) if len(cells) == width else 0.0 for _, cells in rows]
     good = [share >= 0.5 for share in shares]
     for place, is_row in enumerate(good):
@@ -126,8 +127,8 @@ def find_layout(lines: Sequence[str]) -> TableLayout:
     """
     told = [(k, line) for k, line in enumerate(lines) if line.strip()]
     body = [(k, line) for k, line in told if not line.lstrip().startswith("#")]
-    if not body:
-        raise ValueError("it holds no line of a table")
+    if len(body) < 2:
+        raise ValueError("it holds no rows below a line of names")
     best: tuple[float, int, str | None, Rows] = (0.0, -1, None, [])
     for between in _SEPARATORS:
         rows = [(k, _cells(line, between)) for k, line in body]

@@ -23,7 +23,7 @@ from pam_gap.recordings.unpacked import open_unpacked
 from pam_model.table_dialect import encoding_of
 from pam_ros.foreign_text import shown
 
-_LINES: Final = 60
+_LINES: Final = 200
 """Lines that are looked at."""
 _FEWEST_LINES, _ENOUGH = 4, 1 << 20
 """So many suffice if they have so many bytes, as with 100,000 columns."""
@@ -86,11 +86,16 @@ class Table:
         numeric = frame if all(plain) else frame.loc[:, plain]
         values = numeric.to_numpy(dtype=np.float64)  # at once: there may be 100,000
         table.columns |= dict(zip(np.array(names, dtype=object)[plain], values.T, strict=True))
+        kinds: dict[str, str] = {}
         for place in np.flatnonzero(~np.array(plain, dtype=np.bool_)):
             name = names[place]
-            table.columns[name], text = _numbers(frame.iloc[:, place], decimal)
+            table.columns[name], text, kind = _numbers(frame.iloc[:, place], decimal)
+            kinds[name] = kind
             if text is not None:
                 table.texts[name] = text
+        if "date" not in kinds.values():
+            for name in (name for name, kind in kinds.items() if kind == "clock"):
+                table.columns[name] = _over_midnight(table.columns[name])
         return table
 
 
@@ -158,33 +163,33 @@ def read_text_table(path: Path, rows: int | None = None) -> Table:
     return table
 
 
-def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None]:
-    """A column as numbers, and the entries that are none."""
+def _numbers(column: Any, decimal: str) -> tuple[Array, Text | None, str]:
+    """A column as numbers, the entries that are none, and whether it is a "date" or "clock"."""
     kind = column.dtype
     if pd.api.types.is_datetime64_any_dtype(kind):
-        return _since_1970(pd.to_datetime(column, utc=True)), None
+        return _since_1970(pd.to_datetime(column, utc=True)), None, "date"
     if pd.api.types.is_timedelta64_dtype(kind):
-        return (column / pd.Timedelta(seconds=1)).to_numpy(np.float64, na_value=np.nan), None
+        return (column / pd.Timedelta(seconds=1)).to_numpy(np.float64, na_value=np.nan), None, ""
     if pd.api.types.is_numeric_dtype(kind):
-        return column.to_numpy(dtype=np.float64, na_value=np.nan), None
+        return column.to_numpy(dtype=np.float64, na_value=np.nan), None, ""
     there = column.notna().to_numpy(dtype=np.bool_)
     text = column.astype("string").str.strip().fillna("")
     written = text.str.replace(r"^([-+])\s+(?=[\d.,])", r"\1", regex=True)
     if decimal != ".":
         written = written.str.replace(decimal, ".", regex=False)
     values: Array = pd.to_numeric(written, errors="coerce").to_numpy(np.float64, na_value=np.nan)
-    if not np.isfinite(values).any():
-        values = _times_of_day(text)
-    if not np.isfinite(values).any():
-        values = _dates(text)
+    what = ""
+    for kind_of, convert in (("clock", _times_of_day), ("date", _dates)):
+        if not np.isfinite(values).any():
+            values, what = convert(text), kind_of
     bad = np.flatnonzero(np.isnan(values) & there & (text.str.lower() != "nan").to_numpy(bool))
     if not bad.size:
-        return values, None
-    return values, Text(int(bad.size), str(text.iloc[bad[0]]), int(bad[0]) + 1)
+        return values, None, what
+    return values, Text(int(bad.size), str(text.iloc[bad[0]]), int(bad[0]) + 1), what
 
 
 def _times_of_day(text: Any) -> Array:
-    """Seconds since the midnight before the first row; NaN for what is no time of day."""
+    """Seconds since midnight; NaN for what is no time of day."""
     parts = text.str.extract(f"^{_TIME_OF_DAY}$")
     hours, minutes, seconds = (
         pd.to_numeric(parts[k].str.replace(",", "."), errors="coerce").to_numpy(
@@ -193,6 +198,11 @@ def _times_of_day(text: Any) -> Array:
         for k in range(3)
     )
     values: Array = 3600.0 * hours + 60.0 * minutes + seconds
+    return values
+
+
+def _over_midnight(values: Array) -> Array:
+    """Times of day, where no date says it, as seconds since the midnight before the first row."""
     known = np.flatnonzero(np.isfinite(values))
     midnights = np.diff(values[known]) < -0.5 * _DAY
     values[known[1:]] += _DAY * np.cumsum(midnights)

@@ -192,11 +192,31 @@ def _heading(cell: str, path: Path) -> tuple[str, float]:
     return name, scales[unit]
 
 
+def _headings(cells: list[str], path: Path) -> list[tuple[str, float]]:
+    """Name and factor of each column; one in another unit is a stranger if another will do."""
+    found: list[tuple[str, float] | PamError] = []
+    for cell in cells:
+        try:
+            found.append(_heading(cell, path))
+        except PamError as error:
+            found.append(error)
+    known = {entry[0] for entry in found if isinstance(entry, tuple)}
+    named: list[tuple[str, float]] = []
+    for cell, entry in zip(cells, found, strict=True):
+        if isinstance(entry, tuple):
+            named.append(entry)
+        elif re.split(r"\s*[\[(]", cell)[0].lower() in known:  # as volts beside bar
+            named.append((cell, 1.0))
+        else:
+            raise entry
+    return named
+
+
 def _load_points(path: Path, rows: list[list[str]]) -> Measurements:
     rows = [row for row in rows if any(cell.strip() for cell in row)]
     if not rows:
         raise PamError(f"{path}: empty; expected a header row and points")
-    headings = [_heading(cell.strip(), path) for cell in rows[0]]
+    headings = _headings([cell.strip() for cell in rows[0]], path)
     header, scales = [name for name, _ in headings], dict(headings)
     position = [name for name in ("length", "shortening") if name in header]
     missing = [name for name in ("pressure", "force") if name not in header]

@@ -12,7 +12,7 @@ from pam_model.errors import PamError, RigError
 from pam_model.muscles.force_model import ForceModel, registered_models, unknown_model
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.bus_keys import beside_rig_file, check_buses, read_buses
-from pam_model.rig.keys import LENGTH_TOLERANCE, NUMBERS, TURN, Key, Problems, Section
+from pam_model.rig.keys import LENGTH_TOLERANCE, NUMBERS, POSITION_LIMITS, Key, Problems, Section
 from pam_model.rig.people import read_people
 from pam_model.rig.types import Gas, Joint, Muscle, Plausibility, Rig, Valve, ValveKind
 from pam_model.rig.wiring import Encoder, PressureSensor
@@ -148,8 +148,7 @@ def _joint(section: Section, name: str) -> tuple[Joint | None, list[str]]:
         what = ": missing" if limits is None else f" = {limits!r}"
         section.add("position_limits", f"{what}; must be [lower, upper] in rad")
     else:
-        angle = Key("rad", -TURN, TURN)
-        ends = [section.check("position_limits", value, angle) for value in limits]
+        ends = [section.check("position_limits", value, POSITION_LIMITS) for value in limits]
         if None not in ends and not ends[0] < ends[1]:  # type: ignore[operator]
             section.add("position_limits", f" = {list(limits)} rad: lower must be below upper")
     encoder = None

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from cantools.database.can import Message
 from cantools.database.errors import Error
 
-from pam_driver.boards.dbc_file import load_dbc
+from pam_driver.boards.dbc_file import read_dbc
 from pam_driver.boards.mapped.device import (
     AnswerFrame,
     CommandFrame,
@@ -366,7 +366,7 @@ class MappedTwins:
 
     def make(self, wired: WiredBoard, settings: BoardSettings, now: float) -> SimulatedBoard:
         """The twin of one device, powered up at `now` [s]."""
-        database = load_dbc(Path(wired.settings["dbc"]), _MAX_DBC_BYTES, strict=False)
+        database = read_dbc(Path(wired.settings["dbc"]), _MAX_DBC_BYTES).database
         messages = {message.name: message for message in database.messages}
         return SimulatedMappedBoard(wired, read_device(wired), messages, settings, now)
 

@@ -109,6 +109,7 @@ class SimulatedPamBoard:
         self.enabling_switch = SafetyInput.NOT_AVAILABLE
         self._samples = 0
         self._counter_step = 1
+        self._loose = False
         self._told: object = None
         self._grid = now
         self._turns: dict[type[BoardMessage], int] = {Measurement: 0, Status: 0, Heartbeat: 0}
@@ -166,6 +167,9 @@ class SimulatedPamBoard:
     def misbehave(self, fault: str, value: float) -> None:
         """Let the counter jump or freeze, as faulty firmware would, or act as a person does.
 
+        After "not_available_between", a second device sends under the identifier of this board that
+        it has no measurement, each time after this one.
+
         A person presses the emergency stop or releases the enabling switch with the value 0, and
         permits motion with 1.
         """
@@ -173,12 +177,14 @@ class SimulatedPamBoard:
             self._samples = (self._samples + round(value)) & 0xFF
         elif fault == "counter_frozen":
             self._counter_step = 0
+        elif fault == "not_available_between":
+            self._loose = True
         elif fault == "emergency_stop":
             self.emergency_stop = SafetyInput(round(value))
         elif fault == "enabling_switch":
             self.enabling_switch = SafetyInput(round(value))
         elif fault == "mended":
-            self._counter_step = 1
+            self._counter_step, self._loose = 1, False
 
     def on_frame(self, frame_id: int, data: bytes, now: float) -> None:
         """Receive a frame from the bus; a frame for another board is ignored."""
@@ -226,6 +232,8 @@ class SimulatedPamBoard:
                 shown[channel] = _within(pressure, PRESSURE_RANGE)
             angle = _within(position, POSITION_RANGE)
             messages.append(Measurement((shown[0], shown[1]), angle, self._samples))
+            if self._loose:
+                messages.append(Measurement((math.nan, math.nan), math.nan, self._samples))
         news = (self.state, self.faults, self.emergency_stop, self.enabling_switch)
         if self._is_due(Status, now) or news != self._told:
             self._told = news

@@ -149,7 +149,8 @@ class SimulatedBoard(Protocol):
         Parameters
         ----------
         fault : str
-            "counter_jump" (by `value`), "counter_frozen" or "mended"; "emergency_stop" and
+            "counter_jump" (by `value`), "counter_frozen", "not_available_between" or "mended";
+            "emergency_stop" and
             "enabling_switch" with 0 (forbids motion) or 1 (permits it). No effect on a board that
             has no such counter or input.
         value : float

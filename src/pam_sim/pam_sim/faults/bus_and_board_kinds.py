@@ -129,4 +129,7 @@ BUS_AND_BOARD_KINDS: Final = (
        ("frames_lost", "frames_repeated", "frames_reordered"), _R.RIDE, WATCH),
     _K("counter_frozen", "board", "the measurement counter no longer changes", {},
        ("counter_frozen", "stale_sensor"), _R.VENT, SENSOR_STOPS, "sensor_timeout"),
+    _K("not_available_between", "board", "another device says \"not available\" under the board's "
+       "identifier, after each of its measurements", {}, ("sensor_intermittent",), _R.VENT,
+       SENSOR_STOPS, "a share of sensor_timeout in a second"),
 )  # fmt: skip

@@ -17,10 +17,16 @@ HALF_TURN: Final = 0.84  # s, half a period of the campaign's motion
 PEOPLE_KINDS: Final = (
     _K("emergency_stop_pressed", "people", "the emergency stop is pressed (topic)", {},
        ("emergency_stop",), _R.VENT, VENT, "the next cycle of the driver"),
+    _K("emergency_stop_for_one_message", "people", "the emergency stop is pressed for one message, "
+       "permissions follow at once (topic)", {"permissions": (1, 300)}, ("emergency_stop",),
+       _R.VENT, VENT, "the next cycle of the driver"),
     _K("emergency_stop_silent", "people", "the emergency stop's topic ends", {},
        ("emergency_stop",), _R.VENT, _P.deadline + VENT, _SILENT),
     _K("enabling_switch_released", "people", "the enabling switch is released (topic)", {}, (),
        _R.VENT, VENT, "the next cycle of the driver; no fault"),
+    _K("enabling_switch_for_one_message", "people", "the enabling switch is released for one "
+       "message, permissions follow at once (topic)", {"permissions": (1, 300)}, (), _R.VENT, VENT,
+       "the next cycle of the driver; no fault"),
     _K("enabling_switch_silent", "people", "the enabling switch's topic ends", {}, (), _R.VENT,
        _P.deadline + VENT, _SILENT),
     _K("enabling_switch_bounces", "people", "the enabling switch bounces (topic)",

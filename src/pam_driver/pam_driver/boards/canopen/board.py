@@ -99,6 +99,7 @@ class CanopenBoard:
         )
         self._measured = Measurements(wired, node, device.answers, self._heard_pdo)
         self.pressures, self.angles = self._measured.pressures, self._measured.angles
+        self.availability = self._measured.availability
         self.host_fault = False
         self.round_trip = math.nan  # PDOs carry no counter
         self.inputs: Mapping[str, Sample] = {}
@@ -205,6 +206,7 @@ class CanopenBoard:
             if self.boot.stage is Stage.WAITING:
                 text += f"; {self.boot.error}"
             yield Condition("board_lost", self.name, text)
+        yield from self._measured.range_conditions(self.name, now, sensor_timeout)
         if self._restarted:
             yield Condition("board_restarted", self.name, f"node {node} has restarted (boot-up)")
         wrong = [*self._emergencies.values(), *self._measured.invalid_texts()]
@@ -225,8 +227,8 @@ class CanopenBoard:
             yield Condition("board_not_active", self.name, text)
 
     def counts(self) -> Mapping[str, int]:
-        """The number of restarts."""
-        return {"restarts": self.restarts}
+        """Counts of readings out of range, and of restarts."""
+        return {"out_of_range": self._measured.out_of_range, "restarts": self.restarts}
 
     def report(self) -> BoardReport:
         """State, progress of the boot, emergencies and supply pressure."""
@@ -272,6 +274,15 @@ class CanopenBoard:
             for entry in pdo.inputs:
                 found[entry.what, entry.channel] = f"TPDO{pdo.number}.{entry.field.name}"
         return found
+
+    def invalid_values(self) -> Mapping[tuple[str, Channel], Mapping[int, str]]:
+        """The raw values that count as no measurement, with their names."""
+        return {
+            (entry.what, entry.channel): entry.invalid
+            for pdo in self._device.answers
+            for entry in pdo.inputs
+            if entry.invalid
+        }
 
     def _state_text(self) -> str:
         if self._state is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from pam_driver.boards.canopen.device import Tpdo
-from pam_driver.boards.frame_errors import FrameLengthError, FrameRangeError
+from pam_driver.boards.frame_errors import FrameLengthError
 from pam_driver.boards.protocol import NEVER, Hear, WiredBoard
 from pam_driver.boards.samples import Samples
 
@@ -50,7 +50,11 @@ class Measurements(Samples):
 
     def _listener(self, pdo: Tpdo) -> Hear:
         entries = tuple(
-            (entry, self.keeper(entry.what, entry.channel, wraps=entry.wraps))
+            (
+                entry,
+                self.keeper(entry.what, entry.channel, wraps=entry.wraps),
+                self.misser(entry.what, entry.channel),
+            )
             for entry in pdo.inputs
         )
         name = f"TPDO{pdo.number}"
@@ -64,22 +68,25 @@ class Measurements(Samples):
                     f"{pdo.length}",
                 )
             word = int.from_bytes(data, "little")
-            found = []
-            for entry, keep in entries:
+            found, missed = [], []
+            for entry, keep, miss in entries:
                 raw = entry.field.raw(word)
                 invalid = entry.invalid.get(int(raw), "") if entry.invalid else ""
                 if raw != raw:  # noqa: PLR0124  (NaN)
                     invalid = "not a number"
                 elif not invalid and not entry.low <= raw <= entry.high:
-                    raise FrameRangeError(
-                        pdo.frame_id,
-                        f"{name} of node {self._node}, {entry.field.name} is {raw:g} raw, expected "
-                        f"{entry.low:g} to {entry.high:g}",
+                    text = (
+                        f"{entry.field.name} is {raw:g} raw, outside the range {entry.low:g} to "
+                        f"{entry.high:g} of the EDS file"
                     )
+                    missed.append((miss, text))
+                    continue
                 found.append((keep, invalid, entry.gain * raw + entry.bias))
             self.heard_at[name] = time
             self._heard()
             for keep, invalid, value in found:
                 keep(invalid, value, time, stamp)
+            for miss, text in missed:
+                miss(text, time)
 
         return hear

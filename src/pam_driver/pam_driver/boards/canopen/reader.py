@@ -67,7 +67,7 @@ class DeviceReader:
     def __init__(self, wired: WiredBoard) -> None:
         collected = Problems("")
         self.problems = collected.lines
-        self.doubts: list[str] = []
+        self.doubts = collected.doubts
         self.device: Device | None = None
         self.dictionary: Dictionary | None = None
         self._wired = wired

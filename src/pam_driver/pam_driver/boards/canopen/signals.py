@@ -205,6 +205,13 @@ class SignalReader:
         linear, quantity = converted
         unit = unit_called(str(where.tree.get("unit") or source.unit)) or ""
         raw = Linear(linear.factor * slope, linear.factor * start + linear.offset)
+        if not raw.is_usable:
+            where.add(
+                "object",
+                f" = {name}: gives the conversion {raw.factor:g} x + {raw.offset:g} "
+                f"({self.dictionary.file}, line {self.dictionary.line(name)})",
+            )
+            return None
         return raw, quantity, unit, slope
 
     @staticmethod

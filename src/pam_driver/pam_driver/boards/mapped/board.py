@@ -10,7 +10,6 @@ from pam_driver.boards.frame_errors import (
     ForeignCommandError,
     FrameCrcError,
     FrameLengthError,
-    FrameRangeError,
 )
 from pam_driver.boards.mapped.device import (
     AnswerFrame,
@@ -61,6 +60,7 @@ class MappedBoard:
         )
         self._samples = Samples(wired)
         self.pressures, self.angles = self._samples.pressures, self._samples.angles
+        self.availability = self._samples.availability
         self.host_fault = False
         self.round_trip = math.nan  # what a device echoes need not be a counter
         self.inputs: Mapping[str, Sample] = {}
@@ -148,6 +148,7 @@ class MappedBoard:
             if counter.frozen(now, sensor_timeout):
                 text = f"counter of {name} has not changed for {sensor_timeout:g} s"
                 yield Condition("counter_frozen", self.name, text)
+        yield from self._samples.range_conditions(self.name, now, sensor_timeout)
         if self._restarted:
             yield Condition("board_restarted", self.name, "has restarted")
         wrong = self._samples.invalid_texts()
@@ -164,12 +165,13 @@ class MappedBoard:
             yield Condition("command_not_heard", self.name, text)
 
     def counts(self) -> Mapping[str, int]:
-        """Counts of measurements lost, repeated and out of order, and of restarts."""
+        """Counts of measurements lost, repeated, out of order and out of range, and restarts."""
         counters = self._counters.values()
         return {
             "frames_lost": sum(counter.lost for counter in counters),
             "frames_repeated": sum(counter.repeated for counter in counters),
             "frames_reordered": sum(counter.reordered for counter in counters),
+            "out_of_range": self._samples.out_of_range,
             "restarts": self.restarts,
         }
 
@@ -217,6 +219,15 @@ class MappedBoard:
                 found[entry.what, entry.channel] = f"{answer.name}.{entry.signal.layout.name}"
         return found
 
+    def invalid_values(self) -> Mapping[tuple[str, Channel], Mapping[int, str]]:
+        """The raw values that count as no measurement, with their names."""
+        return {
+            (entry.what, entry.channel): entry.invalid
+            for answer in self._device.answers
+            for entry in answer.inputs
+            if entry.invalid
+        }
+
     def _state_text(self) -> str:
         if self._state is None:
             return "no state received"
@@ -249,16 +260,21 @@ class MappedBoard:
         return self._built(request.frame, request.base, None)
 
     def _listener(self, frame: AnswerFrame) -> Hear:
-        keeper = self._samples.keeper
+        keeper, misser = self._samples.keeper, self._samples.misser
         readings = tuple(
-            (entry, keeper(entry.what, entry.channel, wraps=entry.wraps)) for entry in frame.inputs
+            (
+                entry,
+                keeper(entry.what, entry.channel, wraps=entry.wraps),
+                misser(entry.what, entry.channel),
+            )
+            for entry in frame.inputs
         )
 
         def hear(data: bytes, time: float, stamp: float) -> None:
             self._check(frame, data)
             little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
-            found = []
-            for entry, keep in readings:
+            found, missed = [], []
+            for entry, keep, miss in readings:
                 if not entry.signal.present(little, big):
                     continue
                 layout = entry.signal.layout
@@ -267,11 +283,12 @@ class MappedBoard:
                 if not name and value != value:  # noqa: PLR0124  (NaN)
                     name = "not a number"
                 if not name and not layout.raw_low <= value <= layout.raw_high:
-                    raise FrameRangeError(
-                        frame.frame_id,
-                        f"{frame.name}.{layout.name} of {self.name} is {value:g} raw, expected "
-                        f"{layout.raw_low:g} to {layout.raw_high:g}",
+                    text = (
+                        f"{frame.name}.{layout.name} is {layout.physical(raw):g}, outside the "
+                        f"range {layout.low:g} to {layout.high:g} of the DBC file"
                     )
+                    missed.append((miss, text))
+                    continue
                 found.append((keep, name, entry.gain * value + entry.bias))
             if frame.counter is not None and not self._counters[frame.name].fresh(
                 frame.counter.raw(little, big), time
@@ -280,6 +297,8 @@ class MappedBoard:
             self._heard_at[frame.name] = time
             for keep, name, value in found:
                 keep(name, value, time, stamp)
+            for miss, text in missed:
+                miss(text, time)
             self._hear_status(frame, little, big, time)
 
         return hear

@@ -37,6 +37,7 @@ class _Message:
 
     message: Message
     where: Section
+    whole: bool
     counter: SignalLayout | None = None
     checksum: FrameChecksum | None = None
     period: float | None = None
@@ -80,6 +81,8 @@ class CommandReader:
 
     def commands(self) -> Commands:
         """The frames; call it after everything else was read, since it checks what is left."""
+        if not all(entry.whole for entry in self.messages.values()):
+            return Commands((), (), ())
         cyclic = dict.fromkeys([*self._outputs, *self._enables])
         for name, entry in self.messages.items():
             if entry.period is not None and not any(name == frame[0] for frame in cyclic):
@@ -98,12 +101,17 @@ class CommandReader:
         if found is None or not self._lookup.claim(*found, where, "signal"):
             return None
         message, signal = found
-        self._message(message)
+        if not self._message(message).whole:
+            return None
         return (message.name, _selector(signal)), message, signal
 
     def _message(self, message: Message) -> _Message:
-        section = Section({}, f"{self._top.path}.commands.{message.name}", self._top.problems)
-        return self.messages.setdefault(message.name, _Message(message, section))
+        entry = self.messages.get(message.name)
+        if entry is None:
+            section = Section({}, f"{self._top.path}.commands.{message.name}", self._top.problems)
+            whole = self._lookup.whole(message, self._top, "dbc")
+            entry = self.messages[message.name] = _Message(message, section, whole)
+        return entry
 
     def _read_setpoints(self) -> None:
         section = self._top.section("setpoints")
@@ -155,13 +163,11 @@ class CommandReader:
                     f"{unit}",
                 )
                 return None
-        return Output(
-            wire.place,
-            layout,
-            gain=device.factor / layout.scale,
-            bias=(device.offset - layout.offset) / layout.scale,
-            vented=vented,
-        )
+        gain, bias = device.factor / layout.scale, (device.offset - layout.offset) / layout.scale
+        if not Linear(gain, bias).is_usable:
+            self._lookup.refuse_numbers(where, message, signal, gain, bias)
+            return None
+        return Output(wire.place, layout, gain, bias, vented)
 
     def _read_enables(self) -> None:
         section = self._top.section("enables")
@@ -195,6 +201,8 @@ class CommandReader:
             if message is None:
                 continue
             entry = self._message(message)
+            if not entry.whole:
+                continue
             entry.where = where
             entry.counter = read_counter(where, self._lookup, message)
             entry.checksum = read_checksum(where, self._lookup, message)
@@ -228,7 +236,8 @@ class CommandReader:
             message = self._lookup.message(name, section, str(name))
             if message is None:
                 continue
-            self._message(message)
+            if not self._message(message).whole:
+                continue
             values = self._values(where, message, claim=False)
             selectors = {_selector(message.get_signal_by_name(signal)) for signal in values} - {
                 None

@@ -19,14 +19,21 @@ class MappedKind:
     ----------
     options : mapping of str to str
         Not used: every device names its own DBC file.
+
+    Attributes
+    ----------
+    doubts : list of str
+        What is odd about devices that can be used, as a flaw elsewhere in a DBC file.
     """
 
     def __init__(self, options: KindOptions) -> None:
-        pass
+        self.doubts: list[str] = []
 
     def problems(self, wired: Sequence[WiredBoard]) -> list[str]:
         """What is wrong with the sections of the devices."""
-        return [line for board in wired for line in DeviceReader(board).problems]
+        readers = [DeviceReader(board) for board in wired]
+        self.doubts += [doubt for reader in readers for doubt in reader.doubts]
+        return [line for reader in readers for line in reader.problems]
 
     def make(self, wired: WiredBoard) -> Board:
         """A new board for one driver."""

@@ -20,11 +20,12 @@ from pam_driver.boards.mapped.device import (
     Input,
     Selected,
 )
+from pam_driver.boards.mapped.doubts import Needed, doubt_labels, doubt_range
 from pam_driver.boards.mapped.frame_checks import read_checksum, read_counter
 from pam_driver.boards.mapped.signal_layout import frame_length
 from pam_driver.boards.protocol import Channel, Promises, WiredBoard
 from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT, SUPPLY_INPUT
-from pam_driver.boards.units import ANGLE, PRESSURE
+from pam_driver.boards.units import ANGLE, PRESSURE, Linear
 from pam_model.rig.keys import Key, Problems, Section
 
 _OFFSET: Final = Key("-", -0x1FFF_FFFF, 0x1FFF_FFFF, 0.0)
@@ -52,13 +53,15 @@ class DeviceReader:
     ----------
     problems : list of str
         What is wrong; empty if `device` can be used.
+    doubts : list of str
+        What is odd although the device can be used, as a flaw elsewhere in the DBC file.
     device : Device or None
         The device, if nothing is wrong.
     """
 
     def __init__(self, wired: WiredBoard) -> None:
         collected = Problems("")
-        self.problems = collected.lines
+        self.problems, self.doubts = collected.lines, collected.doubts
         self.device: Device | None = None
         self._wired = wired
         self._top = Section(wired.settings, f"boards.{wired.address}", collected)
@@ -71,6 +74,7 @@ class DeviceReader:
         self._lookup = lookup
         device = self._read()
         self._top.finish()
+        self.doubts += [f"{self._top.key('dbc')}: {doubt}" for doubt in lookup.doubts()]
         if not self.problems:
             self.device = device
 
@@ -106,6 +110,7 @@ class DeviceReader:
                     f"{top.path}",
                     f": {name} is a command and an answer; a message has one sender",
                 )
+            self._lookup.used_fit(self._answers[name].message, top)
         made = commands.commands()
         answers = tuple(answer.frame for answer in self._answers.values())
         if not answers and not made.cyclic and not self.problems:
@@ -207,18 +212,42 @@ class DeviceReader:
         linear, _ = converted
         selected = self._lookup.selected(message, signal)
         layout = selected.layout
+        gain = linear.factor * layout.scale
+        bias = linear.factor * layout.offset + linear.offset
+        if not Linear(gain, bias).is_usable:
+            self._lookup.refuse_numbers(where, message, signal, gain, bias)
+            return
         entry = Input(
             what,
             channel,
             selected,
-            gain=linear.factor * layout.scale,
-            bias=linear.factor * layout.offset + linear.offset,
+            gain=gain,
+            bias=bias,
             invalid=invalid,
             wraps=wraps is True,
         )
         answer = self._answer(message)
         answer.frame = replace(answer.frame, inputs=(*answer.frame.inputs, entry))
         self._check_range(where, what, channel, entry, message)
+        needed = self._needed(what, channel)
+        if needed is not None:
+            line = self._lookup.place(message.name, signal.name)
+            doubt_range(where, entry, f"{message.name}.{signal.name}", line, needed)
+            doubt_labels(where, entry, needed)
+
+    def _needed(self, what: str, channel: Channel) -> Needed | None:
+        """What a signal must be able to show; None for the supply pressure."""
+        if what == PRESSURE_INPUT:
+            for wire in self._wired.pressures:
+                if wire.channel == channel:
+                    most = wire.muscle.max_pressure
+                    return Needed(0.0, most, max(most, self._wired.ambient_pressure), "Pa gauge")
+        if what == ANGLE_INPUT:
+            for angle in self._wired.angles:
+                if angle.channel == channel:
+                    low, high = angle.joint.position_limits
+                    return Needed(low, high, high - low, "rad")
+        return None
 
     def _check_range(
         self, where: Section, what: str, channel: Channel, entry: Input, message: Message
@@ -249,8 +278,21 @@ class DeviceReader:
                 )
 
     def _invalid(self, where: Section, signal: Signal) -> dict[int, str]:
-        """Raw values that are no measurement: those with a label in the DBC, and `invalid`."""
+        """Raw values that are no measurement: those with a label in the DBC, and `invalid`.
+
+        A label under the key `valid` is a measurement.
+        """
         found = {int(raw): str(name) for raw, name in (signal.choices or {}).items()}
+        valid = where.get("valid")
+        if valid is not None and (isinstance(valid, str) or not isinstance(valid, list | tuple)):
+            where.add("valid", f" = {valid!r}: must be a list of labels of {signal.name}")
+            valid = None
+        for label in valid or ():
+            raw = raw_value(signal, label)
+            if isinstance(raw, str):
+                where.add("valid", f": {raw}")
+            else:
+                found.pop(raw, None)
         section = where.section("invalid")
         low, high = raw_limits(signal)
         for name in section.tree:

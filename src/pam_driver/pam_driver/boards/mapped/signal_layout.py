@@ -16,6 +16,8 @@ from cantools.database.can import Message, Signal
 
 _FLOATS: Final = {16: ">e", 32: ">f", 64: ">d"}
 _FLOAT_LIMITS: Final = {16: 65504.0, 32: 3.4028234663852886e38, 64: 1.7976931348623157e308}
+FLOAT_BITS: Final = frozenset(_FLOATS)
+"""The lengths that a float can have."""
 _FD_LENGTHS: Final[tuple[int, ...]] = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 
@@ -40,11 +42,17 @@ class SignalLayout:
     labels : dict of int to str
         The value table (`VAL_`), by raw value.
     low, high : float
-        The smallest and the largest physical value that the signal can carry.
+        The smallest and the largest physical value by the range of the file.
+    raw_low, raw_high : float
+        The same in counts.
+    bits_low, bits_high : float
+        The smallest and the largest value in counts that the bits can carry.
     """
 
     __slots__ = (
         "big",
+        "bits_high",
+        "bits_low",
         "float_format",
         "high",
         "labels",
@@ -86,12 +94,15 @@ class SignalLayout:
             for end in (signal.minimum, signal.maximum)
             if end is not None
         ]
-        if len(ends) == 2:
+        self.bits_low, self.bits_high = self.raw_low, self.raw_high
+        if len(ends) == 2 and ends[0] != ends[1]:  # [0|0] is no range
             ends = ends if self.float_format else [float(round(end)) for end in ends]
             self.raw_low = max(self.raw_low, min(ends))
             self.raw_high = min(self.raw_high, max(ends))
+        largest = _FLOAT_LIMITS[64]
         self.low, self.high = sorted(
-            raw * self.scale + self.offset for raw in (self.raw_low, self.raw_high)
+            min(max(raw * self.scale + self.offset, -largest), largest)
+            for raw in (self.raw_low, self.raw_high)
         )
 
     def raw(self, little: int, big: int) -> int:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+from pam_driver.boards.availability import Availability
 from pam_driver.boards.pam_board.codec import (
     CHANNELS,
     PROTOCOL_VERSION,
@@ -24,6 +25,7 @@ from pam_driver.boards.protocol import (
     Condition,
     Sample,
 )
+from pam_driver.boards.samples import ANGLE_INPUT, PRESSURE_INPUT
 
 # A counter that is behind by less means frames out of order; otherwise the counter was reset.
 _REORDER_WINDOW: Final = 16
@@ -43,6 +45,8 @@ class BoardMonitor:
     ----------
     pressures, angles : dict of int to Sample
         By channel the last available value [Pa gauge], [rad].
+    availability : Availability
+        How often a measurement has not the one or the other.
     inputs : dict of str to Sample
         The inputs for people that the board has, see `boards.protocol.Board.inputs`.
     status, heartbeat : message or None
@@ -57,6 +61,7 @@ class BoardMonitor:
         self.pressures: dict[Channel, Sample] = {channel: Sample() for channel in range(CHANNELS)}
         self.angles: dict[Channel, Sample] = {0: Sample()}
         self.inputs: dict[str, Sample] = {}
+        self.availability = Availability()
         self.status: Status | None = None
         self.heartbeat: Heartbeat | None = None
         self.frames_lost = 0
@@ -80,6 +85,10 @@ class BoardMonitor:
 
     def hear_measurement(self, message: Measurement, time: float, stamp: float) -> None:
         """Store a measurement unless it is a repetition or older than the last."""
+        hear = self.availability.hear
+        for channel, pressure in enumerate(message.pressures):
+            hear(PRESSURE_INPUT, channel, not math.isnan(pressure), time)
+        hear(ANGLE_INPUT, 0, not math.isnan(message.position), time)
         if self._counter is not None:
             step = (message.counter - self._counter) & 0xFF
             if step == 0:

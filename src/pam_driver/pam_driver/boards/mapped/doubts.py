@@ -1,0 +1,78 @@
+"""What is odd about a measurement that can be used: its range and its labels in the DBC file.
+
+Ranges and labels in DBC files are often placeholders, so they are told before the driver takes a
+reading for a defective sensor.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from pam_driver.boards.mapped.device import Input
+from pam_driver.boards.samples import PRESSURE_INPUT
+from pam_model.rig.keys import Section
+from pam_ros.foreign_text import shown
+
+# Of its span, what a good sensor may show beyond what it measures: offset, noise, the weather.
+_MARGIN: Final = 0.01
+
+
+class Needed(NamedTuple):
+    """The values that a signal must be able to show, the span of its sensor, and the unit."""
+
+    low: float
+    high: float
+    span: float
+    unit: str
+
+
+def doubt_range(where: Section, entry: Input, signal: str, place: str, needed: Needed) -> None:
+    """Doubt a range that ends closer to the lowest pressure than a good sensor is exact.
+
+    Parameters
+    ----------
+    where : Section
+        The keys of the signal.
+    entry : Input
+        How it is read.
+    signal, place : str
+        Its name, and the file and line that describe it.
+    needed : Needed
+        What it must be able to show.
+    """
+    layout = entry.signal.layout
+    low, low_of_bits = (
+        min(end * entry.gain + entry.bias for end in ends)
+        for ends in ((layout.raw_low, layout.raw_high), (layout.bits_low, layout.bits_high))
+    )
+    lowest = needed.low - _MARGIN * needed.span
+    if entry.what == PRESSURE_INPUT and low > max(lowest, low_of_bits):
+        where.doubt(
+            "signal",
+            f" = {signal}: its range in {place} begins at {low:.6g} {needed.unit}, and the sensor "
+            f"of an empty muscle may show {lowest:.6g}: such a reading counts as no measurement",
+        )
+
+
+def doubt_labels(where: Section, entry: Input, needed: Needed) -> None:
+    """Doubt a label at a value that is reached: it would count as a defective sensor.
+
+    Parameters
+    ----------
+    where : Section
+        The keys of the signal.
+    entry : Input
+        How it is read.
+    needed : Needed
+        What it must be able to show.
+    """
+    layout, margin = entry.signal.layout, _MARGIN * needed.span
+    for raw in entry.invalid.keys() & layout.labels.keys():
+        value = raw * entry.gain + entry.bias
+        if needed.low - margin <= value <= needed.high + margin:
+            where.doubt(
+                "valid",
+                f": {layout.name} has the label {shown(layout.labels[raw])} at raw {raw}, which is "
+                f"{value:.6g} {needed.unit}: it counts as no measurement unless valid lists the "
+                "label",
+            )

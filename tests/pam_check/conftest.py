@@ -1,0 +1,15 @@
+"""The chain in motion in which faults are brought about: every test acts in a fork of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from pam_check.faults.campaign import make_chain
+from pam_check.faults.chain import FaultChain
+from pam_model.rig import Rig
+
+
+@pytest.fixture(scope="session")
+def chain(rig: Rig) -> FaultChain:
+    """Driver, controller, model and simulated elbow on a virtual clock, moving."""
+    return make_chain(rig)

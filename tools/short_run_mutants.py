@@ -1,0 +1,158 @@
+"""Does `make test` notice what `make test-all` notices? Changes lines at random and tries both.
+
+Usage: ``.venv/bin/python tools/short_run_mutants.py [--count 30] [--seed 1] [--only PART_OF_PATH]``
+
+Only modules are changed that a file with tests of the long run imports. Each change is tried in a
+copy of the tree with the test files that import the module: first their tests of the short run,
+then, if nobody has noticed, those of the long run alone. The last lines count both. The random
+choice depends on the seed and on the sources.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SHORT = "not system and not vcan and not long"
+LONG = "long and not system and not vcan"
+TOO_LONG = 1800.0  # s: a change that makes a test endless is noticed, too
+OTHER_OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.And: ast.Or,
+    ast.Or: ast.And,
+}  # fmt: skip
+
+
+def changed(node: ast.AST) -> ast.expr | None:
+    """A small change of an expression; None if this kind of expression is left as it is."""
+    new: ast.expr | None = None
+    if isinstance(node, ast.Compare) and type(node.ops[0]) in OTHER_OPERATORS:
+        first = OTHER_OPERATORS[type(node.ops[0])]()
+        new = ast.Compare(node.left, [first, *node.ops[1:]], node.comparators)  # type: ignore[list-item]
+    elif isinstance(node, ast.BoolOp):
+        new = ast.BoolOp(OTHER_OPERATORS[type(node.op)](), node.values)  # type: ignore[arg-type]
+    elif isinstance(node, ast.BinOp) and type(node.op) in OTHER_OPERATORS:
+        new = ast.BinOp(node.left, OTHER_OPERATORS[type(node.op)](), node.right)  # type: ignore[arg-type]
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.USub):
+        new = node.operand
+    elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
+        new = ast.Constant(not node.value)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        new = ast.Constant(node.value * 2 + 1)
+    return new
+
+
+def changes(path: Path) -> Iterator[tuple[int, str, str, str]]:
+    """Line, old text, new text and whole source of every change within the functions of a file."""
+    source = path.read_text(encoding="utf-8")
+    starts = [0]
+    for line in source.encode().splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    functions = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.FunctionDef)]
+    seen = set()
+    for node in (n for function in functions for part in function.body for n in ast.walk(part)):
+        new = changed(node)
+        if new is None or not isinstance(node, ast.expr) or node.end_lineno is None:
+            continue
+        begin = starts[node.lineno - 1] + node.col_offset
+        end = starts[node.end_lineno - 1] + (node.end_col_offset or 0)
+        if (begin, end) not in seen:
+            seen.add((begin, end))
+            whole, text = source.encode(), f"({ast.unparse(new)})"
+            result = whole[:begin] + text.encode() + whole[end:]
+            yield node.lineno, whole[begin:end].decode(), text, result.decode()
+
+
+def imported(path: Path) -> set[Path]:
+    """The files of the packages that a test file imports."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        for name in names:
+            file = ROOT / "src" / name.split(".")[0] / (name.replace(".", "/") + ".py")
+            if file.exists():
+                found.add(file.relative_to(ROOT))
+    return found
+
+
+def has_long_tests(path: Path) -> bool:
+    """Whether a test file leaves anything to the long run."""
+    text = path.read_text(encoding="utf-8")
+    return "mark.long(" in text or "mark.sampled(" in text
+
+
+def failed(tree: Path, tests: list[str], which: str) -> list[str]:
+    """The first test of one run that fails, if one does."""
+    paths = [str(package) for package in sorted((tree / "src").iterdir())]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(tree)])}
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", which]
+    try:
+        ended = subprocess.run(
+            [*command, *tests],
+            cwd=tree, env=environment, capture_output=True, text=True, timeout=TOO_LONG,
+            check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return tests
+    if ended.returncode in (0, 5):  # 5: no test is selected
+        return []
+    return re.findall(r"^(?:FAILED|ERROR) (tests/\S+?\.py(?:::\w+)*)", ended.stdout, re.M) or tests
+
+
+def main() -> int:
+    """Print one line for each change, and the totals; 1 if only the long run notices a change."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=30, help="number of changes")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", metavar="PART", help="modules whose path contains it")
+    given = parser.parse_args()
+    tests = {path: imported(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))}
+    modules = sorted({m for path, names in tests.items() if has_long_tests(path) for m in names})
+    drawn_from = {m: list(changes(ROOT / m)) for m in modules if given.only in str(m)}
+    drawn_from = {module: found for module, found in drawn_from.items() if found}
+    draw = random.Random(given.seed)
+    counts: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "tree"
+        listed = subprocess.run(
+            ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+        )
+        for name in listed.stdout.splitlines():
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tree / name)
+        for _ in range(given.count):
+            module = draw.choice(list(drawn_from))
+            line, old, new, source = draw.choice(drawn_from[module])
+            chosen = [str(p.relative_to(ROOT)) for p, names in tests.items() if module in names]
+            (tree / module).write_text(source, encoding="utf-8")
+            who, which = "short run", SHORT
+            if not (noticed := failed(tree, chosen, SHORT)):
+                who, which = "long run alone", LONG
+                noticed = failed(tree, chosen, LONG)
+            shutil.copy(ROOT / module, tree / module)
+            if not noticed:
+                who = "nobody"
+            elif failed(tree, noticed, which):
+                who = "not tried: fails without a change"
+            counts[who] += 1
+            print(f"{who}: {module}:{line}: {old!r} -> {new!r}", flush=True)
+    print(", ".join(f"{who}: {count}" for who, count in counts.items()))
+    return int(counts["long run alone"] > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
