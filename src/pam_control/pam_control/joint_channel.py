@@ -109,9 +109,7 @@ class JointChannel:
         self.dynamics = InverseDynamics.from_joint(joint)
         self.indices = joint.muscles
         self.muscles = tuple(robot.muscles[place] for place in joint.muscles)
-        self.history = HistoryTorque(
-            self.muscles, self.model.pulley_radius, self.dynamics.dry_friction
-        )
+        self.history = HistoryTorque(self.muscles, joint.arms[0].length, self.dynamics.dry_friction)
         self.valve_time_constants = tuple(m.valve.time_constant for m in self.muscles)
         self.command_delays = tuple(m.valve.command_delay for m in self.muscles)
         # a lag well above the pressure loop's crossover acts as a delay

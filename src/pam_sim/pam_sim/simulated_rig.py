@@ -10,9 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from zlib import crc32
 
-import numpy as np
-import numpy.typing as npt
-
 from pam_driver.boards.protocol import Address, Frame, KindOptions, WiredBoard
 from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_model.bounds import within
@@ -22,15 +19,13 @@ from pam_model.names import unknown
 from pam_model.plant.layout import MUSCLES
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.robot_plant import RobotPlant
-from pam_model.plant.simulate import DEFAULT_STEP, initial_state
+from pam_model.plant.simulate import DEFAULT_STEP, vented_state
 from pam_model.rig import Rig
 from pam_ros.foreign_text import shown
 from pam_sim.boards.protocol import BoardSettings, SimulatedBoard, TwinKind
 from pam_sim.boards.register import twin_called
 from pam_sim.boards.sensors import BoardSensors, SensorQuality
 from pam_sim.faults.rig_faults import RigFaults
-
-Array = npt.NDArray[np.float64]
 
 FULLEST_CATCH_UP = 1.0  # s; after a longer pause of the host, the rest of the time is dropped
 
@@ -123,7 +118,7 @@ class SimulatedRig:
         self.wired: Mapping[Address, WiredBoard] = wiring.boards
         self.wiring = wiring
         self.parameters = apply_effects(rig, truth or rig, effects or {})
-        self._plant = RobotPlant(self.parameters, step, [_at_rest(p) for p in self.parameters])
+        self._plant = RobotPlant(self.parameters, step, [vented_state(p) for p in self.parameters])
         self._plants = self._plant.joints
         self._period = 1.0 / rate
         self._now = now
@@ -246,12 +241,12 @@ class SimulatedRig:
             result.positions.append(output["position"])
             result.velocities.append(output["velocity"])
             result.torques.append(output["torque"])
-            speed = plant.parameters["joint.pulley_radius"] * output["velocity"]
-            for side, index, sign in zip(MUSCLES, self._muscles_of[joint], (-1, 1), strict=True):
+            places = self._muscles_of[joint]
+            for side, index, speed in zip(MUSCLES, places, plant.path_speeds, strict=True):
                 result.pressures[index] = output[f"{side}.pressure"]
                 result.lengths[index] = output[f"{side}.length"]
                 result.forces[index] = output[f"{side}.force"]
-                result.speeds[index] = sign * speed * plant.parameters["pulley_radius.scale"]
+                result.speeds[index] = speed
         return result
 
     def _whole_steps(self, now: float) -> int:
@@ -362,13 +357,3 @@ def _check_same(rig: Rig, truth: Rig | None) -> None:
 def _seed_of(address: Address) -> int:
     """A seed for the noise of one board."""
     return address if isinstance(address, int) else crc32(address.encode())
-
-
-def _at_rest(parameters: PlantParameters) -> Array:
-    """The state at rest: muscles vented, valves at exhaust, joint where gravity holds it."""
-    position = min(
-        max(parameters["joint.gravity_angle"], parameters["joint.lower_limit"]),
-        parameters["joint.upper_limit"],
-    )
-    commands = [0.0 if parameters[f"{side}.valve.kind"] > 0.0 else -1.0 for side in MUSCLES]
-    return initial_state(parameters, position=position, commands=commands)

@@ -109,6 +109,17 @@ def initial_state(
     return y
 
 
+def vented_state(parameters: PlantParameters) -> Array:
+    """The state at rest: muscles vented, valves at exhaust, joint where gravity holds it."""
+    position = min(
+        max(parameters["joint.gravity_angle"], parameters["joint.lower_limit"]),
+        parameters["joint.upper_limit"],
+    )
+    kinds = [parameters[f"{side}.valve.kind"] for side in lay.MUSCLES]
+    commands = [0.0 if kind > 0.0 else -1.0 for kind in kinds]
+    return initial_state(parameters, position=position, commands=commands)
+
+
 def simulate(
     parameters: PlantParameters,
     commands: Array,
@@ -322,6 +333,12 @@ class Plant:
     def output(self) -> dict[str, float]:
         """The present true quantities, by the names in layout.OUTPUT_NAMES."""
         return dict(zip(lay.OUTPUT_NAMES, (float(x) for x in self._row[0]), strict=True))
+
+    @property
+    def path_speeds(self) -> tuple[float, float]:
+        """Rates of the lengths of both muscles' paths [m/s]."""
+        speed = float(self._constants[lay.C_RADIUS] * self._row[0][lay.O_VELOCITY])
+        return -speed, speed
 
     @property
     def reservoir_pressure(self) -> float:
