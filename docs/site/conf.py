@@ -52,6 +52,7 @@ def without_outside_links(app: Sphinx, name: str, source: list[str]) -> None:
         text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     if name in ("contributing", "changes"):
         text = text.replace("](docs/", "](").replace("](README.md)", "](index.rst)")
+        text = text.replace("](CONTRIBUTING.md", "](contributing.md")
         text = re.sub(r"\]\((config|src|tests|examples|tools)/", r"](../\1/", text)
     text = text.replace("../CONTRIBUTING.md", "contributing.md").replace(
         "../CHANGELOG.md", "changes.md"
