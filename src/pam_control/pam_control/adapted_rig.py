@@ -167,7 +167,7 @@ def _against(found: RigNumbers) -> str:
             f"unexplained, and {found.limit:.2g} N m are permitted: record a motion and diagnose it"
         )
     if not found.certain:
-        return "the rig file explains its motion already"
+        return "the rig file already explains its motion"
     return ""
 
 
@@ -212,24 +212,28 @@ def _with_opening(rig: Rig, muscle: Muscle, opening: float, half: float) -> tupl
 def _of_flow(name: str, flow: FlowAdaptation) -> list[str]:
     """What was learnt of a valve's flow and is not written."""
     supply, exhaust, _, _, overlap, _, leak, *_ = flow.weights
-    told = []
+    causes = []
     for what, share in (("supply path", supply), ("exhaust path", exhaust)):
         if abs(share) > LARGE_SHARE:
-            told.append(f"{what} {share:+.0%} of its flow")
+            causes.append(f"{what} {share:+.0%} of its flow")
     if overlap < -LEAST_OPENING:
-        told.append(f"an overlap of about {-overlap:.1%} of the stroke")
+        causes.append(f"an overlap of about {-overlap:.1%} of the stroke")
     if leak > LEAST_OPENING:
-        told.append(f"a leak of about {leak:.1%} of the valve's flow")
+        causes.append(f"a leak of about {leak:.1%} of the valve's flow")
     if flow.tube.share > 0.0:
-        told.append(f"a tube with {flow.tube.share**-0.5:.1f} times the valve's conductance")
+        causes.append(f"a tube with {flow.tube.share**-0.5:.1f} times the valve's conductance")
     if flow.delay > LONG_DELAY:
-        told.append(f"commands {1e3 * flow.delay:.0f} ms late")
-    return [f"{name}: not written, because its cause is open: {', '.join(told)}"] if told else []
+        causes.append(f"commands {1e3 * flow.delay:.0f} ms late")
+    return (
+        [f"{name}: not written, because its cause is unclear: {', '.join(causes)}"]
+        if causes
+        else []
+    )
 
 
 def _of_sensors(channel: JointChannel) -> list[str]:
     """What was learnt of the delays of a joint's sensors, which are not written."""
-    told = [
+    causes = [
         f"{what} {1e3 * late:.0f} ms late"
         for what, late in (
             ("position", channel.late_position),
@@ -238,4 +242,8 @@ def _of_sensors(channel: JointChannel) -> list[str]:
         if late > LONG_DELAY
     ]
     name = channel.joint.name
-    return [f"{name}: not written, because its cause is open: {', '.join(told)}"] if told else []
+    return (
+        [f"{name}: not written, because its cause is unclear: {', '.join(causes)}"]
+        if causes
+        else []
+    )

@@ -349,7 +349,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._health.driver = self._driver_reason or "takes commands"
             before, self._activation = self._activation, activation_of(message)
             if self._driver_reason or self._activation != before:
-                self._drop(self._driver_reason or "the driver was activated anew")
+                self._drop(self._driver_reason or "the driver was activated again")
                 self._reason = self._driver_reason
 
     def _on_lost_driver_state(self) -> None:

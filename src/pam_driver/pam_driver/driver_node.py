@@ -271,7 +271,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def close(self) -> None:
         """Lower the arm, stop the thread, vent, close the bus; safe to call twice."""
         loop, self._loop = self._loop, None
-        driver = self._driver  # kept for the I/O thread, which hears people until it ends
+        driver = self._driver  # the I/O thread still reads the operator inputs until it stops
         ports, self._ports = self._ports, {}
         self._diagnostics = self._snapshot = None
         self._active = False

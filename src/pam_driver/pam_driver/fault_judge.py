@@ -281,7 +281,8 @@ class FaultJudge:
         if found and now - self._paused_at <= _PAUSE_MEMORY:
             text = (
                 f"the driver stood still for {self._pause:.2f} s: its process was stopped, or the "
-                "host is too slow; what else is reported follows from this, or was not seen before"
+                "host is too slow; everything else that is reported follows from this, or was not "
+                "noticed before"
             )
             yield Condition("driver_paused", "", text)
         yield from found
@@ -349,8 +350,8 @@ class FaultJudge:
         ):
             missing = availability.missing_share(what, channel, now)
             if missing * WINDOW > timeout:
-                text = f"its board says so in {100.0 * missing:.0f} % of its messages of a second"
-                yield Condition("sensor_intermittent", name, f"no {what} again and again, {text}")
+                text = f"its board reported none in {100.0 * missing:.0f} % of its last messages"
+                yield Condition("sensor_intermittent", name, f"no {what} again and again: {text}")
         yield from self._range_conditions(self._all_sensors, now - timeout)
 
     def _range_conditions(self, sensors: _Sensors, oldest: float = NEVER) -> Iterator[Condition]:

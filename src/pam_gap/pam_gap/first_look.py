@@ -89,7 +89,7 @@ class FirstLook:
     def text(self) -> str:
         """The first look for people, several lines."""
         if self.missing:
-            return f"{self.joint}: nothing can be told. {' '.join(self.missing)}"
+            return f"{self.joint}: no answer is possible. {' '.join(self.missing)}"
         where = f"the {self.stage} stage differs most" if self.stage else "no stage stands out"
         lines = [f"{self.joint}: {where}."]
         for gap in self.gaps:
@@ -105,7 +105,7 @@ class FirstLook:
                 for one in self.effects[:SHOWN]
             ]
         else:
-            lines.append("  what the tolerance leaves of it is too small to matter")
+            lines.append("  the error that remains after re-tuning is too small to matter")
         return "\n".join([*lines, f"  {CAVEAT}"])
 
     def write(self, folder: Path) -> None:

@@ -148,8 +148,8 @@ def refuse_lost_sections(node: str, usual_name: str, files: Collection[Path]) ->
             else:
                 continue
             raise ParameterError(
-                f"{section} {problem}, and this node is {node}: ROS would drop the section without "
-                f"a word. Write /**/{mine[-1]}: in its place, which fits in every namespace"
+                f"{section} {problem}, and this node is {node}: ROS would ignore the section "
+                f"silently. Write /**/{mine[-1]}: in its place, which fits in every namespace"
             )
     return warnings
 

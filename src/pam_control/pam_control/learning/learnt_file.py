@@ -60,7 +60,7 @@ def read_motions(path: Path, digest: str) -> tuple[Motions, str]:
             raise ValueError(f"larger than {LARGEST_FILE} bytes")
         content = json.loads(path.read_text(encoding="utf-8"))
         if content["rig"] != digest:
-            return {}, f"{path}: learnt for another rig file; it is learnt anew"
+            return {}, f"{path}: learnt for another rig file; learning starts again"
         motions = {
             str(name): {str(joint): _learnt(entry) for joint, entry in joints.items()}
             for name, joints in content["motions"].items()

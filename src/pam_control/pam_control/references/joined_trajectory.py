@@ -216,7 +216,7 @@ def _delay(
             if way is not None:
                 way = (stop.time + way[0], way[1])
         if way is None:
-            is_way, because = False, because or f"{name} cannot get into its motion so fast"
+            is_way, because = False, because or f"{name} cannot reach its first point at that speed"
         elif way[0] - asked > delay:
             delay, because = way[0] - asked, because or way[1]
     return delay, because, is_way

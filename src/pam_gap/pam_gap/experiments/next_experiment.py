@@ -271,8 +271,8 @@ class Proposal:
         )
         if not best.is_decisive:
             words += (
-                " Beside the error that both of them leave, that may not be enough: no experiment "
-                "of the menu separates them well."
+                " Compared with the error that both of them leave, this difference may be too "
+                "small: no experiment of the menu separates them well."
             )
         return words
 
