@@ -224,11 +224,7 @@ def _of_flow(name: str, flow: FlowAdaptation) -> list[str]:
         causes.append(f"a tube with {flow.tube.share**-0.5:.1f} times the valve's conductance")
     if flow.delay > LONG_DELAY:
         causes.append(f"commands {1e3 * flow.delay:.0f} ms late")
-    return (
-        [f"{name}: not written, because its cause is unclear: {', '.join(causes)}"]
-        if causes
-        else []
-    )
+    return [f"{name}: not written, cause unclear: {', '.join(causes)}"] if causes else []
 
 
 def _of_sensors(channel: JointChannel) -> list[str]:
@@ -242,8 +238,4 @@ def _of_sensors(channel: JointChannel) -> list[str]:
         if late > LONG_DELAY
     ]
     name = channel.joint.name
-    return (
-        [f"{name}: not written, because its cause is unclear: {', '.join(causes)}"]
-        if causes
-        else []
-    )
+    return [f"{name}: not written, cause unclear: {', '.join(causes)}"] if causes else []
