@@ -112,7 +112,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             IncludeLaunchDescription(
                 PathJoinSubstitution([share, "launch", "robot.launch.py"]),
-                # Nobody stands beside the simulated rig, so it may move without being asked.
+                # Nobody is near the simulated rig, so it may move without being asked.
                 # It compiles its plant when it runs for the first time.
                 launch_arguments=[
                     *arguments.items(),

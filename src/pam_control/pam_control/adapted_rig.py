@@ -1,15 +1,15 @@
 """A rig file with the numbers that the controller has learnt of its rig, written on request.
 
 What was learnt serves the controller as it is, whatever its cause. A rig file states causes, so
-only those numbers are written that the measurements tell apart:
+only those numbers are written that the measurements distinguish:
 
-- of a joint, what the torques of its motion tell about its load (inertia and gravity), viscous and
+- of a joint, what the torques of its motion show of its load (inertia and gravity), viscous and
   dry friction, and about the dimensions of its muscles within the tolerance of the rig file, if
   these explain the torques (`rig_numbers`);
-- of a flow valve, the opening that nobody commanded.
+- of a flow valve, its null offset.
 
 The rest is named and left to the diagnosis of a recording: whether a valve, its silencer, a tube or
-the gas volume is the cause of a wrong flow cannot be told from the flows alone.
+the gas volume is the cause of a wrong flow cannot be seen from the flows alone.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class LearntOfJoint:
     numbers : RigNumbers
         Of the joint and the dimensions of its muscles.
     openings : mapping of str to (float, float)
-        By muscle with a flow valve, the opening that nobody commanded [-] and half of its interval.
+        By muscle with a flow valve, the null offset [-] and half of its interval.
     left : tuple of str
         What is not written, and why.
     """
@@ -200,7 +200,7 @@ def _merged(
 
 
 def _with_opening(rig: Rig, muscle: Muscle, opening: float, half: float) -> tuple[Rig, str]:
-    """The rig with an opening that nobody commanded, and the line about it."""
+    """The rig with a null offset of a valve, and the line about it."""
     before = effect_value(muscle.effects, *NULL_OFFSET.split("."))
     value = before + opening
     muscle = replace(muscle, effects=_merged(muscle.effects, NULL_OFFSET, value))

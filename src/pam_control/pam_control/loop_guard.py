@@ -18,8 +18,8 @@ from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
 from pam_control.joint_channel import JointChannel
 
 PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
-# A loop that stands still for a larger share of so long oscillates; a smaller one is borne, because
-# what one pause leaves has faded when the next one comes.
+# A loop that stands still for a larger share of so long oscillates; a smaller one is tolerated,
+# because what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
 GAP_MEMORY = 0.5  # s
 
@@ -74,7 +74,7 @@ class LoopGuard:
     def watch_gaps(self, time: float, gap: float, longest: float) -> str:
         """Stop a loop that stands still again and again; return why, or an empty text.
 
-        Its gains do not bear such gaps: the joint oscillates, with soft gains as well.
+        No gains are stable with such gaps: the joint oscillates, with soft gains as well.
 
         Parameters
         ----------

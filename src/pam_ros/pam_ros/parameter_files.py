@@ -113,7 +113,7 @@ def refuse_lost_sections(node: str, usual_name: str, files: Collection[Path]) ->
     node : str
         Full name of the node, with its namespace.
     usual_name : str
-        The name that the node has where nobody renames it.
+        The name that the node has unless it is renamed.
     files : collection of Path
         Parameter files of the process.
 

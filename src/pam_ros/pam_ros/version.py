@@ -14,7 +14,7 @@ def version_line(program: str) -> str:
     ----------
     program : str
         What the user types, such as "pam gap diagnose" or "python -m pam_check.blind.cases"; what
-        names no package tells the version of pam_model.
+        names no package shows the version of pam_model.
     """
     from importlib import metadata  # noqa: PLC0415  (only this answer needs the time)
 

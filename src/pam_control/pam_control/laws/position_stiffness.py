@@ -118,7 +118,7 @@ class PositionStiffnessController(Controller):
         channel.aligned.add(request.measured_at, request.pressures)
         position, speed = channel.lagging(request.fresh)
         inside = channel.inside(position)
-        # as the rig file tells, without the delay that was learnt
+        # by the rig file, without the learnt delay
         seen_at = request.seen_at + channel.late_position
         aligned = channel.aligned.at(seen_at)
         muscles, before = channel.model.torques(

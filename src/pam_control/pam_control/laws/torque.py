@@ -11,7 +11,7 @@ unknown delay or lag T: the muscles then seem to have the damping K T.
 What a planner may not do, whatever it asks for: the torque is limited to accelerations from which
 the valves can bring the joint to rest before the end of its range, and below 60 % of
 `max_velocity`, by the rig file. Torques that the muscles cannot give are limited to what they can.
-The telemetry tells both.
+The telemetry contains both.
 """
 
 from __future__ import annotations

@@ -364,7 +364,7 @@ class _Reader:
     def _signal(self, one: _Statement) -> str:
         """The signal that a statement makes doubtful; empty if its name may be cut or misspelt.
 
-        Labels of a signal that is not there are nobody's.
+        Labels of a signal that does not exist are ignored.
         """
         if one.kind in {"BO_", "SG_"} or one.frame is None:
             return one.signal

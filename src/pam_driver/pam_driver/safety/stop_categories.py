@@ -40,7 +40,7 @@ class StopCategory(NamedTuple):
     reason : str
         Why.
     longest : float
-        Longest time for lowering, beside `lowering_timeout` [s].
+        Longest time for lowering, in addition to `lowering_timeout` [s].
     """
 
     number: int

@@ -46,7 +46,7 @@ class Identity(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The identity in words, with the names that the rig file uses."""
+        """The identity as text, with the names that the rig file uses."""
         words = []
         if self.device_type is not None:
             profile = self.device_type & 0xFFFF

@@ -47,11 +47,11 @@ class Difference:
     Attributes
     ----------
     z : float
-        Difference in standard deviations; NaN where it cannot be told.
+        Difference in standard deviations; NaN where it is unknown.
     sure : bool
         Whether it is more than noise.
     words : str
-        The same in words.
+        The same, as text.
     """
 
     z: float

@@ -198,7 +198,7 @@ def _stage_words(blamed: Collection[str], verdict: str) -> str:
 
 
 LEAST_SHOWN = 0.005
-"""Probability below which an explanation is told together with the others."""
+"""Probability below which an explanation is listed together with the others."""
 
 
 def _probabilities(found: Mapping[str, float]) -> list[dict[str, Any]]:
@@ -226,7 +226,7 @@ def _leftover(left: Mapping[str, Any] | None, verdict: str) -> str:
 
 
 def _headline(traces: Sequence[Trace], channels: Mapping[str, Any], named: bool) -> Trace | None:
-    """The trace of the channel that the verdict tells of."""
+    """The trace of the channel that the verdict speaks of."""
 
     def share(trace: Trace) -> float:
         size = channels.get(trace.channel)
@@ -250,7 +250,7 @@ def _legend_words(first: Trace) -> str:
 
 
 def _headline_words(first: Trace, channels: Mapping[str, Any]) -> str:
-    """The first figure in words."""
+    """The first figure, as text."""
     size = channels.get(first.channel)
     if not size:
         return f"Error of {first.channel}."

@@ -87,8 +87,8 @@ class Course:
     curve : ndarray, shape (n,)
         Values of the model at the times of the series.
     spread : float
-        Standard deviation by which recordings differ beside their intervals, where the effect is
-        largest.
+        Standard deviation by which recordings differ in addition to their intervals, where the
+        effect is largest.
     last : float
         Value of the model at the last time.
     rate : float

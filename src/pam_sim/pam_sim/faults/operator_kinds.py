@@ -67,7 +67,7 @@ HIDDEN_KINDS: Final = tuple(
 
 
 def while_held(kinds: Sequence[FaultKind], names: Sequence[str]) -> list[FaultKind]:
-    """The same faults of a joint that is held away from where it hangs."""
+    """The same faults of a joint that is held away from its rest position."""
     return [
         replace(
             kind, name=f"{kind.name}_while_held", layer=HELD_LAYER,

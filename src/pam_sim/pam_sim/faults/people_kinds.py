@@ -1,4 +1,4 @@
-"""The inputs of people, pressed, released or silent while a joint moves, as data."""
+"""The operator inputs, pressed, released or without messages while a joint moves, as data."""
 
 from __future__ import annotations
 

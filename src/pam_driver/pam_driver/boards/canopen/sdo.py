@@ -26,13 +26,13 @@ _ATTEMPTS: Final = 3
 
 
 def abort_text(code: int) -> str:
-    """An abort code with its meaning in words."""
+    """An abort code with its meaning, as text."""
     meaning = SdoAbortedError.CODES.get(code, "a code of the device's maker or profile")
     return f"abort code 0x{code:08X}, {meaning[:1].lower()}{meaning[1:]}"
 
 
 class SdoResult(NamedTuple):
-    """How a request ended: the value that was read, or what went wrong in words."""
+    """How a request ended: the value that was read, or what went wrong, as text."""
 
     value: int = 0
     error: str = ""
