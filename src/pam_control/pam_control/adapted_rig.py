@@ -71,7 +71,7 @@ class LearntOfJoint:
     numbers : RigNumbers
         Of the joint and the dimensions of its muscles.
     openings : mapping of str to (float, float)
-        By muscle with a flow valve, the null offset [-] and half of its interval.
+        By muscle with a flow valve, the change of its null offset [-] and half of its interval.
     left : tuple of str
         What is not written, and why.
     """

@@ -39,7 +39,7 @@ from pam_model.rig import Rig
 
 SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
 LONGEST_STEP = 0.02  # s; a longer time between two steps is counted as this
-GAP_PERIODS = 3.0  # and the unknown delay; a step that is later follows a pause of the loop
+GAP_PERIODS = 3.0  # plus the unknown delay; a step that is later follows a pause of the loop
 
 
 class Controller(LoopDesign):

@@ -115,7 +115,7 @@ class PeopleInputs:
         return tuple(self._forbidding(EMERGENCY_STOP))
 
     def conditions(self, now: float) -> Iterator[Condition]:
-        """An emergency stop without messages: it prevents activation, and is a fault if air moves."""
+        """An emergency stop without messages: it prevents activation, and is a fault in motion."""
         yield from self._forbidding(EMERGENCY_STOP)
         yield from self._silent(EMERGENCY_STOP, now)
 
