@@ -3,7 +3,7 @@
 What was learnt serves the controller as it is, whatever its cause. A rig file states causes, so
 only those numbers are written that the measurements distinguish:
 
-- of a joint, what the torques of its motion show of its load (inertia and gravity), viscous and
+- of a joint, what the torques of its motion show about its load (inertia and gravity), viscous and
   dry friction, and about the dimensions of its muscles within the tolerance of the rig file, if
   these explain the torques (`rig_numbers`);
 - of a flow valve, its null offset.

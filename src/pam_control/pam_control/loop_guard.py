@@ -1,10 +1,10 @@
 """What the controller does when its loops oscillate, do not follow or pause: soften, then stop.
 
 First the gains are replaced by a safe set, which is designed for a much larger delay. The safe set
-stays until the driver has been vented, since the delay is still there. If the joint still
+stays until the driver has been vented, since the delay still exists. If the joint still
 oscillates after a pause, or follows its reference with too large an error, the controller stops.
-What a tube before a muscle causes until it is found gets a pause to fade as well, because the
-pressure loops are others from then on.
+The oscillation that a tube in front of a muscle causes until it is found also gets a pause to fade,
+because the pressure loops change then.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Sections of the parameter files of a process, and which of them are not for its node.
 
-ROS applies a section by the full name of a node, with its namespace, and drops every other section
-without a word. Whoever writes `pam_controller:` for a node that runs as `/left/pam_controller`, or
-`pam_controler:`, drives the robot with the defaults. Such a section is refused here. Sections that
-clearly belong to other nodes are none of this node's business.
+ROS applies a section by the full name of a node, with its namespace, and ignores every other
+section silently. Whoever writes `pam_controller:` for a node that runs as `/left/pam_controller`,
+or `pam_controler:`, drives the robot with the defaults. Such a section is refused here. Sections
+that clearly belong to other nodes are ignored.
 """
 
 from __future__ import annotations

@@ -137,7 +137,7 @@ class PositionStiffnessController(Controller):
         channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
 
     def _repeated(self, request: PlanRequest, usual: float) -> tuple[float, float]:
-        """What is added to the torque in a motion that is repeated, and beside it [N m].
+        """The torque of the adaptation and the learnt correction for a repeated motion [N m].
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
 """The file with what repetitions taught: motions by name, for one rig file.
 
-What was learnt for another rig file is worth nothing, because the model gives another torque. The
+What was learnt for another rig file is useless, because the model gives another torque. The
 file therefore contains a digest of the rig's parameters, and is ignored if it differs.
 """
 

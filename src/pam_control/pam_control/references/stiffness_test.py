@@ -2,7 +2,7 @@
 
 The measurements of a joint that only holds do not show its stiffness. Where a person has asked for
 it, every joint is moved once by `test_motion` after it has come to rest at another position, or has
-got another stiffness. What the motion shows goes the way of every motion
+got another stiffness. Its data are used like those of any other motion
 (`adaptation.stiffness_estimate`). The joints are tested one after the other. Any reference that
 arrives meanwhile takes the joint over, as from any trajectory.
 """

@@ -1,4 +1,4 @@
-"""Reads a DBC file with cantools, tolerantly: what is wrong with a line costs that line alone.
+"""Reads a DBC file with cantools, tolerantly: an error makes only its own line unusable.
 
 cantools refuses a file as a whole. If it does, the file is cut into its statements, every statement
 is read with no more than it refers to, and those that can be read make up the file.

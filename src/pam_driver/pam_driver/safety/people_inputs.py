@@ -9,8 +9,8 @@ vents and is no fault: holding it again does not move anything before someone ac
 Without permission of full speed the joints must be slow, after the time in which the controller
 brakes.
 
-What forbids counts from the moment at which it is said until it has been judged, although the input
-may permit motion again by then (`pam_driver.safety.since_judged`).
+A value that forbids motion counts from its arrival until it has been judged, although the input may
+permit motion again by then (`pam_driver.safety.since_judged`).
 
 Sources: ISO 10218-1 (emergency stop, three-position enabling device, reduced speed), IEC 60204-1
 section 9.2

@@ -1,4 +1,4 @@
-"""The gas in a muscle and in the tube before it: two chambers, as the pressure observer needs them.
+"""The gas in a muscle and in its tube: two chambers, as the pressure observer needs them.
 
 Valve -> tube, where the sensor is, -> ISO 6358 restriction -> muscle. Both chambers are polytropic
 (`pam_model.effects.tube_restriction`). The steps are explicit; no step moves more gas through the

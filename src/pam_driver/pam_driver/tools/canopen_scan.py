@@ -1,4 +1,4 @@
-"""Asks every CANopen node of a bus who it is: device type and identity, by SDO.
+"""Asks every CANopen node of a bus for its device type and identity, by SDO.
 
 Many nodes send nothing before they are configured, so that only a question finds them. Source: CiA
 301 version 4.2, objects 0x1000 and 0x1018.

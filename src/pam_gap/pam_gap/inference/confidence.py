@@ -47,7 +47,7 @@ def parameter_intervals(
 ) -> list[Interval]:
     """90 % intervals of all fitted parameters, nuisances first.
 
-    They include what is not known of an ordinary background beside which they were fitted: its
+    They include what is not known of an ordinary background that was fitted with them: its
     amounts are further parameters, with the priors of the fit.
     """
     free, _, _ = fitter.problem_parts(hypothesis.members)

@@ -1,9 +1,9 @@
 """SDO requests that never wait: one expedited transfer at a time, advanced by the driver's cycles.
 
 The blocking client of `canopen` would stop the driver's loop for the time of an answer, or need a
-thread; the loop must go on while a device that has restarted is configured again. All objects that
-a driver configures have at most four bytes, so expedited transfers are sufficient. The texts of
-abort codes are those of `canopen`. Source: CiA 301 version 4.2, section 7.2.4.
+thread; the loop must continue while a device that has restarted is configured again. All objects
+that a driver configures have at most four bytes, so expedited transfers are sufficient. The texts
+of abort codes are those of `canopen`. Source: CiA 301 version 4.2, section 7.2.4.
 """
 
 from __future__ import annotations
