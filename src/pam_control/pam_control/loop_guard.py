@@ -97,7 +97,7 @@ class LoopGuard:
         return self.stopped
 
     def _fades(self, index: int, time: float) -> bool:
-        """Whether what a tube caused until it was found still fades; once for each muscle."""
+        """Whether the oscillation that a tube caused still fades; once for each muscle."""
         found = sum(loop.behind_tube for loop in self._channels[index].loops)
         if found > self._tubes[index]:
             self._tubes[index], self._fading_until[index] = found, time + PAUSE

@@ -74,7 +74,7 @@ class DryFriction:
         return self.level(velocity) * math.tanh(velocity / SMOOTHING_SPEED) if self.laws else 0.0
 
     def change(self, planned: float, measured: float) -> float:
-        """What the friction torque [N m] gains from the planned to the measured speed [rad/s]."""
+        """Change of the friction torque [N m] from the planned to the measured speed [rad/s]."""
         if not self.laws:
             return 0.0
         share = math.tanh(planned / SMOOTHING_SPEED)

@@ -57,7 +57,7 @@ class TorqueController(PositionStiffnessController):
         """The margins of the position law; the muscles alone must be stable, too.
 
         A horizontal or inverted joint drifts or falls under a constant torque whatever its muscles
-        do; that is the matter of whoever sends the torques. So its weight counts at least as much
+        do; whoever sends the torques must prevent that. So its weight counts at least as much
         as a spring on which the joint swings slowly.
 
         Raises

@@ -327,7 +327,7 @@ class ReferenceGenerator:
     ) -> None:
         """Refuse a stream that was interrupted and continues as if nothing had happened.
 
-        After a stop, a vent or a refusal a joint moves by a new act alone. A stream is a new one
+        After a stop, a vent or a refusal a joint moves only on a new request. A stream is a new one
         after a pause of the stream time-out; or it has to come to where the joint is.
         """
         far = [

@@ -131,7 +131,7 @@ def weeks_left(series: Series) -> tuple[float, str] | None:
 
 
 def in_words(series: Series) -> list[str]:
-    """All that is to be said about a series, in sentences."""
+    """All findings about a series, in sentences."""
     if not series.course.enough:
         return [
             f"{series.name} ({series.joint}): only {len(series.points)} recordings; too few to "

@@ -43,7 +43,7 @@ from pam_driver.boards.protocol import (
 )
 
 HEARTBEATS_MISSED: Final = 5
-"""So many missing heartbeats of a device are a fault."""
+"""Number of missing heartbeats of a device that is a fault."""
 _REFUSED_PDO: Final = frozenset({0x8210, 0x8220})  # EMCY, CiA 301: PDO not processed
 # Another device's frame with an identifier of this one is a fault for this time [s].
 _CLASH_MEMORY: Final = 1.0
