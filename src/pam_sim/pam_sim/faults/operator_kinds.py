@@ -13,7 +13,7 @@ HELD_LAYER: Final = "held joint"
 _K = FaultKind
 _R = Reaction
 _ANGLE: Final = {"angle": (-0.9, 0.9)}
-_ACT: Final = "moving air needs an act: clear, activate and a fresh command"
+_ACT: Final = "moving air needs actions: clear, activate and a fresh command"
 
 OPERATOR_KINDS: Final = (
     _K("vent_called", "operator", "someone calls ~/vent", {}, ("vented",), _R.LOWER, VENT,

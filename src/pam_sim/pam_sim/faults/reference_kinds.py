@@ -23,7 +23,7 @@ REFERENCE_KINDS: Final = (
     _K("stream_in_degrees", "reference", "the motion is streamed in degrees, or its speed alone",
        {}, _REFUSED, _R.EITHER, 3.0, "refused where it exceeds the limits of the joint",
        stays=Stays.TRACKING),
-    _K("stream_jumps", "reference", "a streamed angle jumps to and fro", {"size": (0.3, 0.95)},
+    _K("stream_jumps", "reference", "a streamed angle jumps between two values", {"size": (0.3, 0.95)},
        (), _R.EITHER, 3.0, "the reference is limited in speed and acceleration",
        stays=Stays.TRACKING),
     _K("stream_is_noise", "reference", "the streamed angles are noise", {"size": (0.3, 0.95)},
