@@ -93,7 +93,7 @@ def test_the_opening_of_a_valve_is_written_for_the_valve_that_has_it(
 
 
 def test_a_rig_that_is_its_file_is_not_written(closed_loop, law, rig, reaching, tmp_path):
-    with pytest.raises(PamError, match="explains its motion already"):
+    with pytest.raises(PamError, match="already explains its motion"):
         written(closed_loop, law, rig, reaching, {}, tmp_path / "same.yaml")
     assert not list(tmp_path.iterdir())
 

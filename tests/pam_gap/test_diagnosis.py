@@ -125,7 +125,7 @@ def test_a_diagnosis_in_memory_writes_nothing(
 
 
 @needs_numba
-@pytest.mark.long("three whole searches; test_background names a delay beside a background")
+@pytest.mark.long("three whole searches; test_background names a delay in addition to a background")
 @pytest.mark.parametrize(
     ("delay", "is_stamped", "effects"),
     [(0.002, True, ()), (0.002, False, ("command_delay",)), (0.02, True, ("command_delay",))],

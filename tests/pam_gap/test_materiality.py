@@ -117,9 +117,9 @@ def test_a_gap_that_does_not_matter_is_told_with_its_size_and_limit() -> None:
     small = replace(SIZE, before=0.0004, retuned=0.0003, after=0.0003)
     none = replace(NAMED, verdict="none", stage=None, effects=(), parameters={}, sizes=(small,))
     assert verdict_sentence(none) == (
-        "Nothing is worth a cause: the rig file, re-tuned within its tolerance, is wrong by 0.3 "
-        "mrad at joint_states.elbow.position, 0.043 % of its range of 0.7 rad. This is below the "
-        "limit of 0.1 % (0.7 mrad)."
+        "The gap is too small to need a cause: the rig file, re-tuned within its tolerance, is "
+        "wrong by 0.3 mrad at joint_states.elbow.position, 0.043 % of its range of 0.7 "
+        "rad. This is below the limit of 0.1 % (0.7 mrad)."
     )
     larger = replace(none, sizes=(replace(small, retuned=0.0012),))
     assert verdict_sentence(larger).endswith(

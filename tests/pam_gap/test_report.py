@@ -268,7 +268,7 @@ def test_what_is_left_is_said_with_its_size() -> None:
     )
     assert "no more than ordinary imperfections" in render(data(leftover=left | {"ordinary": True}))
     none = render(data(leftover=left, verdict="none"))
-    assert "are not explained. No effect stands out of it." in none
+    assert "are not explained. No effect exceeds it clearly." in none
     assert "That matters." not in none
 
 

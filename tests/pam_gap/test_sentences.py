@@ -139,8 +139,8 @@ def test_a_gap_of_an_ordinary_background_is_told_as_such() -> None:
     assert verdict_sentence(none) == (
         "Ordinary imperfections: the rig file, re-tuned within its tolerance, is wrong by "
         "5 mrad at joint_states.elbow.position, 0.5 % of its range of 1 rad. This is no more than "
-        "the 6 mrad that the small imperfections of a good rig can leave, and no effect stands "
-        "out of them. Found was hysteresis of a size that every good rig has."
+        "the 6 mrad that the small imperfections of a good rig can leave, and no effect exceeds "
+        "them clearly. The recording also shows hysteresis of a size that every good rig has."
     )
     larger = verdict_sentence(replace(none, sizes=(size(9.0, 9.0, 6.0),)))
     assert "The small imperfections of a good rig leave 6 mrad or somewhat more" in larger
@@ -149,8 +149,8 @@ def test_a_gap_of_an_ordinary_background_is_told_as_such() -> None:
 def test_effects_of_ordinary_size_are_told_beside_the_cause_and_so_is_what_remains() -> None:
     both = replace(FOUND, ordinary=("leakage",), sizes=(size(15.0, 5.0, 6.0),))
     assert verdict_sentence(both) == (
-        "The cause is hysteresis at the muscle stage. Beside it there is leakage of a size that "
-        "every good rig has. It explains 75 % of an error of 20 mrad at "
+        "The cause is hysteresis at the muscle stage. It explains 75 % of an error of 20 mrad at "
         "joint_states.elbow.position. 5 mrad at joint_states.elbow.position remain unexplained, "
-        "0.5 % of its range, no more than ordinary imperfections of a good rig leave."
+        "0.5 % of its range, no more than ordinary imperfections of a good rig leave. The "
+        "recording also shows leakage of a size that every good rig has."
     )

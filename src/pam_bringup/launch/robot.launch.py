@@ -205,7 +205,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "params_file",
                 default_value=rig_file,
-                description="parameters of the nodes beside the rig file, such as controller.yaml",
+                description="parameters of the nodes besides the rig file, such as controller.yaml",
             ),
             DeclareLaunchArgument(
                 "respawn",

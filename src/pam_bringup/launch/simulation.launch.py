@@ -75,7 +75,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "params_file",
                 default_value=arguments["rig_file"],
-                description="parameters of the nodes beside the rig file, such as controller.yaml",
+                description="parameters of the nodes besides the rig file, such as controller.yaml",
             ),
             DeclareLaunchArgument(
                 "respawn",
@@ -112,7 +112,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             IncludeLaunchDescription(
                 PathJoinSubstitution([share, "launch", "robot.launch.py"]),
-                # Nobody stands beside the simulated rig, so it may move without being asked.
+                # Nobody is near the simulated rig, so it may move without being asked.
                 # It compiles its plant when it runs for the first time.
                 launch_arguments=[
                     *arguments.items(),

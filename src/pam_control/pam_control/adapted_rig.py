@@ -1,15 +1,15 @@
 """A rig file with the numbers that the controller has learnt of its rig, written on request.
 
 What was learnt serves the controller as it is, whatever its cause. A rig file states causes, so
-only those numbers are written that the measurements tell apart:
+only those numbers are written that the measurements distinguish:
 
-- of a joint, what the torques of its motion tell about its load (inertia and gravity), viscous and
+- of a joint, what the torques of its motion show about its load (inertia and gravity), viscous and
   dry friction, and about the dimensions of its muscles within the tolerance of the rig file, if
   these explain the torques (`rig_numbers`);
-- of a flow valve, the opening that nobody commanded.
+- of a flow valve, its null offset.
 
 The rest is named and left to the diagnosis of a recording: whether a valve, its silencer, a tube or
-the gas volume is the cause of a wrong flow cannot be told from the flows alone.
+the gas volume is the cause of a wrong flow cannot be seen from the flows alone.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class LearntOfJoint:
     numbers : RigNumbers
         Of the joint and the dimensions of its muscles.
     openings : mapping of str to (float, float)
-        By muscle with a flow valve, the opening that nobody commanded [-] and half of its interval.
+        By muscle with a flow valve, the change of its null offset [-] and half of its interval.
     left : tuple of str
         What is not written, and why.
     """
@@ -167,7 +167,7 @@ def _against(found: RigNumbers) -> str:
             f"unexplained, and {found.limit:.2g} N m are permitted: record a motion and diagnose it"
         )
     if not found.certain:
-        return "the rig file explains its motion already"
+        return "the rig file already explains its motion"
     return ""
 
 
@@ -200,7 +200,7 @@ def _merged(
 
 
 def _with_opening(rig: Rig, muscle: Muscle, opening: float, half: float) -> tuple[Rig, str]:
-    """The rig with an opening that nobody commanded, and the line about it."""
+    """The rig with a null offset of a valve, and the line about it."""
     before = effect_value(muscle.effects, *NULL_OFFSET.split("."))
     value = before + opening
     muscle = replace(muscle, effects=_merged(muscle.effects, NULL_OFFSET, value))
@@ -212,24 +212,24 @@ def _with_opening(rig: Rig, muscle: Muscle, opening: float, half: float) -> tupl
 def _of_flow(name: str, flow: FlowAdaptation) -> list[str]:
     """What was learnt of a valve's flow and is not written."""
     supply, exhaust, _, _, overlap, _, leak, *_ = flow.weights
-    told = []
+    causes = []
     for what, share in (("supply path", supply), ("exhaust path", exhaust)):
         if abs(share) > LARGE_SHARE:
-            told.append(f"{what} {share:+.0%} of its flow")
+            causes.append(f"{what} {share:+.0%} of its flow")
     if overlap < -LEAST_OPENING:
-        told.append(f"an overlap of about {-overlap:.1%} of the stroke")
+        causes.append(f"an overlap of about {-overlap:.1%} of the stroke")
     if leak > LEAST_OPENING:
-        told.append(f"a leak of about {leak:.1%} of the valve's flow")
+        causes.append(f"a leak of about {leak:.1%} of the valve's flow")
     if flow.tube.share > 0.0:
-        told.append(f"a tube with {flow.tube.share**-0.5:.1f} times the valve's conductance")
+        causes.append(f"a tube with {flow.tube.share**-0.5:.1f} times the valve's conductance")
     if flow.delay > LONG_DELAY:
-        told.append(f"commands {1e3 * flow.delay:.0f} ms late")
-    return [f"{name}: not written, because its cause is open: {', '.join(told)}"] if told else []
+        causes.append(f"commands {1e3 * flow.delay:.0f} ms late")
+    return [f"{name}: not written, cause unclear: {', '.join(causes)}"] if causes else []
 
 
 def _of_sensors(channel: JointChannel) -> list[str]:
     """What was learnt of the delays of a joint's sensors, which are not written."""
-    told = [
+    causes = [
         f"{what} {1e3 * late:.0f} ms late"
         for what, late in (
             ("position", channel.late_position),
@@ -238,4 +238,4 @@ def _of_sensors(channel: JointChannel) -> list[str]:
         if late > LONG_DELAY
     ]
     name = channel.joint.name
-    return [f"{name}: not written, because its cause is open: {', '.join(told)}"] if told else []
+    return [f"{name}: not written, cause unclear: {', '.join(causes)}"] if causes else []

@@ -160,8 +160,8 @@ class CommandIntake:
             later = [name for name in splines if self._last_order.get(name, 0) > ticket]
             if later:
                 raise CommandError(
-                    f"trajectory rejected: while it was planned, another command for "
-                    f"{', '.join(later)} came, such as a stop"
+                    f"trajectory rejected: another command for {', '.join(later)}, such as a stop, "
+                    "arrived while it was planned"
                 )
             references.take(splines)
         if note:

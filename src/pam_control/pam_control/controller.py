@@ -39,7 +39,7 @@ from pam_model.rig import Rig
 
 SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
 LONGEST_STEP = 0.02  # s; a longer time between two steps is counted as this
-GAP_PERIODS = 3.0  # beside the unknown delay; a step that is later follows a pause of the loop
+GAP_PERIODS = 3.0  # plus the unknown delay; a step that is later follows a pause of the loop
 
 
 class Controller(LoopDesign):
@@ -389,7 +389,7 @@ class Controller(LoopDesign):
         return ControlOutput(tuple(commands))
 
     def _look_ahead(self, step: float) -> None:
-        """Let the references reach as far ahead as the commands are late, told and learnt."""
+        """Let the references reach ahead by the delay of the commands, stated and learnt."""
         self._late = [channel.late_commands for channel in self.channels]
         late = max(map(max, self._late), default=0.0)
         # it shrinks more slowly than time goes on, so that no reference is changed again

@@ -56,7 +56,7 @@ class ControllerHealth:
         self._changes = changes
         self._counts = [JointCounts() for _ in controller.channels]
         self._oldest = [0.0, 0.0]
-        self.driver = "no state heard"
+        self.driver = "no state received"
 
     def count(self, ages: Sequence[float]) -> None:
         """Count a control cycle; ages [s] of the joint states and of the pressure states in it."""

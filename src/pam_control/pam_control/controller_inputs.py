@@ -1,4 +1,4 @@
-"""What the controller hears in every cycle: measurements, and the driver's state.
+"""What the controller receives in every cycle: measurements, and the driver's state.
 
 The control loop takes these messages itself, so that neither a long trajectory nor the design of
 new gains delays them, and no other thread has to run for them.

@@ -128,7 +128,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
         self._origin = time.monotonic()
         self._reason = "no measurement yet"
-        self._activation = ""  # the last one of the driver that was heard
+        self._activation = ""  # the last one that was received from the driver
         self._driver_reason = ""  # why the driver takes no commands; empty without such a driver
         self.intake = CommandIntake(
             self._controller,
@@ -330,7 +330,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         """Ask the driver to vent, after commands have stopped for good.
 
         The boards then vent within one cycle, without waiting for the time-out of the commands,
-        and the driver is vented instead of faulty. If nobody answers, the time-out does it.
+        and the driver is vented instead of faulty. If the driver does not answer, the time-out does
+        it.
         """
         self.get_logger().error(f"stopped: {reason}; asking the driver to vent")
         if self._vent.service_is_ready():
@@ -339,7 +340,7 @@ class ControllerNode(Node):  # type: ignore[misc]
     def _on_driver_state(self, message: Any) -> None:
         """Follow the driver: while it takes no commands, references are dropped and refused.
 
-        When it takes commands again, or was activated anew, the next cycle takes over the joints
+        When it takes commands again, or was activated again, the next cycle takes over the joints
         where they are.
         """
         with self._lock:
@@ -349,7 +350,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._health.driver = self._driver_reason or "takes commands"
             before, self._activation = self._activation, activation_of(message)
             if self._driver_reason or self._activation != before:
-                self._drop(self._driver_reason or "the driver was activated anew")
+                self._drop(self._driver_reason or "the driver was activated again")
                 self._reason = self._driver_reason
 
     def _on_lost_driver_state(self) -> None:

@@ -99,7 +99,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         ),
         _number(
             "design.extra_delay", d.extra_delay, "s", 0.0, 0.1,
-            "unknown delay of the loop that the gain design assumes beside the stated ones",
+            "unknown delay of the loop that the gain design assumes in addition to the stated ones",
         ),
         _number(
             "design.safe_delay", d.safe_delay, "s", 0.02, 0.3,

@@ -193,17 +193,17 @@ class JointChannel:
 
     @property
     def late_position(self) -> float:
-        """By how much more than told the positions are late, as was learnt [s]."""
+        """Learnt delay of the positions, in addition to the stated one [s]."""
         return max(self.adaptation.delay, 0.0)
 
     @property
     def late_pressures(self) -> float:
-        """By how much more than told the pressures are late, as was learnt [s]."""
+        """Learnt delay of the pressures, in addition to the stated one [s]."""
         return max(-self.adaptation.delay, 0.0)
 
     @property
     def late_commands(self) -> Pair:
-        """By how much more than told the command of each valve is late, as was learnt [s].
+        """Learnt delay of each valve's command, in addition to the stated one [s].
 
         A late sensor of the pressure makes the valve seem late.
         """
@@ -318,7 +318,7 @@ class JointChannel:
 
 
 def acting_delays(channel: JointChannel, settings: ControlSettings) -> Pair:
-    """Time from a control cycle until each of a joint's valves acts, as the rig file tells [s]."""
+    """Time from a control cycle until each of a joint's valves acts, by the rig file [s]."""
     soon = settings.command_delay + 0.5 * settings.period
     first, second = (
         soon + settings.lead_ratio * lag + delay

@@ -63,7 +63,7 @@ class JointScale:
         return cls(0.5 * torque, model.pressures_for(0.0, _ALL, middle).stiffness, joint.inertia)
 
     def complete(self, settings: ControlSettings) -> ControlSettings:
-        """The settings with the values of this joint where they are left to its size.
+        """The settings with the values that follow from the size of this joint.
 
         Parameters
         ----------

@@ -1,10 +1,10 @@
 """What the controller does when its loops oscillate, do not follow or pause: soften, then stop.
 
 First the gains are replaced by a safe set, which is designed for a much larger delay. The safe set
-stays until the driver has been vented, since the delay is still there. If the joint still
+stays until the driver has been vented, since the delay still exists. If the joint still
 oscillates after a pause, or follows its reference with too large an error, the controller stops.
-What a tube before a muscle causes until it is found gets a pause to fade as well, because the
-pressure loops are others from then on.
+The oscillation that a tube in front of a muscle causes until it is found also gets a pause to fade,
+because the pressure loops change then.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
 from pam_control.joint_channel import JointChannel
 
 PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
-# A loop that stands still for a larger share of so long oscillates; a smaller one is borne, because
-# what one pause leaves has faded when the next one comes.
+# A loop that stands still for a larger share of so long oscillates; a smaller one is tolerated,
+# because what one pause leaves has faded when the next one comes.
 MOST_STILL = 0.3
 GAP_MEMORY = 0.5  # s
 
@@ -74,7 +74,7 @@ class LoopGuard:
     def watch_gaps(self, time: float, gap: float, longest: float) -> str:
         """Stop a loop that stands still again and again; return why, or an empty text.
 
-        Its gains do not bear such gaps: the joint oscillates, with soft gains as well.
+        No gains are stable with such gaps: the joint oscillates, with soft gains as well.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class LoopGuard:
         return self.stopped
 
     def _fades(self, index: int, time: float) -> bool:
-        """Whether what a tube caused until it was found still fades; once for each muscle."""
+        """Whether the oscillation that a tube caused still fades; once for each muscle."""
         found = sum(loop.behind_tube for loop in self._channels[index].loops)
         if found > self._tubes[index]:
             self._tubes[index], self._fading_until[index] = found, time + PAUSE

@@ -1,8 +1,8 @@
 """Settings that change while the joints are controlled: at once, or as soon as they are designed.
 
 A design takes seconds, and minutes on a busy slow computer. Whoever asks for it is answered at
-once with "being designed", and everything else goes on. When the design is done, the settings are
-in force; if the loop would not be safe, the former values are restored, and that is told.
+once with "being designed", and everything else continues. When the design is done, the settings are
+in force; if the loop would not be safe, the former values are restored, and the log says so.
 """
 
 from __future__ import annotations

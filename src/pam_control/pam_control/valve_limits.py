@@ -10,7 +10,7 @@ of each muscle: p_q is the pressure per angle and p_t the pressure per torque of
 inverse, g_q the slope of gravity, c what the moved gas is compressed per angle, J the inertia and B
 the viscous friction. Divided by the rate that the open valve gives at the pressure which the motion
 has there, this is the share of the valve that the motion needs. Above 1, the pressures lag behind,
-and the joint is thrown past its reference.
+and the joint overshoots its reference.
 
 All is tabulated over the joint's range at one stiffness.
 """

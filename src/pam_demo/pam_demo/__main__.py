@@ -76,7 +76,7 @@ def _declare_close_loop(parser: Parser) -> None:
         nargs="+",
         default=[DEFAULT_EFFECT],
         metavar=EFFECT,
-        help=f"effects of the simulated rig that its rig file lacks (default: {DEFAULT_EFFECT})",
+        help=f"effects of the simulated rig that its rig file omits (default: {DEFAULT_EFFECT})",
     )
     parser.add_argument(
         "--runs",
@@ -107,7 +107,7 @@ def _declare_robot(parser: Parser) -> None:
         nargs="+",
         default=[],
         metavar=EFFECT,
-        help="effects of the simulated robot that its rig file lacks",
+        help="effects of the simulated robot that its rig file omits",
     )
     parser.add_argument(
         "--out", type=output_folder, default="out/robot", help="folder (default: %(default)s)"
@@ -143,7 +143,7 @@ COMMANDS = (
     ),
     Command(
         "close-loop",
-        "hide an effect, diagnose the demo's recording, run the demo again with what was found",
+        "hide an effect, diagnose the demo's recording, run it again with the improved rig file",
         _declare_close_loop,
         _close_loop,
         bad_news="if a motion is not followed more closely than before",

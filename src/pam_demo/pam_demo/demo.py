@@ -1,4 +1,4 @@
-"""The demo: `pam demo`, `pam demo` or `make demo`.
+"""The demo: `pam demo` or `make demo`.
 
 Starts the simulated rig, driver, model, controller and a recorder as separate processes, plays the
 motions with the full controller and then with two simpler ones, computes the tracking errors and

@@ -71,7 +71,7 @@ class PlayerNode(Node):  # type: ignore[misc]
                 refusals = int(told)
                 if refusals > self._refusals:
                     self._refused = plain(values.get("last rejection", ""), SENTENCE)
-                self._refusals = refusals  # another controller counts anew
+                self._refusals = refusals  # another controller counts from the start
             elif status.name in LOOPS:
                 counted = {pair.key: pair.value for pair in status.values}
                 cycles, late, skipped = (float(counted[key]) for key in LOOP_COUNTS)

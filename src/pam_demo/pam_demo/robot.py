@@ -75,5 +75,5 @@ def run(given: Arguments) -> Outcome:
     finally:
         for name, text in chain.outputs.items():
             (out / f"{name}.log").write_text(text)
-    print(f"ended; what the nodes said: {out}")
+    print(f"ended; logs of the nodes: {out}")
     return Outcome({"out": out})

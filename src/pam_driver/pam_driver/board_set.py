@@ -43,7 +43,7 @@ class Port(Protocol):
 
 
 LATCH_PERIOD = 0.05
-"""How often a board is told a fault of the driver until it reports that it keeps it [s]."""
+"""Period of sending a fault of the driver to a board until it reports that it keeps it [s]."""
 
 Clock = Callable[[], tuple[float, float]]
 """Gives the present monotonic and wall time [s]."""
@@ -148,9 +148,9 @@ class BoardSet:
         wall_now : float
             The same moment on the clock that stamps frames [s].
         clock : callable, optional
-            Gives both times anew after the frames were read. Without it, frames that arrived while
-            this process stood still between the look at the clocks and the reading would seem to
-            have followed each other without a pause.
+            Returns both times again after the frames were read. Without it, frames that arrived
+            while this process stood still between the look at the clocks and the reading would seem
+            to have followed each other without a pause.
         look : callable, optional
             Looks at a board before a frame replaces another one with the same identifier that
             arrived in this call and says something else.
@@ -222,7 +222,7 @@ class BoardSet:
             self._send(address, board.clear_faults(), now)
 
     def latch_fault(self, now: float) -> None:
-        """Tell a fault of the driver to every board that keeps it and does not report it yet."""
+        """Send a fault of the driver to every board that keeps it and does not report it yet."""
         for address, board in self.boards.items():
             wanted = board.promises.keeps_host_fault and not board.host_fault
             if wanted and now - self._latch_sent_at[address] >= LATCH_PERIOD:

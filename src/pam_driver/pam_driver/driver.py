@@ -248,7 +248,7 @@ class Driver:
             self._send_valve_commands(now)
 
     def fail(self, text: str, now: float) -> None:
-        """Stop after an exception that nobody foresaw, in whatever part of the process it was.
+        """Stop after an unexpected exception, in whatever part of the process it was.
 
         The joints are lowered while the cycle still runs. The second exception vents at once, and
         so does one in the judgement itself: what would lower the joints is what has failed.
@@ -306,7 +306,7 @@ class Driver:
         wall_now : float
             The same moment on the clock that stamps frames [s].
         clock : callable, optional
-            Gives both times anew, see `BoardSet.receive`.
+            Returns both times again, see `BoardSet.receive`.
         """
         with self._lock:
             now = self._boards.receive(now, wall_now, clock, self._look)
@@ -421,7 +421,7 @@ class Driver:
     def _hear_latched_faults(self, now: float) -> None:
         """A pressed emergency stop, and a fault that a board keeps from an earlier run."""
         held = self.people.pressed(now)
-        # a board that was just told to clear its faults needs a moment to report it
+        # a board that was just asked to clear its faults needs a moment to report it
         if not held and now - self._cleared_at > self._settings.board_timeout:
             held = tuple(self._judge.passing(self._boards.host_faults(), "latched_fault"))
         if held:
@@ -436,7 +436,7 @@ class Driver:
         self._fractions = self._lowering.setpoints(*self._readings, now)
 
     def _obey_enabling_switch(self, now: float) -> None:
-        """Vent at once while nobody holds the enabling switch; that is no fault.
+        """Vent at once while the enabling switch is not held; that is no fault.
 
         Its board does so by itself, so the joint could not be lowered in any case.
         """

@@ -107,7 +107,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         keeps_nan = bool(self._values["joint_states.keep_nan"])
         self._topics = DriverTopics(self, self._rig, keeps_nan)
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        # taken by the I/O thread; two publishers in one cycle are both heard
+        # taken by the I/O thread; two publishers in one cycle are both read
         self._commands = PolledTopic(
             self,
             JointState,
@@ -120,7 +120,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         for name, topic in PEOPLE_TOPICS.items():
             if getattr(self._rig.people, f"{name}_topic"):
                 # not latched: the last word of a publisher that has ended must not count as new;
-                # polled, so that they are also heard while the end of the node lowers the joints
+                # polled, so that they are also read while the end of the node lowers the joints
                 hear = partial(self._on_people, name)
                 # what cannot be read, or is lost since too many arrived, does not permit anything
                 forbid = partial(self._on_people, name, Bool(data=False))
@@ -237,7 +237,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             self._loop.check()
 
     def fail(self, error: Exception) -> None:
-        """Latch an exception that nobody foresaw as a fault, and say so; the process must end."""
+        """Latch an unexpected exception as a fault, and say so; the process must end."""
         if self._broken:
             return
         self._broken = described(error)
@@ -271,7 +271,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
     def close(self) -> None:
         """Lower the arm, stop the thread, vent, close the bus; safe to call twice."""
         loop, self._loop = self._loop, None
-        driver = self._driver  # kept for the I/O thread, which hears people until it ends
+        driver = self._driver  # the I/O thread still reads the operator inputs until it stops
         ports, self._ports = self._ports, {}
         self._diagnostics = self._snapshot = None
         self._active = False
@@ -399,7 +399,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if driver is None:
             self._poll()
             return
-        if driver.broken is not None:  # `fail` is called in this turn, and tells it
+        if driver.broken is not None:  # `fail` is called in this turn, and reports it
             return
         self._publish_state()
         if driver.state in FAULTY and not self._fault_reported:

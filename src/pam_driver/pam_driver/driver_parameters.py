@@ -60,7 +60,7 @@ TABLE: Final = (
         "counts as missing, and causes a latched vent while air may move"
     ),
     Parameter(
-        "board_timeout", _D.board_timeout, "s", 0.15, 5.0, "a board that is silent for longer "
+        "board_timeout", _D.board_timeout, "s", 0.15, 5.0, "a board that sends nothing for longer "
         "counts as lost"
     ),
     Parameter(

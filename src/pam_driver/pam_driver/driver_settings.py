@@ -37,7 +37,8 @@ class DriverSettings:
     sensor_timeout : float
         A pressure or angle older than this is NaN, and a fault while air may move [s].
     board_timeout : float
-        A board that sends no measurement, no status or no heartbeat for so long counts as lost [s].
+        A board that sends no measurement, no status or no heartbeat for this time counts as lost
+        [s].
     over_pressure_margin : float
         How far one sample may exceed `max_pressure`, as an allowance for noise [Pa].
     velocity_bandwidth : float
@@ -46,8 +47,8 @@ class DriverSettings:
         A muscle counts as empty below this pressure [Pa gauge]. At 20 kPa, a thirtieth of the
         highest pressure of the example rigs, two muscles can no longer lift their joint.
     exhaust_timeout : float
-        A muscle that is not empty so long after its valve began to vent has a blocked exhaust [s];
-        0: from the rig's volumes and conductances, see `safety.exhaust_watch`.
+        A muscle that is not empty after this time of venting has a blocked exhaust [s]; 0: from the
+        rig's volumes and conductances, see `safety.exhaust_watch`.
     loop_delay_limit : float
         Largest delay of the loop beyond three cycles, see `safety.loop_watch` [s].
     period : float

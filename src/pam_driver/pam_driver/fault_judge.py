@@ -20,10 +20,10 @@ from pam_model.robot import Robot
 
 # A command of another driver is a fault for this long after it was received [s].
 _FOREIGN_MEMORY: Final = 1.0
-# The physics is blind if it started anew more than so often within so long [s].
+# The physics is blind if it restarted more than so often within this time [s].
 _RESTARTS: Final = 3
 _RESTART_MEMORY: Final = 1.0
-# What is wrong within so long after a pause of the driver may come of it [s].
+# Time after a pause of the driver within which faults may be caused by it [s].
 _PAUSE_MEMORY: Final = 0.1
 
 
@@ -44,10 +44,10 @@ class Plausibility(Protocol):
 
     @property
     def restarts(self) -> int:
-        """How often the check has started anew after a gap in the measurements."""
+        """How often the check has restarted after a gap in the measurements."""
 
     def restart(self) -> None:
-        """Start anew after a pause."""
+        """Restart after a pause."""
 
     def deviations(self) -> Iterator[Deviation]:
         """The deviations between measurements and physics."""
@@ -69,7 +69,7 @@ class Motion(NamedTuple):
     commanded : bool
         Whether the valves follow commands; they do not while the driver itself lowers the joints.
     since : float
-        Since when the boards are told to be active, monotonic [s]; infinite while they are not.
+        Since when the boards are commanded to be active, monotonic [s]; infinite while not.
     command_time : float
         When the command in use was computed, monotonic [s].
     last_rejection : str
@@ -154,7 +154,7 @@ class FaultJudge:
     def look(self, board: Board, time: float, active_since: float, cleared_at: float) -> None:
         """Keep what a board says now, because its next frame may say something else.
 
-        Silence is judged once in a cycle: it is not said, and goes on.
+        The absence of messages is judged once in a cycle: it lasts, and no message announces it.
 
         Parameters
         ----------
@@ -163,8 +163,8 @@ class FaultJudge:
         time : float
             When its next frame arrived, monotonic [s].
         active_since, cleared_at : float
-            Since when the boards are told to be active, and when their faults were last cleared,
-            monotonic [s].
+            Since when the boards are commanded to be active, and when their faults were last
+            cleared, monotonic [s].
         """
         moving = time - active_since > self._settings.board_timeout
         said = board.conditions(time, math.inf, math.inf, moving)
@@ -243,7 +243,7 @@ class FaultJudge:
         self._sampled_at = [sample.time for sample in pressures]
         before = plausibility.restarts
         # After a stall of this host, the physics would lag behind the measurements and report a
-        # false fault: it makes up for the cycles that are missing, or starts anew.
+        # false fault: it makes up for the cycles that are missing, or restarts.
         missing = pause / plausibility.period - 1.0
         if missing * plausibility.period > LONGEST_GAP:
             if math.isfinite(missing):  # not in the first cycle
@@ -282,7 +282,8 @@ class FaultJudge:
         if found and now - self._paused_at <= _PAUSE_MEMORY:
             text = (
                 f"the driver stood still for {self._pause:.2f} s: its process was stopped, or the "
-                "host is too slow; what else is reported follows from this, or was not seen before"
+                "host is too slow; everything else that is reported follows from this, or was not "
+                "noticed before"
             )
             yield Condition("driver_paused", "", text)
         yield from found
@@ -350,8 +351,8 @@ class FaultJudge:
         ):
             missing = availability.missing_share(what, channel, now)
             if missing * WINDOW > timeout:
-                text = f"its board says so in {100.0 * missing:.0f} % of its messages of a second"
-                yield Condition("sensor_intermittent", name, f"no {what} again and again, {text}")
+                text = f"its board sent none in {100.0 * missing:.0f} % of its messages of a second"
+                yield Condition("sensor_intermittent", name, f"no {what} again and again: {text}")
         yield from self._range_conditions(self._all_sensors, now - timeout)
 
     def _range_conditions(self, sensors: _Sensors, oldest: float = NEVER) -> Iterator[Condition]:

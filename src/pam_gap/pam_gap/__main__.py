@@ -150,7 +150,7 @@ def _declare_fleet(parser: Parser) -> None:
         action="append",
         default=[],
         metavar="EFFECT.PARAMETER=VALUE",
-        help="value that is too much, to tell when it is reached; may be given several times",
+        help="limit of a parameter, to predict when it is reached; may be given several times",
     )
     parser.add_argument(
         "--full-every",
@@ -319,7 +319,7 @@ COMMANDS = (
     Command("rules", "write the page of constants", _declare_rules, _rules),
     Command(
         "record",
-        "record what a diagnosis needs, and say what is still missing",
+        "record what a diagnosis needs, and show what is still missing",
         _declare_record,
         _record,
         bad_news="if the recording misses something",

@@ -210,7 +210,7 @@ def _likelier(
 ) -> tuple[JointDiagnosis, Diagnosis]:
     """The answer with loose lengths, or the one with lengths as measured if it is likelier.
 
-    Wrong lengths keep their probability beside the causes that are named without them.
+    Wrong lengths keep their probability in addition to the causes that are named without them.
     """
     if loose.lengths is None or loose.answer is None or tight.answer is None:
         return loose, answer

@@ -70,7 +70,7 @@ class JointDiagnosis:
     progress : callable
         Called with the current task and the completed share.
     with_experiment : bool
-        Whether the experiment is sought that would tell more; it takes many simulations.
+        Whether the most informative next experiment is sought; it takes many simulations.
     """
 
     def __init__(
@@ -257,7 +257,7 @@ class JointDiagnosis:
     def scores(self, hypotheses: Sequence[Hypothesis]) -> list[HeldOut]:
         """Held-out scores, those without a background on a rig that shows none.
 
-        Where hardly anything is left beside fitted amounts of a background, either these amounts
+        If hardly any error remains apart from fitted amounts of a background, either these amounts
         are real, or there is no background. Without one, fitted amounts would imitate causes: the
         simulation alone must explain the recording then. It can, if there is no background.
         """

@@ -111,7 +111,7 @@ def joint_folder(out: str | Path, rig: Rig, numbers: Sequence[int], number: int)
 
 
 def joint_progress(bar: Progress, name: str) -> Callable[[str, float], None]:
-    """What tells the progress bar which joint and task the diagnosis is at."""
+    """A function that shows the joint and the task of the diagnosis on the progress bar."""
 
     def tell(task: str, share: float) -> None:
         bar.show(share, f"{name}: {task}"[:48].ljust(48))

@@ -1,7 +1,7 @@
 """A first look at a recording (`diagnose --quick`): where the gap is, and what resembles it.
 
 The rig is re-tuned within its tolerance, and each effect of the table gets one Gauss-Newton step
-from there. This tells how much of the error it would remove alone, to first order. Nothing is
+from there. This shows how much of the error it would remove alone, to first order. Nothing is
 scored on data that were not fitted and no pairs are tried, so that there is no verdict and no
 probability.
 """
@@ -26,7 +26,7 @@ from pam_model.effects import EFFECTS
 
 FILE = "first_look.json"
 SHOWN = 5
-"""Effects that are told."""
+"""Number of effects in the list."""
 CAVEAT = (
     "This is a first look and no verdict: each effect was tried alone, with one step of its fit, "
     "and nothing was tested on data that were not fitted. Run it without --quick for the answer."
@@ -71,7 +71,7 @@ class FirstLook:
     joint : str
         Name of the joint.
     missing : tuple of str
-        Why nothing can be told; empty if something can.
+        Why no answer is possible; empty if one is.
     stage : str or None
         The stage with the largest gap when it is simulated from its measured inputs.
     gaps : tuple of ChannelGap
@@ -89,7 +89,7 @@ class FirstLook:
     def text(self) -> str:
         """The first look for people, several lines."""
         if self.missing:
-            return f"{self.joint}: nothing can be told. {' '.join(self.missing)}"
+            return f"{self.joint}: no answer is possible. {' '.join(self.missing)}"
         where = f"the {self.stage} stage differs most" if self.stage else "no stage stands out"
         lines = [f"{self.joint}: {where}."]
         for gap in self.gaps:
@@ -105,7 +105,7 @@ class FirstLook:
                 for one in self.effects[:SHOWN]
             ]
         else:
-            lines.append("  what the tolerance leaves of it is too small to matter")
+            lines.append("  the error that remains after re-tuning is too small to matter")
         return "\n".join([*lines, f"  {CAVEAT}"])
 
     def write(self, folder: Path) -> None:

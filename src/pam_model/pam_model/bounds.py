@@ -1,4 +1,4 @@
-"""Numbers that a program hands over are checked as those of a file are: type, finite, bounds."""
+"""Numbers that a program passes are checked as those of a file are: type, finite, bounds."""
 
 from __future__ import annotations
 

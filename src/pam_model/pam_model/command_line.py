@@ -239,7 +239,7 @@ def start_node(
 
 
 def _complete(tool: Tool) -> None:
-    """Answer the shell that asks how a command line goes on, and end the process.
+    """Answer the shell that asks how a command line continues, and end the process.
 
     The shell asks by an environment variable, for which it needs argcomplete itself.
     """

@@ -1,8 +1,7 @@
 """Linear algebra with one thread, so that a result does not depend on the machine's processors.
 
 A BLAS with several threads adds in another order. The difference is in the last digits, but a fit
-of many parameters can end in another minimum for it, and an answer that is nearly a tie can fall
-the other way.
+of many parameters can then end in another minimum, and a near tie can be decided differently.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""numba's cache of machine code on disk, of which a damaged or a full disk costs only time.
+"""numba's cache of machine code on disk, with which a damaged or a full disk costs only time.
 
 numba lets the process end when a file of its cache cannot be written or read. After a power cut
 such files may be empty, and neither simulation nor diagnosis would start until somebody deletes

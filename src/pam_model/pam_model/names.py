@@ -1,4 +1,4 @@
-"""What is said of a name that nobody knows: the one that was probably meant, and all there are."""
+"""The message about an unknown name: the name that was probably meant, and all known ones."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> str:
 
 
 class Named(dict[str, _Entry]):
-    """A mapping by name in which a name that is missing is told with those that are near."""
+    """A mapping by name whose error for a missing name lists similar names."""
 
     def __init__(self, kind: str, entries: Iterable[tuple[str, _Entry]]) -> None:
         super().__init__(entries)

@@ -31,7 +31,7 @@ def is_at_joint(
     position : float
         Commanded [rad].
     measured : float or None
-        Where the joint is [rad]; None or NaN if nobody knows.
+        Where the joint is [rad]; None or NaN if unknown.
     low, high : float
         Position limits [rad].
     margin : float

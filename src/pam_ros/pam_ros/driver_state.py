@@ -1,12 +1,12 @@
 """The driver's state as a latched topic: what a controller must know before it moves anything.
 
 The driver publishes a DiagnosticStatus on `~/state` whenever its state changes, and once when it
-starts. The topic is latched (transient local), so that a node that starts later hears the present
-state at once. `values` holds `state`, `reason`, `speed` (full or reduced) and `activation` for
-programs, `message` the first three for people.
+starts. The topic is latched (transient local), so that a node that starts later receives the
+present state at once. `values` holds `state`, `reason`, `speed` (full or reduced) and `activation`
+for programs, `message` the first three for people.
 
-Every activation has another number, so that a controller begins anew with each, even if it missed
-the states before, or a recording that was played told it otherwise.
+Every activation has another number, so that a controller starts again with each, even if it missed
+the states before, or received other ones from a recording that was played.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def reason_against_commands(message: Any) -> str:
 
 
 def activation_of(message: Any) -> str:
-    """Which activation the message tells of; empty if it does not say.
+    """Number of the activation that the message reports; empty if it has none.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Publishes sensor_msgs/JointState at a high rate with little processor time.
 
-The messages are written as bytes, see `pam_ros.joint_state_bytes`, and only while somebody hears
-them.
+The messages are written as bytes, see `pam_ros.joint_state_bytes`, and only while the topic has
+subscribers.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from pam_ros.joint_state_bytes import JointStateWriter
 
 LOOK_PERIOD: Final = 0.05
-"""How often a publisher looks whether somebody hears it [s]."""
+"""Period at which a publisher looks for subscribers [s]."""
 
 
 def nanoseconds_of(seconds: float) -> int:
@@ -25,7 +25,7 @@ def nanoseconds_of(seconds: float) -> int:
 
 
 class Audience:
-    """Whether somebody hears a publisher, looked up at a low rate.
+    """Whether a publisher has subscribers, looked up at a low rate.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class JointStatePublisher:
     Attributes
     ----------
     heard : callable
-        Whether somebody hears the topic, see `Audience.present`.
+        Whether the topic has subscribers, see `Audience.present`.
     """
 
     def __init__(self, node: Any, topic: str, depth: int, frame_id: str = "") -> None:
@@ -80,7 +80,7 @@ class JointStatePublisher:
         velocity: Sequence[float] = (),
         effort: Sequence[float] = (),
     ) -> None:
-        """Publish a message, if somebody hears it.
+        """Publish a message, if the topic has subscribers.
 
         Parameters
         ----------

@@ -43,7 +43,7 @@ def refuse_impossible_transitions(node: Any) -> None:
 
 
 def notice_errors_of_transitions(node: Any, notice: Callable[[Exception], object]) -> None:
-    """Tell what the callback of a transition raised; rclpy takes it for an "error" and is silent.
+    """Report what the callback of a transition raised; rclpy makes it an "error" and logs nothing.
 
     Parameters
     ----------

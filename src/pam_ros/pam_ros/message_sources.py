@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from pam_ros.foreign_text import plain
 
-# So many changes of the source within so long [s] mean that two publishers take turns.
+# So many changes of the source within this time [s] mean that two publishers take turns.
 _CHANGES: Final = 2
 _CHANGE_MEMORY: Final = 1.0
 

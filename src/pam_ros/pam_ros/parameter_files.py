@@ -1,9 +1,9 @@
 """Sections of the parameter files of a process, and which of them are not for its node.
 
-ROS applies a section by the full name of a node, with its namespace, and drops every other section
-without a word. Whoever writes `pam_controller:` for a node that runs as `/left/pam_controller`, or
-`pam_controler:`, drives the robot with the defaults. Such a section is refused here. Sections that
-clearly belong to other nodes are none of this node's business.
+ROS applies a section by the full name of a node, with its namespace, and ignores every other
+section silently. Whoever writes `pam_controller:` for a node that runs as `/left/pam_controller`,
+or `pam_controler:`, drives the robot with the defaults. Such a section is refused here. Sections
+that clearly belong to other nodes are ignored.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def refuse_lost_sections(node: str, usual_name: str, files: Collection[Path]) ->
     node : str
         Full name of the node, with its namespace.
     usual_name : str
-        The name that the node has where nobody renames it.
+        The name that the node has unless it is renamed.
     files : collection of Path
         Parameter files of the process.
 
@@ -148,8 +148,8 @@ def refuse_lost_sections(node: str, usual_name: str, files: Collection[Path]) ->
             else:
                 continue
             raise ParameterError(
-                f"{section} {problem}, and this node is {node}: ROS would drop the section without "
-                f"a word. Write /**/{mine[-1]}: in its place, which fits in every namespace"
+                f"{section} {problem}, and this node is {node}: ROS would ignore the section "
+                f"silently. Write /**/{mine[-1]}: in its place, which fits in every namespace"
             )
     return warnings
 

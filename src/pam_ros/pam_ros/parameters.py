@@ -105,7 +105,7 @@ class Parameter:
 
 
 class OtherKey(Protocol):
-    """What is told about a key that is not the node's own: a number if its bounds differ."""
+    """The description of a key that is not the node's own: a number if its bounds differ."""
 
     @property
     def text(self) -> str:
@@ -155,10 +155,10 @@ class NodeParameters[Described]:
         keys with their values and the names in the table (so that its message about an unknown key
         can suggest one of them), and raises an exception for a key that it does not know.
     describe : callable
-        What is told about a key that is not in the table; takes the result of `read_others` and
+        Describes a key that is not in the table; takes the result of `read_others` and
         the key's name.
     usual_name : str
-        Name of the node where nobody renames it: sections of parameter files with this name that
+        Name of the node unless it is renamed: sections of parameter files with this name that
         ROS does not apply are refused, see `pam_ros.parameter_files`.
     keeps_real_time : bool, optional
         Refuse `use_sim_time`, at the start and while the node runs. It must be set for a node that

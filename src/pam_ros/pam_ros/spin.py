@@ -44,8 +44,8 @@ def spin_node(
     mistake : exception type
         The exception that `make_node` and `check` raise for a user's mistake. For this one and for
         ParameterError the text is printed, and the node ends. Any other exception is a fault of the
-        program: it ends the node, too, and is told in one line (`pam_ros.unforeseen`), or is raised
-        if there is no node yet.
+        program: it ends the node, too, and is reported in one line (`pam_ros.unforeseen`), or is
+        raised if there is no node yet.
 
     Returns
     -------

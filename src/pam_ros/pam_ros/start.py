@@ -1,4 +1,4 @@
-"""Starts ROS in a process; what the user's surroundings do not permit is a mistake in one line."""
+"""Starts ROS in a process; if the environment does not permit it, one line says why."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Timers and turns of a node that no change of the wall clock can delay.
 
 A timer of rclpy runs by the node's clock, which is the wall clock: when someone sets that back by
-an hour, the timer is silent for an hour. In the wheels of rclpy the executor's own waiting uses
+an hour, the timer does not fire for an hour. In the wheels of rclpy the executor's own waiting uses
 the wall clock, too (a condition variable of an old C++ library), also for timers of a steady clock.
 Therefore the main loop calls what is due itself, and another thread wakes the executor.
 """

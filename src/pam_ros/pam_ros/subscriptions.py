@@ -101,7 +101,7 @@ class GuardedTopic:
 
 
 class MalformedMessages:
-    """Tells of the malformed messages of one node, in its log and in `/diagnostics`.
+    """Reports the malformed messages of one node, in its log and in `/diagnostics`.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ class MalformedMessages:
         """The status about topics that had malformed messages."""
         newest = max(topic.last[1] for topic in found)
         counts: Counter[str] = Counter()
-        for topic in found:  # a node may hear a topic more than once
+        for topic in found:  # a node may subscribe to a topic more than once
             counts[topic.topic] += topic.count
         told = ", ".join(f"{count} on {name}" for name, count in counts.items())
         values = {f"malformed on {name}": count for name, count in counts.items()}
@@ -216,7 +216,7 @@ def subscribe(
     read : callable, optional
         Makes of bytes what `take` takes, instead of a message; raises MalformedMessageError.
     malformed : callable, optional
-        Called for each malformed message, for topics where silence is not safe.
+        Called for each malformed message, for topics where a missing message is not safe.
     most_bytes : int or None, optional
         Size of the largest message that is read [bytes]; None for any.
 

@@ -1,4 +1,4 @@
-"""What a node does about an exception that nobody foresaw: one clear line, and an exit code.
+"""What a node does about an unexpected exception: one clear line, and an exit code.
 
 An exception ends the node, wherever it was raised. The executor and `PeriodicLoop` raise what
 happened in them again; what rclpy would swallow, or what happened in a thread, is handed over to
@@ -18,7 +18,7 @@ from typing import Any, Final
 from pam_ros.foreign_text import shown
 
 BROKEN: Final = 70
-"""Exit code after an exception that nobody foresaw (`EX_SOFTWARE` of sysexits.h)."""
+"""Exit code after an unexpected exception (`EX_SOFTWARE` of sysexits.h)."""
 _handed_over: deque[Exception] = deque(maxlen=100)
 
 
@@ -49,14 +49,14 @@ def tell_unforeseen(logger: Any, error: BaseException, done: str = "the node end
 
 @contextmanager
 def ending_broken(node: Any, *foreseen: type[Exception]) -> Iterator[None]:
-    """A block whose unforeseen exception is told, and ends the process with `BROKEN`.
+    """A block whose unexpected exception is reported, and ends the process with `BROKEN`.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Whose log tells it.
+        In whose log it is reported.
     *foreseen : exception types
-        These are raised as they are: the caller tells them to the user.
+        These are raised as they are: the caller reports them to the user.
     """
     try:
         yield

@@ -17,7 +17,7 @@ def version_line(program: str) -> str:
     ----------
     program : str
         What the user types, such as "pam gap diagnose" or "python -m pam_check.blind.cases"; what
-        names no package tells the version of pam_model.
+        names no package shows the version of pam_model.
     """
     words = [word.partition(".")[0] for word in program.removeprefix(PROGRAM).split()]
     if program.startswith(f"{PROGRAM} "):

@@ -192,7 +192,7 @@ class SimulatedRig:
                 self._plants[joint].change({f"{side}.leakage.conductance": conductance})
 
     def set_brake(self, torque: float) -> None:
-        """Let brakes hold the joints with a torque [N m] beside their friction; 0 releases them."""
+        """Let brakes add a torque [N m] to the friction of the joints; 0 releases them."""
         name = "coulomb_friction.torque"
         for plant, without in zip(self._plants, self.parameters, strict=True):
             plant.change({name: without[name] + torque})

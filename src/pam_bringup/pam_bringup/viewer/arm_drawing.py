@@ -1,6 +1,6 @@
 """The lines and colours by which the 3-D view shows joints and muscles, computed without a viewer.
 
-As in the URDF of `pam_model urdf`, each joint is an axis along y with a rod, 0.2 m beside the last
+As in the URDF of `pam_model urdf`, each joint is an axis along y with a rod, 0.2 m from the last
 joint. The two muscles stand above it. Each pulls its side of the pulley by a tendon; the
 agonist's side is the one whose upward pull gives positive torque.
 """

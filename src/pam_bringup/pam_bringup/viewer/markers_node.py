@@ -1,4 +1,4 @@
-"""Publishes the muscles as markers, for RViz and Foxglove beside the model of the robot.
+"""Publishes the muscles as markers, for RViz and Foxglove, together with the model of the robot.
 
 `pam bringup markers --ros-args --params-file config/elbow.yaml`
 """

@@ -59,7 +59,7 @@ class TrajectoryGoal:
     Attributes
     ----------
     outcome : Outcome or None
-        How the goal has ended; None while it goes on.
+        How the goal has ended; None while it continues.
     """
 
     def __init__(

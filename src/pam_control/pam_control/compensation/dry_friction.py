@@ -7,11 +7,11 @@ T = (sum of the friction laws that the rig file names)(qd) z,    dz/dq = (1 - si
 With the measured motion, the jump of the friction at a reversal would be part of the feedback loop,
 and delay would turn it into a limit cycle. While the reference slows down, |z| is at most
 tanh(|qd|/SMOOTHING_SPEED): otherwise the whole breakaway torque would push a joint past its target
-that comes to rest a little late, and it would stick there. What is left is for the integrator.
+that comes to rest a little late, and it would stick there. The integrator compensates the rest.
 
 Friction that falls with speed drives a joint away from its speed, as a negative damping does: one
 that is too fast meets less friction and becomes faster. Therefore the change of the laws from the
-planned to the measured speed is given back. This only undoes what such a friction does to
+planned to the measured speed is compensated. This only undoes what such a friction does to
 the loop; it is bounded by the difference of static and sliding friction, and is 0 while the
 reference rests. The friction laws are defined in the files of the effects (`pam_model.effects`).
 
@@ -77,7 +77,7 @@ class DryFriction:
         return self.level(velocity) * math.tanh(velocity / SMOOTHING_SPEED) if self.laws else 0.0
 
     def change(self, planned: float, measured: float) -> float:
-        """What the friction torque [N m] gains from the planned to the measured speed [rad/s]."""
+        """Change of the friction torque [N m] from the planned to the measured speed [rad/s]."""
         if not self.laws:
             return 0.0
         share = math.tanh(planned / SMOOTHING_SPEED)

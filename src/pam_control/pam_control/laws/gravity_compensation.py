@@ -1,4 +1,4 @@
-"""Gravity compensation: the joint is moved by hand, bears its weight, and stays where it is put.
+"""Gravity compensation: the joint is moved by hand, carries its weight, and stays where it is put.
 
 The joint is a spring about a rest angle (`impedance`), and the rest angle follows it: once the
 spring's torque is above `float.hold_torque`, with the speed

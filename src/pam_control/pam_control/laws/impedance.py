@@ -7,7 +7,7 @@ cannot oscillate by itself. The feedback adds only what they lack,
 
     u = (K - K_m)(q_r - q) + g(q) - g(q_r) + D (q_r' - q')
 
-where K_m is the stiffness that they reach and g gravity, of which the spring bears nothing. There
+where K_m is the stiffness that they reach and g gravity, none of which the spring carries. There
 is no integral, nothing is learnt, and there is no limit of the tracking error: a joint that
 somebody pushes away is no fault. K - K_m and D are at most the gains that the position law has,
 which keep its margins.

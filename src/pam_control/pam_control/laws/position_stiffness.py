@@ -118,7 +118,7 @@ class PositionStiffnessController(Controller):
         channel.aligned.add(request.measured_at, request.pressures)
         position, speed = channel.lagging(request.fresh)
         inside = channel.inside(position)
-        # as the rig file tells, without the delay that was learnt
+        # by the rig file, without the learnt delay
         seen_at = request.seen_at + channel.late_position
         aligned = channel.aligned.at(seen_at)
         muscles, before = channel.model.torques(
@@ -137,7 +137,7 @@ class PositionStiffnessController(Controller):
         channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
 
     def _repeated(self, request: PlanRequest, usual: float) -> tuple[float, float]:
-        """What is added to the torque in a motion that is repeated, and beside it [N m].
+        """The torque of the adaptation and the learnt correction for a repeated motion [N m].
 
         Parameters
         ----------

@@ -5,13 +5,13 @@ that the muscles are sources of torque. A planner gives everything: gravity, ine
 Torques come as a stream. Until the first one, and `stream.timeout` after the last one, the joint is
 held by the position law, from rest or by braking.
 
-The pressures follow the torque and the joint's motion ahead by the known delays. What lacks is an
-unknown delay or lag T: the muscles then seem to have the damping K T.
+The pressures follow the torque and the joint's motion ahead by the known delays. An unknown
+delay or lag T is not compensated: the muscles then seem to have the damping K T.
 
-What a planner may not do, whatever it asks for: the torque is limited to accelerations from which
+Limits that hold whatever a planner asks for: the torque is limited to accelerations from which
 the valves can bring the joint to rest before the end of its range, and below 60 % of
 `max_velocity`, by the rig file. Torques that the muscles cannot give are limited to what they can.
-The telemetry tells both.
+The telemetry contains both.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class TorqueController(PositionStiffnessController):
         """The margins of the position law; the muscles alone must be stable, too.
 
         A horizontal or inverted joint drifts or falls under a constant torque whatever its muscles
-        do; that is the matter of whoever sends the torques. So its weight counts at least as much
+        do; whoever sends the torques must prevent that. So its weight counts at least as much
         as a spring on which the joint swings slowly.
 
         Raises

@@ -32,7 +32,7 @@ from pam_control.feedback.linear_joint import Complex, LoopTiming, frequency_res
 from pam_control.feedback.margins import ControlDesignError, LoopCase, pid_response
 from pam_control.feedback.pid import PidGains
 
-UNKNOWN_DELAYS: Final = (0.0, 0.005, 0.01, 0.015)  # s, beside those that are told
+UNKNOWN_DELAYS: Final = (0.0, 0.005, 0.01, 0.015)  # s, in addition to the stated ones
 UNKNOWN_INERTIAS: Final = (0.8, 1.0, 1.5)
 CONTRACTION: Final = 0.9
 SLOW: Final = 3.0  # rad/s; below it the integral of the feedback leaves hardly any error to learn

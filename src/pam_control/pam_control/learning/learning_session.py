@@ -75,7 +75,7 @@ class LearningSession:
             self.problem = f"not kept: {error}"
 
     def report(self, joint: str) -> str:
-        """One line for a log: what the repetitions of a joint brought."""
+        """One line for a log: the errors of a joint's repetitions."""
         motion = self.learners[joint].motion
         errors = ", ".join(f"{1e3 * rms:.2f}" for rms in motion.history) or "not played yet"
         return f"{self.name}: RMS errors [mrad] {errors}" + (

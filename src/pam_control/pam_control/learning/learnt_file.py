@@ -1,6 +1,6 @@
 """The file with what repetitions taught: motions by name, for one rig file.
 
-What was learnt for another rig file is worth nothing, because the model gives another torque. The
+What was learnt for another rig file is useless, because the model gives another torque. The
 file therefore contains a digest of the rig's parameters, and is ignored if it differs.
 """
 
@@ -60,7 +60,7 @@ def read_motions(path: Path, digest: str) -> tuple[Motions, str]:
             raise ValueError(f"larger than {LARGEST_FILE} bytes")
         content = json.loads(path.read_text(encoding="utf-8"))
         if content["rig"] != digest:
-            return {}, f"{path}: learnt for another rig file; it is learnt anew"
+            return {}, f"{path}: learnt for another rig file; learning starts again"
         motions = {
             str(name): {str(joint): _learnt(entry) for joint, entry in joints.items()}
             for name, joints in content["motions"].items()

@@ -50,7 +50,7 @@ class MotionLearner:
         self._spline = self._recording = None
 
     def follow(self, spline: JointSpline | None) -> None:
-        """Tell the present trajectory of the joint, every cycle; None if it has none."""
+        """Receive the present trajectory of the joint, every cycle; None if it has none."""
         if spline is self._spline or (spline is not None and spline is self._refused):
             return
         self._spline, self._recording = spline, None

@@ -5,9 +5,9 @@ adds is recorded. Then it is played as recorded, so that only one thing changes 
 to the next: the correction, which `LearningFilter` computes from the error after each repetition.
 
 The part of an error that does not repeat would be played with the opposite sign the next time,
-beside the part of that time. Two errors in a row with a negative inner product tell so: nothing of
-them repeats. From then on less of an error is learnt, a half, then a third and so on, so that what
-does not repeat averages out. As long as errors repeat, all of them is learnt.
+in addition to the part of that time. If two errors in a row have a negative inner product, nothing
+of them repeats, and the learning rate is reduced: to a half, then a third and so on, so that what
+does not repeat averages out. As long as errors repeat, the whole error is learnt.
 
 A repetition that is worse than the best one ends the learning: the correction of the best is used
 from then on. Nothing is learnt from a repetition that was interrupted.

@@ -1,4 +1,4 @@
-"""The way from a reference in motion to a waypoint: it brakes first where it would else overshoot.
+"""The way from a reference in motion to a waypoint: it brakes first where it would overshoot.
 
 A quintic that begins with a motion and has much time for its way carries the motion on for a share
 of that time, so that its detour grows with the time that a caller leaves: braking at 2 rad/s^2, a

@@ -1,7 +1,7 @@
 """A spline whose acceleration changes gradually where that of the waypoints jumps.
 
 A cubic spline changes its acceleration at once at every waypoint, and at its start and its end. The
-valves cannot: the pressures lag behind, and the joint is thrown past its reference. The reference
+valves cannot: the pressures lag behind, and the joint overshoots its reference. The reference
 is therefore the mean of the spline over a short time around each moment. The mean of the
 acceleration then changes at most with the jump divided by this time, and the position differs by
 a T^2/24 at an acceleration a: 0.8 mrad at 50 rad/s^2 and 20 ms.
@@ -26,7 +26,7 @@ class EvenedSpline(JointSpline):
     window : float
         The time [s].
     before : JointReference
-        At the first waypoint, with which the motion before it goes on.
+        At the first waypoint, with which the motion before it continues.
     """
 
     def __init__(self, waypoints: Waypoints, window: float, before: JointReference) -> None:

@@ -41,7 +41,7 @@ STRETCH, MOST_STRETCHES = 1.5, 12  # 1.5^12 = 130
 SHORTEST = 1e-3  # s, of the first segment
 NEAR = 0.01  # rad
 CALM_SHARE = 0.1  # of the jerk of the limiter, with which a small difference from the path fades
-TOLD_FROM = 1e-3  # relative change of the duration that the caller is told
+TOLD_FROM = 1e-3  # relative change of the duration that the caller is informed of
 
 
 def joined(
@@ -118,7 +118,7 @@ def joined(
 def _beside(
     waypoints: Waypoints, at: float, reference: JointReference, limits: MotionLimits
 ) -> float:
-    """How far the reference is beside a trajectory that it joins [rad], if that is to fade.
+    """Distance of the reference from a trajectory that it joins [rad], if that is to fade.
 
     It is not where the trajectory is far away, or leaves time to go to its first waypoint.
     """
@@ -216,7 +216,7 @@ def _delay(
             if way is not None:
                 way = (stop.time + way[0], way[1])
         if way is None:
-            is_way, because = False, because or f"{name} cannot get into its motion so fast"
+            is_way, because = False, because or f"{name} cannot reach its first point at that speed"
         elif way[0] - asked > delay:
             delay, because = way[0] - asked, because or way[1]
     return delay, because, is_way

@@ -1,6 +1,6 @@
-"""A spline that begins a little beside its path, and comes to it while it moves.
+"""A spline that begins at a small distance from its path, and joins it while it moves.
 
-A joint is held where its encoder showed it, some tenths of a milliradian beside the beginning of
+A joint is held where its encoder showed it, some tenths of a milliradian from the beginning of
 the next trajectory. If that begins at once, or 20 ms later, going there first would need hardly any
 torque, but more flow than the valves have. The difference fades along the motion instead, as a
 motion of minimum jerk does: d (1 - 10 x^3 + 15 x^4 - 6 x^5) with x = t/T, whose largest jerk is

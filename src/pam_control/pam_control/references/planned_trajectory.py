@@ -147,7 +147,7 @@ def slowing_factor(speed: float, acceleration: float, limits: MotionLimits) -> f
 
 
 def excess_of(name: str, speed: float, acceleration: float, limits: MotionLimits) -> str:
-    """The limits that a joint would exceed, in words."""
+    """The limits that a joint would exceed, as text."""
     return (
         f"{name} would need {speed:.3g} rad/s and {acceleration:.3g} rad/s^2 "
         f"(limits {limits.velocity:.3g} rad/s, {limits.acceleration:.3g} rad/s^2)"
@@ -155,7 +155,7 @@ def excess_of(name: str, speed: float, acceleration: float, limits: MotionLimits
 
 
 def too_much_air(name: str, share: float) -> str:
-    """How far a joint would exceed what its valves can drive, in words."""
+    """How far a joint would exceed what its valves can drive, as text."""
     return f"{name} would need {share / VALVE_SHARE:.3g} times what its valves can drive"
 
 

@@ -315,7 +315,7 @@ class ReferenceGenerator:
     def refused_stream(self, names: Sequence[str], now: float) -> None:
         """Note a streamed command at `now` [s] that was refused because nothing may move.
 
-        The stream may not move a joint later, just because it goes on; see `_check_continued`.
+        The stream may not move a joint later, just because it continues; see `_check_continued`.
         """
         for name in names:
             if name in self._sources:
@@ -325,9 +325,9 @@ class ReferenceGenerator:
     def _check_continued(
         self, names: Sequence[str], positions: Sequence[float], now: float
     ) -> None:
-        """Refuse a stream that was interrupted and goes on as if nothing had happened.
+        """Refuse a stream that was interrupted and continues as if nothing had happened.
 
-        After a stop, a vent or a refusal a joint moves by a new act alone. A stream is a new one
+        After a stop, a vent or a refusal a joint moves only on a new request. A stream is a new one
         after a pause of the stream time-out; or it has to come to where the joint is.
         """
         far = [

@@ -1,8 +1,8 @@
 """When a small test motion may move a joint that rests, so that its stiffness can be estimated.
 
-A joint that only holds tells nothing about its stiffness. Where a person has asked for it, every
-joint is moved once by `test_motion` after it has come to rest at another position, or has got
-another stiffness. What the motion shows goes the way of every motion
+The measurements of a joint that only holds do not show its stiffness. Where a person has asked for
+it, every joint is moved once by `test_motion` after it has come to rest at another position, or has
+got another stiffness. Its data are used like those of any other motion
 (`adaptation.stiffness_estimate`). The joints are tested one after the other. Any reference that
 arrives meanwhile takes the joint over, as from any trajectory.
 """
@@ -81,6 +81,6 @@ class StiffnessTest:
         return same and abs(position - before) <= SAME_POSITION
 
     def forget(self) -> None:
-        """Test every joint anew, as soon as it rests."""
+        """Test every joint again, as soon as it rests."""
         self._still_since.clear()
         self._tested.clear()

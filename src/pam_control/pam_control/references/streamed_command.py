@@ -26,7 +26,7 @@ def check_streamed_command(
 ) -> None:
     """Reject a streamed command that cannot be followed.
 
-    A joint that hangs at its stop may be told to stay there, a little beyond its limits.
+    A joint that rests at its end stop may be commanded to stay there, a little beyond its limits.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Joint trajectories as messages bring them, and what is rejected before anything moves."""
+"""Joint trajectories as they arrive in messages, and what is rejected before anything moves."""
 
 from __future__ import annotations
 

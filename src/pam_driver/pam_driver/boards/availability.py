@@ -1,9 +1,9 @@
 """How often a device says that it has no measurement, although it has one before and after.
 
 A device that has lost a sensor says "not available" instead of a value, and the last value becomes
-too old. Where values come in between, the last one stays young: a cable with a loose contact, or
-another device that sends under the same identifier, would go unnoticed. Every kind of board tells
-this object of each measurement that it hears.
+too old. Where values come in between, the last one stays recent: a cable with a loose contact, or
+another device that sends under the same identifier, would go unnoticed. Every kind of board passes
+each measurement that it receives to this object.
 """
 
 from __future__ import annotations

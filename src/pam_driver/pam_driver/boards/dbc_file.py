@@ -1,4 +1,4 @@
-"""Reads a DBC file with cantools, tolerantly: what is wrong with a line costs that line alone.
+"""Reads a DBC file with cantools, tolerantly: an error makes only its own line unusable.
 
 cantools refuses a file as a whole. If it does, the file is cut into its statements, every statement
 is read with no more than it refers to, and those that can be read make up the file.
@@ -364,7 +364,7 @@ class _Reader:
     def _signal(self, one: _Statement) -> str:
         """The signal that a statement makes doubtful; empty if its name may be cut or misspelt.
 
-        Labels of a signal that is not there are nobody's.
+        Labels of a signal that does not exist are ignored.
         """
         if one.kind in {"BO_", "SG_"} or one.frame is None:
             return one.signal

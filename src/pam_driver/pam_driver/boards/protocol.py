@@ -125,11 +125,11 @@ class Promises:
     Attributes
     ----------
     watchdog : float or None
-        It vents when it has received no valid command for so long [s]; None: it has no watchdog.
+        It vents when it has received no valid command for this time [s]; None: it has no watchdog.
     latches : bool
         After a watchdog time-out or a fault it stays vented until the faults are cleared.
     keeps_host_fault : bool
-        It latches a fault that the driver tells it, reports it, and stays vented until the faults
+        It latches a fault that the driver sends it, reports it, and stays vented until the faults
         are cleared: the fault survives a crash and a restart of the host.
     needs_arming : bool
         After power-up, a vent or a fault it opens a valve only after it has received a command
@@ -176,7 +176,7 @@ class Identifiers(NamedTuple):
 
 
 class BoardReport(NamedTuple):
-    """What the diagnostics show of a board: its state in words, and named values."""
+    """What the diagnostics show of a board: its state as text, and named values."""
 
     text: str
     values: Mapping[str, object]
@@ -228,7 +228,7 @@ class Board(Protocol):
 
     @property
     def availability(self) -> Availability:
-        """How often it has said that it has no measurement; it tells this of each one."""
+        """How often it has reported that it has no measurement, for each of them."""
 
     @property
     def supply_pressure(self) -> float:

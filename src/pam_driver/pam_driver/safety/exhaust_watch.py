@@ -20,9 +20,9 @@ from pam_model.views.time_to_empty import time_to_empty
 
 # A muscle that was empty counts as filled again above this multiple of the limit.
 _FILLED_AGAIN: Final = 1.25
-# So long the readings must agree, without a single exception [s]. At 500 Hz, a muscle at the limit
-# whose sensor has 5 kPa of white noise (more is `sensor_noise`) then changes the state once in
-# minutes at most.
+# The readings must agree for this time, without a single exception [s]. At 500 Hz, a muscle at the
+# limit whose sensor has 5 kPa of white noise (more is `sensor_noise`) then changes the state once
+# in minutes at most.
 _AGREED: Final = 0.02
 # The default time limit is so many times the ideal time, for exhausts that are narrower than the
 # rig file says (silencers, tubes), plus a second.
@@ -40,7 +40,7 @@ class ExhaustWatch:
     vented_pressure : float
         A muscle is empty below this pressure [Pa gauge].
     timeout : float
-        So long after the valves began to vent, a muscle that is not empty is a fault [s].
+        A muscle that is not empty after this time of venting is a fault [s].
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class ExhaustWatch:
         pressures : sequence of float
             By muscle [Pa gauge]; NaN if unknown, which does not count as empty.
         venting : bool
-            Whether every valve is told to vent.
+            Whether every valve is commanded to vent.
         now : float
             Monotonic time [s].
         """

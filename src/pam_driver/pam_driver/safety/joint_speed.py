@@ -27,8 +27,9 @@ from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.robot import Robot, RobotJoint
 from pam_model.views.shut_spring import driven_speed
 
-# The speed must stay above the limit for so long, in one direction: a single outlier of the encoder
-# that is too small to be a fault of its own (`position_jump`) leaves the low pass after 8 ms.
+# The speed must stay above the limit for this time, in one direction: a single outlier of the
+# encoder that is too small to be a fault of its own (`position_jump`) leaves the low pass after 8
+# ms.
 LASTS: Final = 0.008  # s
 END_STOP: Final = 0.03  # rad; closer to a limit, the end stop may carry torque
 # The torque may grow by so much until the valves of a stop act, some 20 ms after it was measured.

@@ -3,13 +3,14 @@
 The first two are inputs of the boards and topics, which can forbid motion; the third is a topic.
 
 Every input is fail-safe: motion needs a value that permits it, and a value that is younger than the
-deadline. An emergency stop that is pressed is a latched fault in every state. A silent one is a
-fault while air may move, and prevents activation otherwise. A released enabling switch vents and
-is no fault: holding it again does not move anything before someone activates the driver. Without
-permission of full speed the joints must be slow, after the time in which the controller brakes.
+deadline. An emergency stop that is pressed is a latched fault in every state. A missing message of
+it is a fault while air may move, and prevents activation otherwise. A released enabling switch
+vents and is no fault: holding it again does not move anything before someone activates the driver.
+Without permission of full speed the joints must be slow, after the time in which the controller
+brakes.
 
-What forbids counts from the moment at which it is said until it has been judged, although the input
-may permit motion again by then (`pam_driver.safety.since_judged`).
+A value that forbids motion counts from its arrival until it has been judged, although the input may
+permit motion again by then (`pam_driver.safety.since_judged`).
 
 Sources: ISO 10218-1 (emergency stop, three-position enabling device, reduced speed), IEC 60204-1
 section 9.2
@@ -114,7 +115,7 @@ class PeopleInputs:
         return tuple(self._forbidding(EMERGENCY_STOP))
 
     def conditions(self, now: float) -> Iterator[Condition]:
-        """What prevents activation and is a fault while air may move: a stop that is silent."""
+        """An emergency stop without messages: it prevents activation, and is a fault in motion."""
         yield from self._forbidding(EMERGENCY_STOP)
         yield from self._silent(EMERGENCY_STOP, now)
 

@@ -16,7 +16,7 @@ muscles are therefore a fault at a smaller limit, `PAIR_SHARE`, than the residua
 
 Measurements may be missing for a moment. Across a gap of up to `LONGEST_GAP` the observer predicts
 the pressure from the valve command, and the next measurement corrects it for the whole time since
-the last one, so that gaps hide no fault. After a longer gap the observer starts anew.
+the last one, so that gaps hide no fault. After a longer gap the observer restarts.
 
 Both balances contain the effects that the rig file names: the file of each effect
 (`pam_model.effects`) describes how this check treats it, and defines the law that is used here.
@@ -215,11 +215,11 @@ class PressurePlausibility:
 
     @property
     def restarts(self) -> int:
-        """How often the observer of any muscle has started anew after a gap."""
+        """How often the observer of any muscle has restarted after a gap."""
         return sum(muscle.restarts for muscle in self._muscles)
 
     def restart(self) -> None:
-        """Start all observers anew, after a pause in which nothing was measured or commanded."""
+        """Restart all observers, after a pause in which nothing was measured or commanded."""
         for muscle in self._muscles:
             muscle.restart()
 

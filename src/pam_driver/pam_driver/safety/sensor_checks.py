@@ -11,7 +11,8 @@ from pam_driver.safety import limits_by_size as by_size
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_model.robot import Robot
 
-# A step is remembered for so long, so that a single outlier is not forgotten before it is read [s].
+# A step is remembered for this time, so that a single outlier is not forgotten before it is read
+# [s].
 _STEP_MEMORY: Final = 0.5
 # Frames may arrive in bursts; a step within a burst may be as large as this time allows [s].
 _SHORTEST_GAP: Final = 0.01

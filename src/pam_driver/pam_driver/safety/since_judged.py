@@ -3,7 +3,7 @@
 The driver judges once in a cycle, but messages and frames arrive at any time, and several of them
 wait after a pause of the driver. If only the newest of them counted, an emergency stop that is
 pressed and released between two cycles would be lost. Every input that can forbid motion therefore
-tells this object what it says before the next message or frame replaces it.
+passes its content to this object before the next message or frame replaces it.
 """
 
 from __future__ import annotations

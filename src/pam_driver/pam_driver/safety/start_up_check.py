@@ -1,7 +1,7 @@
 """A small test pulse on each valve before the arm may move, watched by all sensors.
 
-One muscle after another gets a little air while all others vent. What the sensors show then tells
-crossed hoses, dead valves, wrong sensors and blocked exhausts apart:
+One muscle after another gets a little air while all others vent. The readings of the sensors then
+distinguish crossed hoses, dead valves, wrong sensors and blocked exhausts:
 
 - its own pressure rises, and no other: valve, hose and sensor belong together;
 - another pressure rises instead: hoses or sensors are exchanged. If the joint turns towards the
@@ -11,7 +11,7 @@ crossed hoses, dead valves, wrong sensors and blocked exhausts apart:
 - nothing happens: the valve does not open, the hose is off or closed, or the sensor is dead;
 - the pressure does not fall again: the exhaust is blocked or the valve is stuck open.
 
-The pulse is as large as the joint bears without moving much, held back by gravity and inertia
+The pulse is as large as possible without moving the joint much, held back by gravity and inertia
 (`pam_model.views.harmless_pressure`), within `SMALLEST` and `LARGEST`. A joint that turns by more
 than `ABORT_ANGLE` ends the check.
 
@@ -328,13 +328,13 @@ def _largest_change(here: Sequence[float], there: Sequence[float]) -> float:
 
 
 def _valve(check: StartUpCheck, muscle: int) -> str:
-    """The valve of a muscle in words."""
+    """The valve of a muscle, as text."""
     one = check._robot.rig.muscles[muscle]
     return f"valve (board {one.board}, channel {one.channel})"
 
 
 def _sensor(check: StartUpCheck, muscle: int) -> str:
-    """The pressure sensor of a muscle in words; it is on the valve's channel unless told apart."""
+    """The pressure sensor of a muscle, as text; it is on the valve's channel by default."""
     one = check._robot.rig.muscles[muscle]
     place = one if one.pressure_sensor is None else one.pressure_sensor
     return f"pressure sensor (board {place.board}, channel {place.channel})"

@@ -65,7 +65,7 @@ class SafetyOutput(NamedTuple):
     vent_on_entry : bool
         Whether each board receives the board command `vent` when the state is entered.
     latch : bool
-        Whether each board that can keep a fault of the driver is told to keep it.
+        Whether each board that can keep a fault of the driver is asked to keep it.
     meaning : str
         One line for the documentation.
     """

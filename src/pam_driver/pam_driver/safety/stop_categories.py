@@ -40,7 +40,7 @@ class StopCategory(NamedTuple):
     reason : str
         Why.
     longest : float
-        Longest time for lowering, beside `lowering_timeout` [s].
+        Longest time for lowering, in addition to `lowering_timeout` [s].
     """
 
     number: int
@@ -48,15 +48,15 @@ class StopCategory(NamedTuple):
     longest: float = math.inf
 
 
-_BUS = "what the valves are told and what the sensors say no longer arrives reliably"
-_BOARD = "the board may not do what it is told"
+_BUS = "commands and measurements no longer arrive reliably"
+_BOARD = "the board may not follow its commands"
 _SENSOR = "lowering relies on this measurement"
 _ONE_MUSCLE: Final = "pressure_implausible"
 _DOUBT = "sensor, valve or muscle is not what lowering assumes"
 
 STOP_CATEGORIES: Final[Mapping[str, StopCategory]] = {
-    "command_timeout": StopCategory(1, "the controller is gone; sensors, boards and bus work"),
-    "driver_paused": StopCategory(1, "the driver runs again; what came of the pause decides"),
+    "command_timeout": StopCategory(1, "no commands arrive; sensors, boards and bus work"),
+    "driver_paused": StopCategory(1, "the driver runs again; the faults after the pause decide"),
     "internal_error": StopCategory(
         1, "the cycle of the driver still runs; where it does not, everything vents at once"
     ),

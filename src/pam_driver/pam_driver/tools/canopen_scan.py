@@ -1,4 +1,4 @@
-"""Asks every CANopen node of a bus who it is: device type and identity, by SDO.
+"""Asks every CANopen node of a bus for its device type and identity, by SDO.
 
 Many nodes send nothing before they are configured, so that only a question finds them. Source: CiA
 301 version 4.2, objects 0x1000 and 0x1018.
@@ -46,7 +46,7 @@ class Identity(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The identity in words, with the names that the rig file uses."""
+        """The identity as text, with the names that the rig file uses."""
         words = []
         if self.device_type is not None:
             profile = self.device_type & 0xFFFF

@@ -104,7 +104,7 @@ def name_senders(
         Knows the frames of this project's boards. They are named only if the board's heartbeat was
         received too, since CANopen and other devices use the same identifiers.
     nodes : mapping of int to Identity, optional
-        The CANopen nodes that have told their identity, by node number.
+        The CANopen nodes that have sent their identity, by node number.
     """
     known = sorted(records, key=lambda one: one.frame_id)
     boards: dict[int, Heartbeat] = {}

@@ -131,7 +131,7 @@ class ValveTrial:
         return Course(before, highest, last, stopped)
 
     def vent(self) -> None:
-        """Vent all valves, and go on telling them so for a moment."""
+        """Vent all valves, and repeat the command for a moment."""
         now = time.monotonic()
         self._boards.vent(now)
         self._boards.command(None, now)
@@ -190,7 +190,8 @@ def run(given: Arguments) -> Outcome:
     Raises
     ------
     PamError
-        If the valve is unknown, nobody confirms, or the robot is not ready; nothing has moved.
+        If the valve is unknown, the user does not confirm, or the robot is not ready; nothing has
+        moved.
     """
     rig = load_rig(given.rig_file)
     wiring = RigWiring(rig, {"dbc": str(given.dbc or "")})

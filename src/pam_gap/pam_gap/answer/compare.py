@@ -47,11 +47,11 @@ class Difference:
     Attributes
     ----------
     z : float
-        Difference in standard deviations; NaN where it cannot be told.
+        Difference in standard deviations; NaN where it is unknown.
     sure : bool
         Whether it is more than noise.
     words : str
-        The same in words.
+        The same, as text.
     """
 
     z: float
@@ -189,7 +189,7 @@ def _judged(
     if first is not None and other is not None:
         z, sure = difference(first, other)
         if math.isnan(z):
-            return _untold("without intervals, it cannot be told")
+            return _untold("without intervals, a change cannot be judged")
         text = f"{'rose' if z > 0.0 else 'fell'}, {_deviations(z)}"
         return Difference(z, sure, text if sure else f"within noise ({abs(z):.1f})")
     if first is None and other is None:
@@ -217,7 +217,7 @@ def _appeared(
     none = {"value": neutral, "low": neutral, "high": neutral}
     z, sure = difference(none, known) if first is None else difference(known, none)
     if math.isnan(z):
-        return _untold(f"{word}; without intervals, it cannot be told")
+        return _untold(f"{word}; without intervals, a change cannot be judged")
     text = f"{word}, {_deviations(z)} from no effect"
     return Difference(z, sure, text if sure else f"{word}, within noise ({abs(z):.1f})")
 

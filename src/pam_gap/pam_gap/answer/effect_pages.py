@@ -110,7 +110,7 @@ def draw_motion(commands: Array, ideal: PlantParameters, path: Path) -> None:
 def page_text() -> str:
     """Return the page as Markdown."""
     lines = [
-        "# The effects a diagnosis knows",
+        "# The effects that a diagnosis can name",
         "",
         "This page is written by `./pam gap effects`. All pictures show the rig of "
         "`config/elbow.yaml` under the same sequence of valve commands. Each picture shows the "

@@ -43,7 +43,7 @@ STYLE = """
  .quiet { color: var(--quiet); }
  @media print { body { margin: 0; } img { min-width: 0; } h2 { break-after: avoid; } }
 """
-"""Style sheet; `--verdict` is the colour of the bar beside the first sentence."""
+"""Style sheet; `--verdict` is the colour of the bar next to the first sentence."""
 
 VERDICT_COLOURS = {
     "named": "#00798c",

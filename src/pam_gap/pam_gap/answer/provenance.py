@@ -96,7 +96,7 @@ def source_file(path: str | Path) -> SourceFile:
 def source_hash() -> str:
     """SHA-256 of all source files on which an answer depends: pam_gap, pam_model, own effects.
 
-    The version number alone does not tell two states of the source apart between releases.
+    Between releases, the version number alone does not distinguish two states of the source.
     """
     digest = hashlib.sha256()
     for package in (pam_gap, pam_model):

@@ -158,7 +158,7 @@ within their tolerance.{% endif %}</p>{% endif %}
 <ul>{% for r in d.repairs %}<li>{{ r }}</li>{% else %}<li>The recordings needed no repair.</li>
 {% endfor %}{% for r in d.left_out %}<li>Not available: {{ r }}</li>{% endfor %}
 {% if diagnosis.get('not_shown') %}<li>At their usual size, these effects would stay below the noise
-in this recording, so that nothing is said about them:
+in this recording, which therefore can neither show nor exclude them:
 {{ diagnosis.not_shown | map('spoken') | join(', ') }}.</li>{% endif %}</ul>
 <h2>Where this answer comes from</h2>
 <div class="wide" tabindex="0"><table class="origin">
@@ -199,7 +199,7 @@ def _stage_words(blamed: Collection[str], verdict: str) -> str:
 
 
 LEAST_SHOWN = 0.005
-"""Probability below which an explanation is told together with the others."""
+"""Probability below which an explanation is listed together with the others."""
 
 
 def _probabilities(found: Mapping[str, float]) -> list[dict[str, Any]]:
@@ -223,11 +223,11 @@ def _leftover(left: Mapping[str, Any] | None, verdict: str) -> str:
         return f"{amount} That is no more than ordinary imperfections of a good rig leave."
     if not left["material"]:
         return f"{amount} That is too little to matter."
-    return f"{amount} {'No effect stands out of it.' if verdict == 'none' else 'That matters.'}"
+    return f"{amount} {'No effect exceeds it clearly.' if verdict == 'none' else 'That matters.'}"
 
 
 def _headline(traces: Sequence[Trace], channels: Mapping[str, Any], named: bool) -> Trace | None:
-    """The trace of the channel that the verdict tells of."""
+    """The trace of the channel that the verdict speaks of."""
 
     def share(trace: Trace) -> float:
         size = channels.get(trace.channel)
@@ -251,7 +251,7 @@ def _legend_words(first: Trace) -> str:
 
 
 def _headline_words(first: Trace, channels: Mapping[str, Any]) -> str:
-    """The first figure in words."""
+    """The first figure, as text."""
     size = channels.get(first.channel)
     if not size:
         return f"Error of {first.channel}."

@@ -1,7 +1,7 @@
 """The still figures of the report, as data URLs.
 
 Axes are in the units that people use (mrad, kPa). Only the stage that the verdict names is
-coloured, so that no innocent one looks guilty. Legends name what is drawn, and nothing else.
+coloured, so that no other one looks like the cause. Legends name what is drawn, and nothing else.
 """
 
 from __future__ import annotations

@@ -95,12 +95,12 @@ def what_is_left(diagnosis: Diagnosis) -> str:
     )
 
 
-def _ordinary(diagnosis: Diagnosis, start: str) -> str:
+def _ordinary(diagnosis: Diagnosis) -> str:
     """The effects that are no larger than on an ordinary good rig; empty without any."""
     if not diagnosis.ordinary:
         return ""
     names = _listed([spoken(effect) for effect in diagnosis.ordinary])
-    return f" {start} {names} of a size that every good rig has."
+    return f" The recording also shows {names} of a size that every good rig has."
 
 
 def nothing_material(diagnosis: Diagnosis) -> str:
@@ -116,17 +116,17 @@ def nothing_material(diagnosis: Diagnosis) -> str:
         return (
             "Ordinary imperfections: the rig file, re-tuned within its tolerance, is wrong by "
             f"{told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its "
-            f"range of {told(size.motion, size.unit, 3)}. {compared}, and no effect stands out of "
-            f"them.{_ordinary(diagnosis, 'Found was')}"
+            f"range of {told(size.motion, size.unit, 3)}. {compared}, and no effect exceeds them "
+            f"clearly.{_ordinary(diagnosis)}"
         )
     limit, reason = size.limit, "This is"
     if size.is_material:
         limit, reason = size.limit_unexplained, "No known effect explains this, and it is"
     share = limit / max(size.motion, 1e-300)
     return (
-        f"Nothing is worth a cause: the rig file, re-tuned within its tolerance, is wrong by "
-        f"{told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its range "
-        f"of {told(size.motion, size.unit, 3)}. {reason} below the limit of {percent(share)} "
+        "The gap is too small to need a cause: the rig file, re-tuned within its tolerance, is "
+        f"wrong by {told(size.retuned, size.unit)} at {size.channel}, {percent(size.share)} of its "
+        f"range of {told(size.motion, size.unit, 3)}. {reason} below the limit of {percent(share)} "
         f"({told(limit, size.unit)})."
     )
 
@@ -163,8 +163,8 @@ def sizes_at_the_end(found: Sequence[tuple[str, str, float, str]]) -> tuple[str,
     for effect, name, value, unit in found:
         sizes.setdefault(effect, []).append(f"{spoken(name)} {told(value, unit)}".rstrip())
     return tuple(
-        f"What was found of {spoken(effect)} ({', '.join(values)}) is at the end of the range "
-        "that is searched. If your rig cannot have so much of it, the cause is another one."
+        f"The size found for {spoken(effect)} ({', '.join(values)}) is at the end of the range "
+        "that is searched. If the effect cannot be so large on your rig, the cause is another one."
         for effect, values in sizes.items()
     )
 
@@ -232,7 +232,7 @@ def _named(diagnosis: Diagnosis) -> str:
         subject = "The cause" if probability is None or probability >= LIKELY else _DOUBTFUL
         return (
             f"{subject} is {spoken(effects[0])} at the {diagnosis.stage} stage{likely}{size}."
-            f"{_ordinary(diagnosis, 'Beside it there is')}{_closes(diagnosis, 'It explains')}"
+            f"{_closes(diagnosis, 'It explains')}{_ordinary(diagnosis)}"
         )
     numbers = "; ".join(
         f"{spoken(effect)}: {text}"
@@ -240,8 +240,7 @@ def _named(diagnosis: Diagnosis) -> str:
         if (text := with_parameters(diagnosis, effect))
     )
     size = f" ({numbers})" if numbers else ""
-    beside = _ordinary(diagnosis, "Beside them there is")
     return (
-        f"The causes are {_with_stages(diagnosis, effects)}{size}.{beside}"
-        f"{_closes(diagnosis, 'They explain')}"
+        f"The causes are {_with_stages(diagnosis, effects)}{size}."
+        f"{_closes(diagnosis, 'They explain')}{_ordinary(diagnosis)}"
     )

@@ -27,7 +27,7 @@ MOST_POINTS = 110_000
 WRITTEN, RETUNED, WITH_ANSWER = "rig file as written", "rig file re-tuned", "improved rig file"
 _TOOLS = "xpan,xbox_zoom,xwheel_zoom,reset"
 _HEIGHT = 160
-"""Of a figure without axes and legend [pixels]: as much as its tools need beside it."""
+"""Of a figure without axes and legend [pixels]: as much as its tools need next to it."""
 
 
 def short_name(name: str) -> str:

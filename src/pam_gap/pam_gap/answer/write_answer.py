@@ -188,7 +188,7 @@ class AnswerForm:
 
         No interval is narrower than the laws are exact (`law_accuracy`).
 
-        Beside an ordinary background the two fits differ: `shown` holds only what a rig file can,
+        With an ordinary background the two fits differ: `shown` holds only what a rig file can,
         and makes up for the rest (a spool's play by a longer delay); `chosen` contains the rest in
         amounts that compete with the causes. The true value is usually between both.
         """

@@ -66,7 +66,7 @@ class Separation:
 
     @property
     def is_decisive(self) -> bool:
-        """Whether the two closest hypotheses are expected to be told apart."""
+        """Whether the experiment is expected to distinguish the two closest hypotheses."""
         return self.smallest > self.decisive
 
 
@@ -261,7 +261,7 @@ class Proposal:
         return self.ranking[0]
 
     def sentence(self) -> str:
-        """The instruction in words."""
+        """The instruction, as text."""
         best = self.best
         words = (
             f"{best.excitation.name}: {best.excitation.instruction} "
@@ -271,8 +271,8 @@ class Proposal:
         )
         if not best.is_decisive:
             words += (
-                " Beside the error that both of them leave, that may not be enough: no experiment "
-                "of the menu separates them well."
+                " Compared with the error that both of them leave, this difference may be too "
+                "small: no experiment of the menu separates them well."
             )
         return words
 
@@ -300,7 +300,7 @@ def propose(fitter: HypothesisFitter, survivors: Sequence[Hypothesis]) -> Propos
     fitter : HypothesisFitter
         Of the problem diagnosed.
     survivors : sequence of Hypothesis
-        Hypotheses that the data could not tell apart, best first; `most_survivors` of them are
+        Hypotheses that the data could not distinguish, best first; `most_survivors` of them are
         compared.
     """
     if len(survivors) < 2:

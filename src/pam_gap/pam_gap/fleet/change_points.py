@@ -12,7 +12,7 @@ three times too short.
 
 Intervals of single recordings say nothing about what differs from one motion to the next. A
 variance is therefore added to theirs, and estimated together with the model. Its standard deviation
-is in proportion to the size of the effect (the median of neighbouring values), but for a tenth:
+is in proportion to the size of the effect (the median of neighbouring values), except for a tenth:
 where a leak was closed, the values of different motions hardly differ any more.
 Errors have a Student distribution with 4 degrees of freedom, so that a single outlier is no change
 (K. Lange, R. Little and J. Taylor, J. Am. Stat. Assoc. 84, 1989).
@@ -87,8 +87,8 @@ class Course:
     curve : ndarray, shape (n,)
         Values of the model at the times of the series.
     spread : float
-        Standard deviation by which recordings differ beside their intervals, where the effect is
-        largest.
+        Standard deviation by which recordings differ in addition to their intervals, where the
+        effect is largest.
     last : float
         Value of the model at the last time.
     rate : float

@@ -45,9 +45,8 @@ _PAGE = """<!doctype html>
 {% for row in document.next %}<tr><td>{{ row.robot }}</td><td>{{ row.joint }}</td>
 <td>{{ row.what }}</td><td class="n">{{ '%.0f' % row.weeks }}</td><td>{{ row.aim }}</td></tr>
 {% endfor %}</table></div>
-<p class="quiet">At the present rate. Name what is too much with
---limit EFFECT.PARAMETER=VALUE; without a limit, the time until the value has doubled is
-told.</p>{% endif %}
+<p class="quiet">At the present rate. Set a limit with --limit EFFECT.PARAMETER=VALUE; without one,
+this is the time until the value has doubled.</p>{% endif %}
 
 {% for group in groups %}<h2>{{ group.title }}</h2>
 {% if not group.plots %}<p>No effect was found in several recordings, so that none is followed.</p>

@@ -153,6 +153,6 @@ def _many_rigs(folder: Path, table: Path) -> list[Job]:
         raise PamError(f"{table}: no recording in this table")
     for name, count in Counter(job.name for job in jobs).items():
         if count > 1:
-            told = f"recording {shown(name)} stands in several lines; expected one"
+            told = f"recording {shown(name)} appears in several lines; expected one"
             raise PamError(f"{table}: {told}")
     return jobs

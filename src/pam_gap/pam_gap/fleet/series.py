@@ -1,4 +1,4 @@
-"""One parameter of one joint over time: its values, its changes, and both in words."""
+"""One parameter of one joint over time: its values, its changes, and both as text."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Series:
 
     @property
     def name(self) -> str:
-        """Effect and parameter in words."""
+        """Effect and parameter, as text."""
         return f"{spoken(self.effect)}, {spoken(self.parameter)}"
 
 
@@ -131,7 +131,7 @@ def weeks_left(series: Series) -> tuple[float, str] | None:
 
 
 def in_words(series: Series) -> list[str]:
-    """All that is to be said about a series, in sentences."""
+    """All findings about a series, in sentences."""
     if not series.course.enough:
         return [
             f"{series.name} ({series.joint}): only {len(series.points)} recordings; too few to "

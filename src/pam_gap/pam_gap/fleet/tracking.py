@@ -80,8 +80,8 @@ def labels_found(answer: Mapping[str, Any]) -> tuple[str, ...]:
 def effects_to_follow(answers: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     """Labels of the effects that are fitted on every recording of a joint, most frequent first.
 
-    An effect is not followed beside one that the recordings cannot distinguish from it, nor beside
-    a richer or simpler law of the same thing.
+    An effect is not followed together with one that the recordings cannot distinguish from it, nor
+    with a richer or simpler law of the same thing.
     """
     votes = Counter(label for answer in answers for label in labels_found(answer))
     rivals: set[frozenset[str]] = {frozenset(pair) for pair in NESTED}

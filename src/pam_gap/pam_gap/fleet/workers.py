@@ -16,7 +16,7 @@ from typing import Any
 from pam_model.errors import PamError
 
 DEATHS = 3
-"""Workers that may die of one job before it is given up."""
+"""Number of workers that may die of one job before it is given up."""
 RETRIES = 1
 """Repetitions of a job that ended with an exception; not of one that reports a user's mistake."""
 WAIT = 30  # s for an existing scheduler

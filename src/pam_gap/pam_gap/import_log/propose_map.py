@@ -2,7 +2,7 @@
 
 A column is judged by the words of its name (the muscle or joint, "pressure", "angle", "measured" or
 "desired"), by its unit, by its number among columns of one kind, and by the size of its values. The
-proposal is a draft of a map file: the user confirms or mends it.
+proposal is a draft of a map file: the user confirms or corrects it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _WORDS: Final[Mapping[str, frozenset[str]]] = {
         SUPPLY: "supply tank source",
     }.items()
 }
-"""Words that speak for a kind of channel."""
+"""Words that suggest a kind of channel."""
 _ASKED: Final = frozenset(
     [
         "command",
@@ -209,7 +209,7 @@ def _owner_score(channel: str, words: frozenset[str], rig: Rig) -> float:
 
 
 def _kind_score(kind: str, column: _Column, expected: str, owner: float) -> float:
-    """How well the words name the kind of a channel; 0 where they speak against it."""
+    """How well the words name the kind of a channel; 0 where they suggest another kind."""
     words = column.words
     asked = bool(words & _ASKED)
     quantity = words & (_WORDS[".position"] | _WORDS["time"] | _WORDS[".effort"])

@@ -3,12 +3,13 @@
 No rig is exact. A good one has a little thread friction, creep, dry friction, leakage and play of
 the spools, and sensors that are not quite linear and drift. None of that is a cause. The change
 that an ordinary amount of each makes is simulated once along the recording. Every hypothesis then
-contains these changes, in amounts within their ordinary bounds, beside the re-tuned numbers: small
-effects are nuisance parameters and not noise (Basseville and Nikiforov, Fault isolation for
-diagnosis: nuisance rejection, Annu. Rev. Control 26, 2002; Kennedy and O'Hagan, J. R. Statist. Soc.
-B 63, 2001, with an informative prior as Brynjarsdottir and O'Hagan, Inverse Problems 30, 2014,
-recommend). They are linear, so that they cost no simulation in a fit. Either muscle has amounts of
-its own, and thread friction and creep are mixtures of several strokes and time constants.
+contains these changes, in amounts within their ordinary bounds, in addition to the re-tuned
+numbers: small effects are nuisance parameters and not noise (Basseville and Nikiforov, Fault
+isolation for diagnosis: nuisance rejection, Annu. Rev. Control 26, 2002; Kennedy and O'Hagan, J. R.
+Statist. Soc. B 63, 2001, with an informative prior as Brynjarsdottir and O'Hagan, Inverse Problems
+30, 2014, recommend). They are linear, so that they cost no simulation in a fit. Either muscle has
+amounts of its own, and thread friction and creep are mixtures of several strokes and time
+constants.
 
 The laws of a real background differ from those of the effects. A share of the whole background
 therefore remains; it plays the part of V_discrepancy in history matching (Gardner, Lord and

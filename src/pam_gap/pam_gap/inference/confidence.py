@@ -47,7 +47,7 @@ def parameter_intervals(
 ) -> list[Interval]:
     """90 % intervals of all fitted parameters, nuisances first.
 
-    They include what is not known of an ordinary background beside which they were fitted: its
+    They include what is not known of an ordinary background that was fitted with them: its
     amounts are further parameters, with the priors of the fit.
     """
     free, _, _ = fitter.problem_parts(hypothesis.members)
@@ -156,7 +156,7 @@ def for_another_motion(
 
     The blocks of one recording share its motion, so that resampling them does not show the
     variation between motions. The share that an approximate law leaves differs by a factor from
-    one motion to another, and the relative uncertainty of the noise floor must be included. Beside
+    one motion to another, and the relative uncertainty of the noise floor must be included. With
     an ordinary background this factor is above 1 on most rigs, probably because small imperfections
     were fitted to the motion of the recording.
 

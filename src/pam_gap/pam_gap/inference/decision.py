@@ -165,7 +165,7 @@ class Judge:
         return self.level(score) + self.rules.price * score.free_numbers
 
     def energy(self, score: Score) -> float:
-        """Priced level plus the fall that every cause must achieve beside others."""
+        """Priced level plus the fall that every cause must achieve in addition to others."""
         causes = 1 if score.unlisted else score.size
         return self.priced_level(score) + self.rules.further_gain * (causes - 1)
 

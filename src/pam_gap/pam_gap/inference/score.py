@@ -43,7 +43,7 @@ class Score:
         The sums for the simulation alone, whose errors contain an ordinary background; without
         it, no background was fitted.
     unlisted : str
-        Cause outside the table of effects that the hypothesis contains, in words.
+        Cause outside the table of effects that the hypothesis contains, as text.
     """
 
     effects: tuple[str, ...]

@@ -156,8 +156,8 @@ class UnlistedFitter:
         singles : sequence of Hypothesis
             Fits of single effects of the table, of which some are special cases of these causes.
         beside : Hypothesis, optional
-            Effects that every good rig has. They are fitted beside the best of these causes, if it
-            explains at least half of what the best single effect does.
+            Effects that every good rig has. They are fitted together with the best of these causes,
+            if it explains at least half of what the best single effect does.
         """
         parts = self.fitter.parts
         if parts is None:
@@ -184,7 +184,7 @@ class UnlistedFitter:
     def _causes(self, parts: Background) -> tuple[list[Unlisted], Background]:
         """All causes that are sought, and a background with places for their columns."""
         columns, free = parts.terms.columns, parts.terms.free
-        if self.fitter.background is None:  # a rig without a background has none beside the cause
+        if self.fitter.background is None:  # the cause gets none, either
             columns = np.zeros_like(columns)
         causes = unlisted_causes(self.fitter.problem, parts)
         effects = parts.effects
@@ -207,7 +207,7 @@ class UnlistedFitter:
         """Held-out score of one cause; None if its size is ordinary.
 
         `start` holds the amounts and the hypothesis with which the fit begins; the effects of the
-        latter are fitted beside the cause.
+        latter are fitted together with the cause.
         """
         amounts, at = start
         guess = at.result.jacobian
@@ -234,7 +234,7 @@ class UnlistedFitter:
     def _start(
         self, one: Unlisted, nominal: Hypothesis, singles: Sequence[Hypothesis]
     ) -> tuple[Array, Hypothesis]:
-        """Amounts with which the fit of a cause begins, and the numbers of the rig beside them."""
+        """Amounts with which the fit of a cause begins, and the rig's numbers."""
         amounts = np.zeros(len(one.places))
         like = next((h for h in singles if h.effects == (one.contains,)), None)
         if like is None:
@@ -245,7 +245,7 @@ class UnlistedFitter:
     def _fitter_at(
         self, one: Unlisted, amounts: Array, at: Hypothesis, background: Background
     ) -> HypothesisFitter:
-        """A fitter for the recordings with these amounts, which fits further ones beside."""
+        """A fitter for the recordings with these amounts, which fits further ones as well."""
         problem = self.fitter.problem
 
         def changed(more: Array) -> PredictionProblem:

@@ -49,7 +49,7 @@ class Evidence:
     def is_sharp(self) -> bool:
         """Whether the laws of all effects have only one form, and nothing else should remain.
 
-        A background remains beside an effect, whatever the law of the effect.
+        A background remains in addition to an effect, whatever the law of the effect.
         """
         return not self.has_background and all(effect in SHARP for effect in self.effects)
 
@@ -134,7 +134,7 @@ def decide(
         Constants.
     leaves_material : bool
         Whether the error that it leaves matters. If it does not and most of the gap is explained,
-        it is no reason for `unknown`.
+        it does not lead to `unknown`.
     """
     gain = evidence.level_before - evidence.level_after
     if not has_gap(evidence.level_before, evidence.channels, rules):

@@ -72,7 +72,8 @@ def dead_pressure_sensors(problem: PredictionProblem) -> tuple[str, ...]:
             ):
                 missing.append(
                     f"Dead sensor: {name} is {value:.4g} Pa throughout "
-                    f"{data.recording.source.name}, although its valve was told to fill the muscle "
-                    f"for {seconds:.3g} s. Check the sensor and its cable, and record again."
+                    f"{data.recording.source.name}, although its valve was commanded to fill "
+                    f"the muscle for {seconds:.3g} s. Check the sensor and its cable, and record "
+                    "again."
                 )
     return tuple(missing)

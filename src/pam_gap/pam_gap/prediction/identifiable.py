@@ -61,7 +61,7 @@ def what_is_missing(problem: PredictionProblem) -> tuple[str, ...]:
     if not problem.present.any():
         return (
             "No channel can be compared with a prediction: this needs valve commands, a joint "
-            "position that changes, or muscle forces, beside the pressures.",
+            "position that changes, or muscle forces, and both pressures.",
         )
     missing = []
     seconds = float(counted_seconds(problem).max())

@@ -138,7 +138,7 @@ def read_table(path: Path, column_map: ColumnMap | None = None) -> RawRecording:
             f"{path}: column 'time' {_without_numbers(table, 'time')}; expected seconds"
         )
     if not columns:
-        raise RecordingError(f"{path}: no channel of the rig contract beside 'time'")
+        raise RecordingError(f"{path}: no channel of the rig contract except 'time'")
     return from_columns(path, time, columns, remarks)
 
 

@@ -127,8 +127,8 @@ class DecisionRules:
         0.3,
         unit="of the mean square",
         decides="Share of an ordinary background, with the margin `background_reach`, that must "
-        "remain beside its fitted parts for a rig to count as one with a background at once; where "
-        "less remains, `clean_share` decides.",
+        "remain in addition to its fitted parts for a rig to count as one with a background at "
+        "once; where less remains, `clean_share` decides.",
         trades="Larger: good rigs with a small background are judged like rigs without one. "
         "Smaller: effects outside the table are named as known ones on rigs without a background.",
         origin="Hand-set: drawn rigs with a background had 0.5 or more, one without had 0.12.",
@@ -215,9 +215,9 @@ class DecisionRules:
     no_gap_unexplained: float = rule(
         0.9,
         unit="level per channel",
-        decides="The same limit for a gap beside an ordinary background that no effect explains: "
-        "the verdict is then `none` instead of `unknown`. 0.9 is an RMS error of 1.57 times an "
-        "ordinary background.",
+        decides="The same limit for a gap in addition to an ordinary background that no effect "
+        "explains: the verdict is then `none` instead of `unknown`. 0.9 is an RMS error of 1.57 "
+        "times an ordinary background.",
         trades="Larger: small effects outside the table are not reported. Smaller: good rigs with "
         "a larger background than usual become `unknown`.",
         origin="Of 24 drawn rigs with nothing hidden (seeds 550113, 90417, 740215 and some of "
@@ -384,7 +384,7 @@ class DecisionRules:
         unit="of the RMS error",
         decides="Share of the error above the noise, in the channels that stand out of an ordinary "
         "background, that causes must remove to be named; otherwise the verdict is `unknown`.",
-        trades="Larger: true effects beside a large background become `unknown`. Smaller: effects "
+        trades="Larger: true effects with a large background become `unknown`. Smaller: effects "
         "outside the table are named as known ones.",
         origin="Most of it, by definition.",
         acts=DECISION,
@@ -513,7 +513,7 @@ class DecisionRules:
         unit="of the range",
         decides="Distance from the upper bound below which a parameter is reported to be at the "
         "bound.",
-        trades="Changes only the note beside a hypothesis.",
+        trades="Changes only the note on a hypothesis.",
         acts=PROPOSAL,
     )
     fold_disagreement: float = rule(
@@ -521,6 +521,6 @@ class DecisionRules:
         unit="-",
         decides="Half the relative difference of a parameter between the folds above which the "
         "difference is reported.",
-        trades="Changes only the note beside a hypothesis.",
+        trades="Changes only the note on a hypothesis.",
         acts=PROPOSAL,
     )

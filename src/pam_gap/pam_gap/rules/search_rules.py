@@ -118,10 +118,10 @@ class SearchRules:
         unit="-",
         decides="Number of the best hypotheses with several effects of which a richer law is "
         "replaced by its simpler one on trial, and a simpler law by its richer one.",
-        trades="Fewer: of two laws of one kind, the wrong one is named beside another cause. More: "
-        "the diagnosis takes longer.",
+        trades="Fewer: of two laws of one kind, the wrong one is named together with another one. "
+        "More: the diagnosis takes longer.",
         origin="Introduced after a rig of the second plant, whose dry friction (Maxwell slip) was "
-        "fitted by Stribeck friction beside another cause; the number is hand-set.",
+        "fitted by Stribeck friction together with another cause; the number is hand-set.",
     )
     most_effects: int = rule(
         3,

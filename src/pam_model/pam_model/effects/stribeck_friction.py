@@ -64,8 +64,8 @@ EFFECT = Effect(
     slots=(DryFriction(stribeck_curve, presliding="presliding_angle"),),
     control=TorqueFeedforward(
         "adds the friction torque along the reference, with its presliding angle; it fades below "
-        "0.03 rad/s at the end of a motion. What changes with the measured speed is given back, "
-        "so that friction that falls with speed does not drive the joint"
+        "0.03 rad/s at the end of a motion. The change of the friction with the measured "
+        "speed is compensated, so that friction that falls with speed does not drive the joint"
     ),
     plausibility=Included("the torque balance tolerates the magnitude of the friction"),
     search=Search(

@@ -45,7 +45,7 @@ class ClosedChamber(ABC):
         pressure, length : float or array
             Gauge pressure [Pa] and length [m].
         dead_volume : float
-            Volume beside the muscle's own [m^3].
+            Volume outside the muscle [m^3].
         ambient_pressure : float
             Absolute [Pa].
         exponent : float

@@ -1,4 +1,4 @@
-"""Compiles a faster kernel in a thread of its own, while the work goes on with a slower one.
+"""Compiles a faster kernel in a thread of its own, while the work continues with a slower one.
 
 The compilation takes about ten seconds once on a machine. Nobody has to wait for it, because all
 kernels give the same result; one is compiled at a time. Numba keeps the machine code on disk, from

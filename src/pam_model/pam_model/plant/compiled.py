@@ -59,9 +59,9 @@ def kernel_sources() -> tuple[Path, ...]:
 def _cache_folder() -> str:
     """A folder named after a hash of the kernels' sources; "" if no folder can be written.
 
-    It is beside the package or, where the installation is read-only, in the user's cache folder.
-    numba's own cache checks only the file of the outermost function. After a change in a function
-    that this one calls, numba would continue to use the old machine code.
+    It is in the folder of the package or, where the installation is read-only, in the user's cache
+    folder. numba's own cache checks only the file of the outermost function. After a change in a
+    function that this one calls, numba would continue to use the old machine code.
     """
     digest = hashlib.sha256()
     for source in kernel_sources():
@@ -147,7 +147,7 @@ def _compiled[F: Callable[..., Any]](function: F, *, cache: bool, inlined: bool 
 def is_on_disk(name: str) -> bool:
     """Whether the cache holds machine code of the entry point with this qualified name.
 
-    It may be out of date; numba compiles the entry point anew then.
+    It may be out of date; numba then compiles the entry point again.
     """
     folder = _CACHE or (numba.config.CACHE_DIR if HAVE_NUMBA else "")
     return bool(folder) and any(Path(folder).glob(f"*/*.{name}-*.nbi"))

@@ -213,7 +213,7 @@ def advance_lanes(off: Off) -> Callable[..., None]:
 ALL_ON: Final[frozenset[str]] = frozenset()
 """For loops that do not depend on the laws that are off: one version serves all kernels."""
 DEPENDENT: Final = (move, finish)
-"""Loops that depend on them, beside all that call a law of a muscle."""
+"""Loops that depend on them, in addition to all that call a law of a muscle."""
 
 
 def with_loops(

@@ -199,7 +199,7 @@ def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
     path = Path(path)
     tree = rig.to_parameters()
     for section in tree.get("boards", {}).values():
-        for key in DEVICE_FILES:  # a file beside the rig file stays named without its folder
+        for key in DEVICE_FILES:  # in the rig file's folder they stay named without it
             name = section.get(key)
             if isinstance(name, str) and Path(name).parent == path.parent.resolve():
                 section[key] = Path(name).name

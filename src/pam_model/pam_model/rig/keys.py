@@ -139,7 +139,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
         "rest_length": Key("m", 5e-3, 10.0, text="unpressurised braid length"),
         "neutral_length": Key("m", 5e-3, 10.0, text="length at joint position 0"),
         "dead_volume": Key(
-            "m^3", 0.0, 0.01, 0.0, text=("gas volume beside the braid's own (fittings, tube)")
+            "m^3", 0.0, 0.01, 0.0, text="gas volume outside the braid (fittings, tube)"
         ),
         "max_pressure": Key("Pa gauge", 1e4, 2.5e6, text="the driver vents above it"),
     },
@@ -157,7 +157,7 @@ NUMBERS: Mapping[str, Mapping[str, Key]] = {
             0.05,
             5.0,
             0.2,
-            text=("an input that is silent for longer forbids motion, or full speed"),
+            text=("an input without a message for longer forbids motion, or full speed"),
         ),
         "slowing_time": Key(
             "s",

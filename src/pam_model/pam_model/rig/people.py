@@ -14,7 +14,7 @@ class People:
     """The inputs for people on which the driver insists; by default on none.
 
     An input that a board reports is obeyed in any case. A key here says that it must exist: while
-    it is missing or silent, nothing moves.
+    it is missing or sends no message, nothing moves.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class People:
         Whether the driver's topic of this input must permit full speed; without permission the
         joints keep their `reduced_velocity`.
     deadline : float
-        An input that is silent for longer forbids motion, or full speed [s].
+        An input without a message for longer forbids motion, or full speed [s].
     slowing_time : float
         Time in which the controller brakes after full speed is no longer permitted; then the driver
         stops a joint that is faster than its `reduced_velocity` [s].

@@ -1,4 +1,4 @@
-"""The gas in a muscle and in the tube before it: two chambers, advanced by one period.
+"""The gas in a muscle and in the tube in front of it: two chambers, advanced by one period.
 
 Valve -> tube, where the sensor is, -> ISO 6358 restriction -> muscle. Both chambers are polytropic
 (`pam_model.effects.tube_restriction`). The steps are explicit; no step moves more gas through the

@@ -314,7 +314,7 @@ class SimulatedPamBoard:
         if self.state is BoardState.BOOT:
             if now - self._started < self.settings.boot_time:
                 return
-            # a host may tell its fault before the self test has passed
+            # a host may send its fault before the self test has passed
             self.state = BoardState.FAULT if self.faults else BoardState.VENTED
         if self.state is BoardState.ACTIVE and now - self._last_counted > self._watchdog:
             self._fail(BoardFault.WATCHDOG)

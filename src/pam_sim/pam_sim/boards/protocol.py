@@ -30,7 +30,7 @@ class BoardSettings:
     measurement_rate, status_rate, heartbeat_rate : float
         Frames per second [Hz].
     watchdog_period : float or None
-        An active board that receives no valid command for so long has a fault [s]. None: the
+        An active board that receives no valid command for this time has a fault [s]. None: the
         default of the kind.
     boot_time : float
         Duration of the self test after power-up [s].

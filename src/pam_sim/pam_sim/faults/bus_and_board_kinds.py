@@ -44,7 +44,7 @@ BUS_AND_BOARD_KINDS: Final = (
     _K("frames_replayed_down", "bus", "commands arrive again, much later, between new ones",
        {"delay": (0.1, 1.0), **MOMENT}, ("command_not_heard", "loop_too_slow", "joint_too_fast",
         "pressure_implausible", "torque_implausible", "controller"), _R.EITHER, 3.0,
-       "the board obeys both in turns", stays=Stays.TRACKING),
+       "the board follows both in turns", stays=Stays.TRACKING),
     _K("frames_replayed_up", "bus", "measurements arrive again, much later, between new ones",
        {"delay": (0.1, 1.0), **MOMENT}, ("frames_reordered", "frames_lost", "frames_repeated"),
        _R.EITHER, WATCH, "counters and steps of the measurements"),
@@ -96,14 +96,15 @@ BUS_AND_BOARD_KINDS: Final = (
            _R.EITHER, 3.0, reason, stays=Stays.TRACKING)
         for way, what in (("down", "commands"), ("up", "measurements"))
         for how, text, most, reason in (
-            ("delayed", "arrive late and stay so", 0.08, "the loop bears the delay, or stops"),
-            ("jitter", "arrive late, each by another time", 0.03, "the loop bears it, or stops"),
+            ("delayed", "arrive late and stay so", 0.08, "the loop tolerates the delay, or stops"),
+            ("jitter", "arrive late, each by a different time", 0.03,
+             "the loop tolerates it, or stops"),
         )
     ),
     _K("measurement_gaps", "bus", "no measurements for a moment, again and again",
        {"gap": (0.015, 0.04), "period": (0.06, 0.2)},
        ("frames_lost", "stale_sensor"), _R.EITHER, 3.0,
-       "a gap shorter than sensor_timeout is ridden; many gaps in a second are a fault"),
+       "a gap shorter than sensor_timeout is bridged; many gaps in a second are a fault"),
     _K("measurement_gaps_with_valve_stuck_shut", "bus", "the same, and a valve stays shut",
        {"gap": (0.022, 0.03), "period": (0.06, 0.1)},
        ("pressure_implausible", "torque_implausible"), _R.VENT, 1.5,

@@ -24,8 +24,8 @@ _STATUS_STOPS: Final = DriverSettings().board_timeout + VENT
 DEVICE_KINDS: Final = (
     _K("device_unplugged", "device", "a device is taken off the bus and keeps its power", {},
        ("board_lost", "stale_sensor", "board_fault"), _VENT, BOARD_HEARS_NOTHING,
-       "without its measurements the driver vents after sensor_timeout; a device with valves hears "
-       "no more commands and vents by its watchdog", boards=(*_MAPPED, *_CANOPEN),
+       "without its measurements the driver vents after sensor_timeout; a device with valves "
+       "receives no more commands and vents by its watchdog", boards=(*_MAPPED, *_CANOPEN),
        message=r"board \w+: (node \d+: )?no \w+"),
     # --- CANopen ---
     _K("canopen_reboots", "device", "a CANopen device loses power for a moment", {},
@@ -35,7 +35,7 @@ DEVICE_KINDS: Final = (
     _K("canopen_emergency", "device", "a CANopen device reports an error (EMCY)",
        {"value": (0x1000, 0x8FFF)}, ("board_fault",), _VENT, VENT, "the frame of the error",
        boards=_CANOPEN, message=r"board \w+: fault: node \d+: EMCY 0x[1-8][0-9A-F]{3}, "),
-    _K("canopen_stops_by_itself", "device", "a CANopen device stops and does not say why", {},
+    _K("canopen_stops_by_itself", "device", "a CANopen device stops without giving a reason", {},
        ("stale_sensor", "board_fault"), _VENT, SENSOR_STOPS,
        "its next heartbeat shows its state, and its measurements stop", boards=_CANOPEN,
        message=r"board \w+: fault: node \d+ left the state operational: stopped"),

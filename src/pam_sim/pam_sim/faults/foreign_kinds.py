@@ -1,4 +1,4 @@
-"""Measurements of other nodes beside those of the driver, as data."""
+"""Measurements of other nodes in addition to those of the driver, as data."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from pam_sim.faults.sensor_and_valve_kinds import SENSOR_AND_VALVE_KINDS
 from pam_sim.faults.time_kinds import TIME_KINDS
 
 MARK: Final = "<!-- {} -->"
-# faults that are injected a second time while the joint is held away from where it hangs
+# faults that are injected a second time while the joint is held away from its rest position
 HELD: Final = (
     "encoder_lost", "pressure_lost", "board_restart", "supply_lost", "valve_stuck_open",
     "muscle_burst", "driver_killed", "controller_killed", "all_frames_lost_down",

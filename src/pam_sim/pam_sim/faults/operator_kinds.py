@@ -13,7 +13,7 @@ HELD_LAYER: Final = "held joint"
 _K = FaultKind
 _R = Reaction
 _ANGLE: Final = {"angle": (-0.9, 0.9)}
-_ACT: Final = "moving air needs an act: clear, activate and a fresh command"
+_ACT: Final = "moving air needs actions: clear, activate and a fresh command"
 
 OPERATOR_KINDS: Final = (
     _K("vent_called", "operator", "someone calls ~/vent", {}, ("vented",), _R.LOWER, VENT,
@@ -46,7 +46,8 @@ OPERATOR_KINDS: Final = (
        ("pressure_implausible", "refused activation"), _R.VENT, 0.2 + BRAKING,
        "the check at start-up, or the first pressures"),
     _K("exhausts_blocked", "operator", "~/vent, but some air stays in the muscles", {}, ("vented",),
-       _R.LOWER, VENT, "measured, not believed: not called vented, no activation", keeps_air=True),
+       _R.LOWER, VENT, "the pressures are measured: the state is not vented, and there is no "
+       "activation", keeps_air=True),
     _K("controller_restarted", "operator", "the controller is started again", {"gap": (0.01, 0.06)},
        (), _R.RIDE, 1.0, "shorter than command_timeout; it takes over the present angle"),
     _K("acts_at_random", "operator", "vent, clear, activate, deactivate, clean up, restarts and "
@@ -60,13 +61,13 @@ OPERATOR_KINDS: Final = (
 HIDDEN_KINDS: Final = tuple(
     _K(f"hidden_{effect.name}", "hidden effect", f"{effect.description}; then the controller dies",
        {}, ("command_timeout",), _R.EITHER, COMMANDS_STOP + 1.0,
-       "the controller bears it or the driver stops", stays=Stays.TRACKING)
+       "the controller tolerates it, or the driver stops", stays=Stays.TRACKING)
     for effect in EFFECTS.values()
 )  # fmt: skip
 
 
 def while_held(kinds: Sequence[FaultKind], names: Sequence[str]) -> list[FaultKind]:
-    """The same faults of a joint that is held away from where it hangs."""
+    """The same faults of a joint that is held away from its rest position."""
     return [
         replace(
             kind, name=f"{kind.name}_while_held", layer=HELD_LAYER,

@@ -19,8 +19,8 @@ OUTPUT_KINDS: Final = (
        "released", _BRAKE, ("WATCHDOG", "HEARTBEAT_LOST"), _R.VENT, BOARD_HEARS_NOTHING,
        "the board's watchdog; the joint moves as without a brake"),
     _K("brake_engages_in_motion", "brake and dump valve", "the brake loses its current, and the "
-       "board does not know it", _BRAKE, ("torque_implausible", "controller"), _R.EITHER, 3.0,
-       "a torque that the brake bears is missing in the motion", stays=Stays.TRACKING),
+       "board does not notice it", _BRAKE, ("torque_implausible", "controller"), _R.EITHER, 3.0,
+       "the motion lacks the torque that the brake takes", stays=Stays.TRACKING),
     _K("brake_sticks_then_releases", "brake and dump valve", "the brake engages in motion and "
        "releases after a while", {**_BRAKE, "duration": (0.1, 1.5)},
        ("torque_implausible", "controller"), _R.EITHER, 3.0,
@@ -29,6 +29,6 @@ OUTPUT_KINDS: Final = (
        "stays shut", {}, ("WATCHDOG", "HEARTBEAT_LOST"), _R.VENT, BOARD_HEARS_NOTHING,
        "the board's watchdog; each muscle empties through its own valve"),
     _K("dump_valve_opens_in_motion", "brake and dump valve", "the dump valve loses its current, "
-       "and the board does not know it", {}, ("supply_low",), _R.LOWER, _STATUS,
+       "and the board does not notice it", {}, ("supply_low",), _R.LOWER, _STATUS,
        "the next status"),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The inputs of people, pressed, released or silent while a joint moves, as data."""
+"""The operator inputs, pressed, released or without messages while a joint moves, as data."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ PEOPLE_KINDS: Final = (
     _K("enabling_switch_silent", "people", "the enabling switch's topic ends", {}, (), _R.VENT,
        _P.deadline + VENT, _SILENT),
     _K("enabling_switch_bounces", "people", "the enabling switch bounces (topic)",
-       {"period": (0.004, 0.03)}, (), _R.VENT, VENT, "released once is released: nothing moves "
+       {"period": (0.004, 0.03)}, (), _R.VENT, VENT, "one release counts: nothing moves "
        "again by itself"),
     _K("emergency_stop_while_lowered", "people", "the emergency stop is pressed while ~/vent "
        "lowers the joint (topic)", {"after": (0.02, 0.3)}, ("emergency_stop",), _R.VENT, VENT,
        "the next cycle of the driver"),
     _K("vent_with_inputs_held", "people", "someone calls ~/vent while the emergency stop's topic "
-       "permits motion", {}, ("vented",), _R.LOWER, VENT, "lowered to the end: inputs are heard "
+       "permits motion", {}, ("vented",), _R.LOWER, VENT, "lowered to the end: inputs are read "
        "while the joint is lowered"),
     _K("emergency_stop_input_lost", "people", "the board no longer reports its emergency stop", {},
        ("emergency_stop",), _R.VENT, _STATUS, "the next status"),
@@ -47,7 +47,7 @@ PEOPLE_KINDS: Final = (
        "reduced_velocity"),
     _K("full_speed_silent", "people", "the topic that permits full speed ends", {},
        ("refused references",), _R.RIDE, 3.0, "as before, after people.deadline"),
-    _K("reduced_speed_ignored", "people", "the same, and the controller goes on as before", {},
+    _K("reduced_speed_ignored", "people", "the same, and the controller continues as before", {},
        ("joint_too_fast",), _R.VENT, _P.deadline + _P.slowing_time + HALF_TURN + BRAKING,
        "slowing_time, and until the motion is fast again"),
 )  # fmt: skip

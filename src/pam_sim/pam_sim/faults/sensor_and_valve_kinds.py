@@ -63,10 +63,10 @@ SENSOR_AND_VALVE_KINDS: Final = (
        ("board_fault", "SENSOR", "stale_sensor"), _R.VENT, VENT, "one sample, on the board"),
     _K("pressure_sensors_lag", "sensor", "both pressure sensors become slow",
        {"time_constant": (0.003, 0.06)}, ("joint_too_fast", "pressure_implausible"),
-       _R.EITHER, 3.0, "the loop bears the lag, or stops", stays=Stays.TRACKING),
+       _R.EITHER, 3.0, "the loop tolerates the lag, or stops", stays=Stays.TRACKING),
     _K("encoder_lags", "sensor", "the encoder becomes slow", {"time_constant": (0.002, 0.04)},
        ("joint_too_fast", "torque_implausible"), _R.EITHER, 3.0,
-       "the loop bears the lag, or stops", stays=Stays.TRACKING),
+       "the loop tolerates the lag, or stops", stays=Stays.TRACKING),
     # --- valves and air ---
     _K("valve_stuck_open", "valve", "a valve stays open to the supply", {},
        ("pressure_implausible", "over_pressure", "torque_implausible", "OVER_PRESSURE"), _R.VENT,

@@ -3,7 +3,7 @@
 A hole that bursts a muscle of 150 ml is no leak of one of 30 ml, and a brake for a knee would not
 be felt by a crane. A burst is therefore measured by the valve, a leak by what the driver's observer
 of the gas can notice, what a pressure sensor shows by the highest pressure of its muscle, and what
-a brake bears by the torque of a muscle at that pressure.
+a brake holds by the torque of a muscle at that pressure.
 """
 
 from __future__ import annotations

@@ -17,9 +17,9 @@ TIME_KINDS: Final = (
     *(
         _K(f"{topic}_{how}", "time", f"{topic} {text} between the processes",
            _LATE if how == "delayed" else {"delay": (0.001, 0.03)}, _FOUND, _R.EITHER, 3.0,
-           "their stamps tell their age; the loop bears it, or stops", stays=Stays.TRACKING)
+           "their stamps show their age; the loop tolerates it, or stops", stays=Stays.TRACKING)
         for topic in ("commands", "measurements")
-        for how, text in (("delayed", "are late"), ("jitter", "are late, each by another time"))
+        for how, text in (("delayed", "are late"), ("jitter", "are late, each by a different time"))
     ),
     _K("clock_stops_while_silent", "time", "the wall clock stops and so do the measurements", {},
        ("controller", "command_timeout"), _R.LOWER, SENSOR_STOPS + COMMANDS_STOP,

@@ -43,9 +43,9 @@ from pam_driver.boards.protocol import (
 )
 
 HEARTBEATS_MISSED: Final = 5
-"""So many missing heartbeats of a device are a fault."""
+"""Number of missing heartbeats of a device that is a fault."""
 _REFUSED_PDO: Final = frozenset({0x8210, 0x8220})  # EMCY, CiA 301: PDO not processed
-# Another device's frame with an identifier of this one is a fault for so long [s].
+# Another device's frame with an identifier of this one is a fault for this time [s].
 _CLASH_MEMORY: Final = 1.0
 WITHOUT: Final[Mapping[str, tuple[str, str]]] = {
     "latches": (
@@ -321,7 +321,7 @@ class CanopenBoard:
             self.boot.begin()
 
     def _leave(self, state: int) -> None:
-        """The device is no longer operational, and nobody here told it so.
+        """The device is no longer operational, although the driver did not stop it.
 
         If no valve was opened since the last boot, nothing happened, and it is started again.
         """

@@ -69,7 +69,7 @@ class Boot:
 
     @property
     def progress(self) -> str:
-        """What it does, in words."""
+        """What it does, as text."""
         if self.stage is Stage.CONFIGURING:
             steps = self._device.steps
             name = steps[min(self._place, len(steps) - 1)].name

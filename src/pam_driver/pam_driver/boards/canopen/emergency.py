@@ -1,4 +1,4 @@
-"""Emergency messages (EMCY) in words. Source: CiA 301 version 4.2, tables 26 and 43."""
+"""Emergency messages (EMCY), as text. Source: CiA 301 version 4.2, tables 26 and 43."""
 
 from __future__ import annotations
 

@@ -231,9 +231,9 @@ def steps_of(
 def unused_off(
     used: Collection[int], direction: Direction, dictionary: Dictionary
 ) -> Iterator[Step]:
-    """The steps that turn off the PDOs that a device has after power-up and nobody uses.
+    """The steps that turn off the PDOs that a device has after power-up and that are not used.
 
-    One that cannot be turned off stays: what it sends belongs to nobody, and it receives nothing.
+    One that cannot be turned off stays: its frames are ignored, and it receives nothing.
     """
     for number in dictionary.numbers(direction.parameters):
         name = ObjectName(direction.parameters + number - 1, 1)

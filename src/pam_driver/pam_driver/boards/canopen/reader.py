@@ -38,7 +38,7 @@ _PERIOD: Final = Key("s", 0.001, 0.05, 0.002)
 _SDO_TIMEOUT: Final = Key("s", 0.005, 5.0, 0.1)
 _UNSIGNED: Final = Key("-", 0, 0xFFFF_FFFF)
 _HOST_NODE: Final = 127
-_MOST: Final = 8  # lines of a file that are told one by one
+_MOST: Final = 8  # lines of a file that are reported one by one
 _HEARTBEATS_FOR_A_WATCHDOG: Final = 20
 _CONSUMER: Final = ObjectName(0x1016, 1)
 _BEHAVIOUR: Final = ObjectName(0x1029, 1)
@@ -88,7 +88,7 @@ class DeviceReader:
     def _judge(self, dictionary: Dictionary) -> None:
         """A flaw of the EDS file in what the device depends on is a problem, elsewhere a doubt.
 
-        What follows from the flaw is not told.
+        Consequences of the flaw are not reported.
         """
         prefix = f"{self._top.key(self._file_key)} = {dictionary.file}: "
         flaws = dictionary.flaws(used=True)
@@ -318,7 +318,7 @@ def _promises(watchdog: float | None, guards: float | None, signals: SignalReade
         needs_arming=False,
         tells_state=True,
         tells_faults=True,
-        # a device that does not hear the host leaves the state operational, and reports it
+        # a device that misses the host's heartbeat leaves the state operational, and reports it
         echoes_commands=guards is not None,
         counts_samples=not signals.readings,
         has_heartbeat=True,

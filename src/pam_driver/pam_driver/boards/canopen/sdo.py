@@ -1,9 +1,9 @@
 """SDO requests that never wait: one expedited transfer at a time, advanced by the driver's cycles.
 
 The blocking client of `canopen` would stop the driver's loop for the time of an answer, or need a
-thread; the loop must go on while a device that has restarted is configured again. All objects that
-a driver configures have at most four bytes, so expedited transfers are sufficient. The texts of
-abort codes are those of `canopen`. Source: CiA 301 version 4.2, section 7.2.4.
+thread; the loop must continue while a device that has restarted is configured again. All objects
+that a driver configures have at most four bytes, so expedited transfers are sufficient. The texts
+of abort codes are those of `canopen`. Source: CiA 301 version 4.2, section 7.2.4.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _ATTEMPTS: Final = 3
 
 
 def abort_text(code: int) -> str:
-    """An abort code with its meaning in words."""
+    """An abort code with its meaning, as text."""
     meaning = SdoAbortedError.CODES.get(code, "a code of the device's maker or profile")
     return f"abort code 0x{code:08X}, {meaning[:1].lower()}{meaning[1:]}"
 
 
 class SdoResult(NamedTuple):
-    """How a request ended: the value that was read, or what went wrong in words."""
+    """How a request ended: the value that was read, or what went wrong, as text."""
 
     value: int = 0
     error: str = ""

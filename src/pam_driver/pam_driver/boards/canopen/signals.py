@@ -165,7 +165,7 @@ class SignalReader:
         return name, kind
 
     def _carried(self, name: ObjectName, *, sent: bool) -> bool:
-        """Whether the file maps an object by default, although it says that nobody can."""
+        """Whether the file maps an object by default, although it calls it not mappable."""
         carrier = default_carrier(self.dictionary, name, RPDO if sent else TPDO)
         if carrier:
             self._doubt(name, f"PDOMapping is not 1, but {carrier} carries it, so that it is used")

@@ -1,4 +1,4 @@
-"""Compares the steps of the boot with the EDS file: what the device would refuse is told before.
+"""Compares the steps of the boot with the EDS file: what the device would refuse is named.
 
 The boot walks the same list of steps. A device whose file says that an object is missing, or cannot
 be written, answers with an abort code; here the answer is the key of the rig file that avoids it.

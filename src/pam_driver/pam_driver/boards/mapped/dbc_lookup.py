@@ -20,7 +20,7 @@ from pam_driver.can_bus.identifiers import EXTENDED, FD
 from pam_model.rig.keys import Section
 
 _MAX_DBC_BYTES: Final = 20_000_000
-_MOST: Final = 8  # lines of a file that are told one by one
+_MOST: Final = 8  # lines of a file that are reported one by one
 _LARGEST: Final = 2.0**64  # of a raw value
 _MAX_ID: Final = {False: 0x7FF, True: 0x1FFF_FFFF}
 
@@ -74,7 +74,7 @@ class DbcLookup:
         return "".join(f"; {flaw}" for flaw in lost[:_MOST])
 
     def _has_flaw(self, message: object, signal: object, where: Section, key: str) -> bool:
-        """Whether a message or signal has a flaw in the file; then it is told, once."""
+        """Whether a message or signal has a flaw in the file; the flaw is then reported once."""
         found = [flaw for flaw in self._flaws if flaw.concerns(message, signal)]
         for flaw in found:
             if flaw not in self._told:

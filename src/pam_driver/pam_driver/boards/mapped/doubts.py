@@ -1,7 +1,7 @@
 """What is odd about a measurement that can be used: its range and its labels in the DBC file.
 
-Ranges and labels in DBC files are often placeholders, so they are told before the driver takes a
-reading for a defective sensor.
+Ranges and labels in DBC files are often placeholders, so they are reported before the driver takes
+a reading for a defective sensor.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class MappedKind:
         return MappedBoard(wired, read_device(wired))
 
     def stranger(self, frame_id: int, data: bytes) -> FrameError | None:
-        """None: a DBC file of a vendor does not tell its other frames from those of others."""
+        """None: a vendor's DBC file does not distinguish its other frames from foreign ones."""
         return None
 
 

@@ -23,7 +23,7 @@ class SampleCounter:
         self.lost = self.repeated = self.reordered = 0
         self._values = values
         # A counter that is behind by less means frames out of order; else it was reset. A counter
-        # of a few bits cannot tell frames out of order from frames lost.
+        # of a few bits cannot distinguish frames out of order from lost frames.
         self._window = min(16, values // 16)
         self._last: int | None = None
         self._changed_at = NEVER

@@ -98,7 +98,7 @@ class BoardCodec:
     board_count : int
         Largest number of boards on one bus; boards are numbered from 0.
     watchdog_timeout : float
-        A board vents when it receives no valid valve command for so long [s].
+        A board vents when it receives no valid valve command for this time [s].
     """
 
     def __init__(self, dbc: BoardDbc) -> None:

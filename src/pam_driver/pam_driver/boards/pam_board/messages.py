@@ -29,7 +29,7 @@ class BoardState(IntEnum):
 
 
 class BoardFault(IntFlag):
-    """Latched faults of a board, one bit each in `Status`; `HOST` is one that the driver told."""
+    """Latched faults of a board, one bit each in `Status`; `HOST` is one that the driver sent."""
 
     WATCHDOG = 1
     CRC = 2
