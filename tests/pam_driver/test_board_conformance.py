@@ -23,10 +23,10 @@ from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError, RigError
 from pam_model.rig import Rig, load_rig, save_rig
+from pam_sim.board_conformance import CHECKS, BoardBench
 from pam_sim.boards import register as twin_register
 from pam_sim.boards.sensors import SensorQuality
 from pam_sim.simulated_rig import SimulatedRig
-from support.board_conformance import CHECKS, BoardBench
 from support.canopen_device import io_module
 from support.rigs import CONFIG, ELBOW
 from support.weak_device import rig_with_sensors_apart, weak_rig
