@@ -275,7 +275,7 @@ def test_a_mistake_that_shows_later_is_one_line_as_well(
         ("pam_model", ["list"]),
         ("pam_model", ["show", "gaylord"]),
         ("pam_model", ["design", "--force", "100", "--stroke", "0.03", "--pressure", "3e5"]),
-        ("pam_check", ["security", "policy.xml", "--rig", str(ELBOW)]),
+        ("pam_bringup", ["security", "policy.xml", "--rig", str(ELBOW)]),
         ("pam_check", ["fuzz", "frames", "--count", "1000", "--rig", str(ELBOW)]),
     ],
 )
