@@ -43,7 +43,7 @@ def bus() -> Iterator[BusChoice]:
 
 
 def check(bus: BusChoice, *options: str, answer: str = "") -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pam_check", "board", "--tolerance", "0.05"]
+    command = [sys.executable, "-m", "pam_driver", "check-board", "--tolerance", "0.05"]
     command += ["--interface", bus.interface, "--channel", bus.channel, "--port", str(bus.port)]
     return subprocess.run(
         [*command, *options],
