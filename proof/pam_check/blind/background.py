@@ -28,6 +28,7 @@ import math
 import numpy as np
 
 from pam_check.blind.draw import Draw
+from pam_check.blind.effect_cases import KNOWN, OUTSIDE
 from pam_check.blind.truth_plant import Array, Excitation, Sensors, SupplyWander, TruthMuscle
 
 FULL_SCALE = 1.0e6  # Pa, of an ordinary pressure sensor
@@ -170,18 +171,6 @@ def background_motion(draw: Draw, excitation: Excitation) -> Excitation:
     )
 
 
-MAGNITUDES = (
-    "dead_zone", "null_offset", "second_pole", "exhaust_ratio", "command_delay", "leak",
-    "tube_volume", "dead_volume", "thread_friction", "creep_stiffness", "bladder_volume",
-    "end_factor", "thread_compliance", "cable_compliance", "pressure_gain", "pressure_bias",
-    "pressure_lag", "spool_hysteresis",
-    "coulomb_torque", "static_torque", "viscous_friction", "gravity_torque", "inertia",
-    "pulley_radius", "position_offset", "position_delay", "pulley_eccentricity",
-    "encoder_eccentricity", "torque_ripple", "cross_leak", "backlash",
-)  # fmt: skip
-"""Fields that say how strong an effect is; the other fields shape it."""
-
-
 LEAST_LEFT = 0.3
 MOST_ENDS = 1.4
 """Contraction over that of a cylinder; the ends of a muscle take 29 % of its length then."""
@@ -194,10 +183,11 @@ def weaker(draw: Draw, plain: Draw, share: float) -> Draw:
     `LEAST_LEFT` of its value, because beyond that the rig could not run. Ends of a muscle take no
     more than `MOST_ENDS`.
     """
+    magnitudes = {name for case in (KNOWN | OUTSIDE).values() for name in case.magnitudes}
 
     def between(small: dict[str, float], large: dict[str, float]) -> dict[str, float]:
         changed = dict(large)
-        for name in large.keys() & set(MAGNITUDES):
+        for name in large.keys() & magnitudes:
             value = small[name] + share * (large[name] - small[name])
             if 0.0 < large[name] < small[name]:
                 value = max(value, LEAST_LEFT * small[name])

@@ -26,14 +26,13 @@ import pandas as pd
 
 from pam_check.blind.background import LENGTHS_BETTER
 from pam_check.blind.draw import (
-    KNOWN,
-    OUTSIDE,
     Draw,
     believed_rig,
     draw_excitation,
     draw_sensors,
     perturbed,
 )
+from pam_check.blind.effect_cases import KNOWN, OUTSIDE, case_of, stage_of
 from pam_check.blind.plants import FIRST, PLANTS
 from pam_check.blind.rough import TOLERANCES, BuriedError, draw_rough_rig, uneven
 from pam_check.blind.strength import channels
@@ -213,7 +212,7 @@ def make_case(
         perturbed(draw, tolerance)
         plain_joint, plain = draw.joint, (draw.muscles[0], draw.muscles[1])
         for effect in effects:
-            (KNOWN | OUTSIDE)[effect][1](draw)
+            case_of(effect).draw(draw)
         excitation = draw_excitation(random, joint, float(random.choice([0.002, 0.002, 0.0025])))
         sensors = draw_sensors(random)
         hidden = (draw.muscles[0], draw.muscles[1])
@@ -238,7 +237,7 @@ def make_case(
             case=name,
             kind=kind,
             effects=effects,
-            stages=[(KNOWN | OUTSIDE)[e][0] for e in effects],
+            stages=[stage_of(e) for e in effects],
             gap_over_floor=_over_floor(recording, without, sensors),
             joint={k: float(v) for k, v in draw.joint._asdict().items()},
             muscles=[{k: float(v) for k, v in m._asdict().items()} for m in draw.muscles],
@@ -294,7 +293,7 @@ def make_rough_case(
             case=name,
             kind=kind,
             effects=effects,
-            stages=[(KNOWN | OUTSIDE)[e][0] for e in effects],
+            stages=[stage_of(e) for e in effects],
             gap_over_floor=_over_floor(drawn.recording, drawn.without, drawn.sensors),
             joint={k: float(v) for k, v in drawn.joint._asdict().items()},
             muscles=[{k: float(v) for k, v in m._asdict().items()} for m in drawn.muscles],

@@ -1,15 +1,13 @@
 """Draws random rigs: the nominal rig, the true rig and its excitation.
 
-The size of every hidden effect is drawn from a range that occurs on real rigs (equations and
-literature are named in `pam_model.effects`). The true parameters differ from the nominal ones by at
-most the declared tolerance of the rig. Excitation, loop gains, sample time and sensors vary from
-case to case.
+The size of every hidden effect is drawn as its row in `effect_cases` says. The true parameters
+differ from the nominal ones by at most the declared tolerance of the rig. Excitation, loop gains,
+sample time and sensors vary from case to case.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,108 +52,6 @@ class Draw:
     def on_joint(self, **values: float) -> None:
         """Set values on the joint."""
         self.joint = self.joint._replace(**values)
-
-
-def _payload(d: Draw) -> None:
-    mass, distance = d.span(0.4, 1.5), d.span(0.15, 0.3)
-    d.on_joint(
-        gravity_torque=d.joint.gravity_torque + mass * 9.81 * distance,
-        inertia=d.joint.inertia + mass * distance**2,
-    )
-
-
-def _coulomb(d: Draw) -> None:
-    torque = d.span(0.25, 1.2)
-    d.on_joint(coulomb_torque=torque, static_torque=torque)
-
-
-def _stribeck(d: Draw) -> None:
-    torque = d.span(0.25, 0.7)
-    d.on_joint(
-        coulomb_torque=torque,
-        static_torque=torque * d.span(1.6, 2.5),
-        stribeck_speed=d.span(0.05, 0.2),
-    )
-
-
-def _pulley(d: Draw) -> None:
-    d.on_joint(pulley_radius=d.joint.pulley_radius * (1.0 + d.sign() * d.span(0.06, 0.15)))
-
-
-KNOWN: dict[str, tuple[str, Callable[[Draw], None]]] = {
-    "valve_dead_zone": ("valve", lambda d: d.both(dead_zone=d.span(0.03, 0.12))),
-    "valve_null_offset": ("valve", lambda d: d.one(null_offset=d.sign() * d.span(0.015, 0.06))),
-    "valve_lag": ("valve", lambda d: d.both(second_pole=d.span(0.01, 0.04))),
-    "exhaust_restriction": ("valve", lambda d: d.both(exhaust_ratio=d.span(0.45, 0.8))),
-    "supply_droop": (
-        "valve",
-        lambda d: d.on_joint(
-            reservoir_volume=d.span(2e-4, 2e-3), reservoir_conductance=d.span(1e-10, 6e-10)
-        ),
-    ),
-    "tube_restriction": (
-        "valve",
-        lambda d: d.both(tube_volume=d.span(5e-6, 3e-5), tube_conductance=d.span(1e-9, 4e-9)),
-    ),
-    "command_delay": ("valve", lambda d: d.both(command_delay=d.span(0.008, 0.03))),
-    "leakage": ("valve", lambda d: d.both(leak=d.span(2e-11, 2e-10))),
-    "dead_volume": (
-        "valve",
-        lambda d: d.both(dead_volume=d.muscles[0].dead_volume + d.span(1.5e-5, 6e-5)),
-    ),
-    "thermal": ("valve", lambda d: d.both(heat_transfer=d.span(0.1, 1.0))),
-    "hysteresis": (
-        "muscle",
-        lambda d: d.both(thread_friction=d.span(0.004, 0.02), play_length=d.span(5e-4, 2e-3)),
-    ),
-    "creep": (
-        "muscle",
-        lambda d: d.both(creep_stiffness=d.span(250.0, 1200.0), creep_order=d.span(0.15, 0.4)),
-    ),
-    "bladder_elasticity": (
-        "muscle",
-        lambda d: d.both(bladder_volume=d.span(8e-6, 2.5e-5), bladder_modulus=d.span(0.6e6, 1.6e6)),
-    ),
-    "end_caps": ("muscle", lambda d: d.both(end_factor=d.span(1.05, 1.25))),
-    "braid_extensibility": ("muscle", lambda d: d.both(thread_compliance=d.span(8e-6, 4e-5))),
-    "cable_compliance": ("muscle", lambda d: d.both(cable_compliance=d.span(3e-6, 2e-5))),
-    "coulomb_friction": ("joint", _coulomb),
-    "stribeck_friction": ("joint", _stribeck),
-    "viscous_friction": (
-        "joint",
-        lambda d: d.on_joint(viscous_friction=d.joint.viscous_friction + d.span(0.15, 0.8)),
-    ),
-    "payload": ("joint", _payload),
-    "pulley_radius": ("joint", _pulley),
-    "position_offset": (
-        "sensing",
-        lambda d: d.on_joint(position_offset=d.sign() * d.span(0.02, 0.1)),
-    ),
-    "position_delay": ("sensing", lambda d: d.on_joint(position_delay=d.span(0.008, 0.04))),
-    "pressure_gain": (
-        "sensing",
-        lambda d: d.one(pressure_gain=1.0 + d.sign() * d.span(0.04, 0.12)),
-    ),
-    "pressure_bias": ("sensing", lambda d: d.one(pressure_bias=d.sign() * d.span(5e3, 2e4))),
-    "pressure_lag": ("sensing", lambda d: d.both(pressure_lag=d.span(0.01, 0.05))),
-}
-"""Effects of the table: their stage, and the function that draws their size."""
-
-OUTSIDE: dict[str, tuple[str, Callable[[Draw], None]]] = {
-    "pulley_eccentricity": (
-        "joint",
-        lambda d: d.on_joint(pulley_eccentricity=d.span(0.002, 0.005)),
-    ),
-    "encoder_eccentricity": (
-        "sensing",
-        lambda d: d.on_joint(encoder_eccentricity=d.span(0.03, 0.1)),
-    ),
-    "torque_ripple": ("joint", lambda d: d.on_joint(torque_ripple=d.span(0.4, 1.2))),
-    "cross_leak": ("valve", lambda d: d.on_joint(cross_leak=d.span(5e-11, 3e-10))),
-    "spool_hysteresis": ("valve", lambda d: d.both(spool_hysteresis=d.span(0.02, 0.06))),
-    "backlash": ("joint", lambda d: d.on_joint(backlash=d.span(0.02, 0.06))),
-}
-"""Effects outside the table; the correct answer is `unknown`."""
 
 
 def believed_rig(random: np.random.Generator) -> tuple[TruthJoint, TruthMuscle]:

@@ -1,67 +1,24 @@
 """How often the interval of a parameter holds the true value.
 
-Only parameters with a true value are compared: a delay, an offset, a torque. Where the laws differ
-in what the parameter stands for (creep, hysteresis, leaks, tubes, heat, stretch of the threads),
-there is none. Where they only differ in detail, the comparison is made, but it does not count: a
-valve whose edges are rounded opens before the overlap is over, and a second pole of the spool is
-more than a longer first one.
+Parameters with a true value in `effect_cases` are compared: a delay, an offset, a torque. Where
+the laws differ in what the parameter stands for (creep, hysteresis, leaks, tubes, heat, stretch of
+the threads), there is none. Where they only differ in detail, the comparison is made, but it does
+not count: a valve whose edges are rounded opens before the overlap is over, and a second pole of
+the spool is more than a longer first one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from pam_check.blind.plants import FIRST, PLANTS
+from pam_check.blind.effect_cases import case_of
+from pam_check.blind.plants import FIRST
 from pam_check.blind.score import share
 from pam_gap.inference.candidates import SIDES
-from pam_model.rig import Joint, Muscle, load_rig
-
-type Numbers = Mapping[str, float]
-"""Parameters of a joint or a muscle of the drawn rig (`truth_plant.TruthJoint`, `TruthMuscle`)."""
-
-EVERY_PLANT: Final = tuple(PLANTS)
-
-
-@dataclass(frozen=True, slots=True)
-class TrueValue[Part: (Joint, Muscle)]:
-    """True value of a parameter, from the drawn joint or muscle and its part of the rig file."""
-
-    of: Callable[[Numbers, Part], float]
-    counts_in: tuple[str, ...] = EVERY_PLANT
-    """Plants in which the parameter means the same as in the simulation that is fitted."""
-
-
-OF_JOINT: Final[Mapping[tuple[str, str], TrueValue[Joint]]] = {
-    ("supply_droop", "volume"): TrueValue(lambda j, _: j["reservoir_volume"], (FIRST,)),
-    ("supply_droop", "conductance"): TrueValue(lambda j, _: j["reservoir_conductance"], (FIRST,)),
-    ("coulomb_friction", "torque"): TrueValue(lambda j, _: j["coulomb_torque"]),
-    ("viscous_friction", "extra"): TrueValue(
-        lambda j, rig: j["viscous_friction"] - rig.viscous_friction
-    ),
-    ("pulley_radius", "scale"): TrueValue(lambda j, rig: j["pulley_radius"] / rig.pulley_radius),
-    ("position_offset", "offset"): TrueValue(lambda j, _: j["position_offset"]),
-    ("position_delay", "delay"): TrueValue(lambda j, _: j["position_delay"]),
-}
-"""Parameters of a joint with a true value, by effect and name."""
-
-OF_MUSCLE: Final[Mapping[tuple[str, str], TrueValue[Muscle]]] = {
-    ("valve_dead_zone", "overlap"): TrueValue(lambda m, _: m["dead_zone"], ()),
-    # The plants state the command at which the valve is shut, the effect the opening at zero.
-    ("valve_null_offset", "offset"): TrueValue(lambda m, _: -m["null_offset"]),
-    ("valve_lag", "extra_time_constant"): TrueValue(lambda m, _: m["second_pole"], ()),
-    ("exhaust_restriction", "ratio"): TrueValue(lambda m, _: m["exhaust_ratio"], (FIRST,)),
-    ("command_delay", "delay"): TrueValue(lambda m, _: m["command_delay"]),
-    ("dead_volume", "extra_volume"): TrueValue(lambda m, rig: m["dead_volume"] - rig.dead_volume),
-    ("end_caps", "factor"): TrueValue(lambda m, _: m["end_factor"], (FIRST,)),
-    ("cable_compliance", "compliance"): TrueValue(lambda m, _: m["cable_compliance"], (FIRST,)),
-    ("pressure_gain", "gain"): TrueValue(lambda m, _: m["pressure_gain"]),
-    ("pressure_bias", "bias"): TrueValue(lambda m, _: m["pressure_bias"]),
-    ("pressure_lag", "time_constant"): TrueValue(lambda m, _: m["pressure_lag"], (FIRST,)),
-}
-"""Parameters of a muscle with a true value, by effect and name."""
+from pam_model.rig import load_rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,9 +69,10 @@ def stated_parameters(
             continue
         rig = load_rig(cases / case / "rig.yaml")
         for effect in right:
+            row = case_of(effect)
             for name, interval in stated[effect].items():
                 key, _, side = name.partition(".")
-                of_joint, of_muscle = OF_JOINT.get((effect, key)), OF_MUSCLE.get((effect, key))
+                of_joint, of_muscle = row.of_joint.get(key), row.of_muscle.get(key)
                 if of_joint is not None:
                     true = of_joint.of(label["joint"], rig.joints[0])
                     counts = plant in of_joint.counts_in

@@ -19,7 +19,8 @@ from pam_check.blind.background import (
     weaker,
     wrong_numbers,
 )
-from pam_check.blind.draw import KNOWN, OUTSIDE, Draw, draw_excitation, draw_sensors
+from pam_check.blind.draw import Draw, draw_excitation, draw_sensors
+from pam_check.blind.effect_cases import case_of
 from pam_check.blind.plants import FIRST, PLANTS, RunPlant
 from pam_check.blind.strength import channels, gap, strength
 from pam_check.blind.truth_plant import (
@@ -214,7 +215,7 @@ def draw_rough_rig(
     written : Rig
         The rig file itself; the numbers in it may be wrong within its tolerance.
     effects : list of str
-        Hidden effects of `draw.KNOWN` and `draw.OUTSIDE`.
+        Hidden effects, by their names in `effect_cases`.
     random : numpy.random.Generator
         Source of every draw.
     plant : str
@@ -239,7 +240,7 @@ def draw_rough_rig(
     apart: list[Draw] = []  # rigs with one of the effects each
     for effect in effects:
         before = Draw(random, full.joint, list(full.muscles))
-        (KNOWN | OUTSIDE)[effect][1](full)
+        case_of(effect).draw(full)
         if kind.horizontal:
             full.on_joint(gravity_torque=0.0)
         apart.append(alone(before, full, plain))

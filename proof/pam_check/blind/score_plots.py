@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from pam_check.blind.draw import KNOWN, OUTSIDE
+from pam_check.blind.effect_cases import KNOWN, OUTSIDE
 
 QUESTIONS = {
     "reliability": "most probable explanation is exactly what is hidden",

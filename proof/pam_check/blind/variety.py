@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from pam_check.blind.effect_cases import KNOWN, OUTSIDE
 from pam_check.blind.truth_plant import Excitation, Sensors, TruthJoint, TruthMuscle
 
 SMALLEST, LARGEST = 0.12, 2.7
@@ -27,13 +28,6 @@ SLOW = 0.15
 """Share of motions without anything quick."""
 REGULATED = 0.25
 """Share of rigs whose valves are pressure regulators."""
-BEHIND_A_REGULATOR = frozenset(
-    {
-        "valve_dead_zone", "valve_null_offset", "exhaust_restriction", "supply_droop", "leakage",
-        "dead_volume", "thermal", "cross_leak", "spool_hysteresis",
-    }
-)  # fmt: skip
-"""Effects that the inner loop of a regulator takes away."""
 INNER_GAIN = 2.5e-4
 """Opening of a regulator's valve per error of its outlet [1/Pa]."""
 SPARSE = {1: 0.7, 5: 0.15, 10: 0.15}
@@ -87,7 +81,10 @@ class Variety:
     @property
     def hidden(self) -> frozenset[str]:
         """Effects that cannot be seen on a rig of this kind."""
-        return BEHIND_A_REGULATOR if self.regulator_time > 0.0 else frozenset()
+        if self.regulator_time <= 0.0:
+            return frozenset()
+        cases = KNOWN | OUTSIDE
+        return frozenset(name for name in cases if cases[name].fades_behind_a_regulator)
 
     def believed(
         self, joint: TruthJoint, muscle: TruthMuscle

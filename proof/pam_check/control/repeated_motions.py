@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Final
 
+from pam_check.blind.effect_cases import KNOWN, size_of
 from pam_check.blind.truth_plant import Sensors, TruthJoint
 from pam_check.control.closed_loop import (
     APPROACH,
@@ -23,7 +24,6 @@ from pam_check.control.closed_loop import (
     play,
     true_rig,
 )
-from pam_check.control.hidden_sizes import HIDDEN
 from pam_check.control.rough_control import NOTHING, RoughControl
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import TrajectoryPoint
@@ -86,10 +86,10 @@ def hide(rig: Rig, names: str) -> tuple[TruthJoint, Muscles]:
     for name in names.split("+"):
         if name == NOTHING:
             continue
-        if name not in HIDDEN:
-            known = ", ".join([NOTHING, *HIDDEN])
+        if name not in KNOWN:
+            known = ", ".join([NOTHING, *KNOWN])
             raise PamError(f"--effects {names}: {name} is unknown; expected some of {known}")
-        joint, muscles = HIDDEN[name].applied(joint, muscles)
+        joint, muscles = size_of(name).applied(joint, muscles)
     return joint, muscles
 
 

@@ -24,9 +24,10 @@ import numpy as np
 
 import pam_control
 import pam_model
+from pam_check.blind.effect_cases import KNOWN, size_of
+from pam_check.blind.hidden_size import CLEAN
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import TOLD, Muscles, Played, play, true_rig
-from pam_check.control.hidden_sizes import CLEAN, HIDDEN, HiddenSize
 from pam_check.control.motions import MOTIONS
 from pam_check.control.tuned_pid import Bench, Motions, TunedPid, tune
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
@@ -164,7 +165,7 @@ class RoughControl:
 
     def hidden(self, effect: str) -> tuple[TruthJoint, Muscles]:
         """The true rig with this effect, or with `NOTHING` hidden."""
-        size: HiddenSize = CLEAN if effect == NOTHING else HIDDEN[effect]
+        size = CLEAN if effect == NOTHING else size_of(effect)
         return size.applied(*self._true)
 
     def run(self, effect: str, baselines: Baselines | None, tries: int) -> list[RoughResult]:
@@ -243,7 +244,7 @@ def chosen_effects(names: Sequence[str] | None) -> list[str]:
     PamError
         For an unknown name.
     """
-    known = [NOTHING, *HIDDEN]
+    known = [NOTHING, *KNOWN]
     for name in names or ():
         if name not in known:
             raise PamError(f"--effects {name}: unknown; expected some of {', '.join(known)}")

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
+from pam_check.blind.hidden_size import HiddenSize
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import (
     APPROACH,
@@ -26,7 +27,6 @@ from pam_check.control.closed_loop import (
     play,
     true_rig,
 )
-from pam_check.control.hidden_sizes import HiddenSize
 from pam_check.control.improved_rigs import ADAPTING, NOT_WORSE, OTHER_NOISE, recordings
 from pam_check.control.repeated_motions import MOTION, from_start, learnt
 from pam_check.control.rough_control import WORST_RATIO, Baselines, RoughControl
@@ -41,8 +41,8 @@ from pam_model.rig import Rig, load_rig
 PICTURE: Final = "rough_rig.png"
 _MUSCLE: Final = {"thread_friction": 0.003, "play_length": 1e-3, "command_delay": 0.01}
 ROUGH: Final = HiddenSize(
-    "about half of the thread friction, the dry friction and the delay that `HIDDEN` has for each "
-    "alone, and a cable that lies 2 % higher",
+    "about half of the thread friction, the dry friction and the delay that `effect_cases` states "
+    "for each alone, and a cable that lies 2 % higher",
     muscles=(_MUSCLE, _MUSCLE),
     joint={"coulomb_torque": 0.27, "static_torque": 0.27},
     scaled_joint={"pulley_radius": 1.02},
