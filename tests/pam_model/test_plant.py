@@ -236,7 +236,7 @@ def test_effects_of_the_rig_file_enter(make_rig, rig):
     assert parameters["agonist.leakage.conductance"] == 0.0
     assert parameters["antagonist.leakage.conductance"] == 2e-11
     assert parameters["supply_droop.conductance"] == 5e-9
-    plain = PlantParameters.from_rig(hidden, with_effects=False)
+    plain = PlantParameters.from_rig(hidden.without_effects())
     np.testing.assert_array_equal(plain.values, PlantParameters.from_rig(rig).values)
 
 
