@@ -1,10 +1,12 @@
 """Makes the checks of the suite importable in a clone; nothing installs them on a robot."""
 
+import xml.etree.ElementTree as ET
+
 from setuptools import find_packages, setup
 
 setup(
     name="pam_check",
-    version="0.1.0",
+    version=ET.parse("../src/pam_model/package.xml").getroot().findtext("version"),
     packages=find_packages(),
     license="Apache-2.0",
     description="Checks of the suite: faults, fuzzing, endurance, withheld effects.",
