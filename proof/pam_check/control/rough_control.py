@@ -205,7 +205,11 @@ class RoughControl:
 def _code_version() -> str:
     """Digest of all code that the tuning of a PID runs."""
     here = Path(__file__)
-    files = [*here.parent.glob("*.py"), here.parents[1] / "blind" / "truth_plant.py"]
+    blind = (
+        here.parents[1] / "blind" / f"{n}.py"
+        for n in ("truth_plant", "effect_cases", "hidden_size")
+    )
+    files = [*here.parent.glob("*.py"), *blind]
     for package in (pam_control, pam_model):
         files += Path(str(package.__file__)).parent.rglob("*.py")
     digest = hashlib.sha256()

@@ -37,7 +37,7 @@ from pam_driver.safety.states import OUTPUTS, SafetyState
 from pam_model.rig import Rig, load_rig
 from pam_model.robot import compose
 
-ELBOW: Final = Path(__file__).parents[4] / "config/elbow.yaml"
+ELBOW: Final = Path(__file__).parents[3] / "config/elbow.yaml"
 PERIOD: Final = 0.002
 _SETTLED: Final = 11  # cycles, longer than readings have to agree before a muscle counts as empty
 _STEPS: Final = (0.0, PERIOD, PERIOD, 0.01, 0.05, 0.11, 0.6, 2.0)
