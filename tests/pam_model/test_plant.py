@@ -244,7 +244,7 @@ def test_effects_of_the_rig_file_enter(make_rig, rig):
     ("call", "message"),
     [
         (lambda p: p.replaced({"leek.conductance": 1.0}), "leek"),
-        (lambda p: p.replaced({"leakage.conductance": np.nan}), "finite"),
+        (lambda p: p.replaced({"leakage.conductance": np.nan}), "= nan m"),
         (lambda p: simulate(p, np.zeros((5, 3)), 2e-3), "commands has shape"),
         (lambda p: simulate(p, np.full((5, 2), np.nan), 2e-3), "not finite"),
         (lambda p: simulate(p, np.zeros((5, 2)), 0.0), "above 0"),
