@@ -1,10 +1,10 @@
 # Every target sets up what it needs: Python 3.12 and apt are all the machine must have.
-.PHONY: setup demo test test-all faults bench report docs view lint lock clean
+.PHONY: setup demo test test-all faults bench report docs view lint lock release clean
 # not named PYTHON: tools/setup.sh reads that from the environment
 IN_VENV := .venv/bin/python
 
 help:
-	@echo "make demo | test | test-all | faults | bench | report | docs | view | lint | setup | lock | clean"
+	@echo "make demo | test | test-all | faults | bench | report | docs | view | lint | setup | lock | release | clean"
 
 setup:
 	@tools/setup.sh
@@ -39,6 +39,10 @@ lint: setup
 
 lock: setup
 	@tools/lock.sh
+
+# VERSION=0.3.0 prepares the files of a release; TAG=1 makes the tag of one that is built and checked
+release: setup
+	@tools/release.sh $(if $(VERSION),prepare $(VERSION),$(if $(TAG),tag))
 
 clean:
 	rm -rf .venv .cache out build install log htmlcov .coverage*

@@ -17,7 +17,7 @@ version = release = pam_model.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "sphinx_copybutton", "sphinx_design"]
 root_doc = "index"
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
-exclude_patterns = ["site"]
+exclude_patterns = ["site", "README.md"]  # README.md lists the pages for readers of the folder
 
 html_theme = "furo"
 html_title = f"PAM suite {version}"
@@ -50,11 +50,9 @@ def without_outside_links(app: Sphinx, name: str, source: list[str]) -> None:
         text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     elif name == "changes":
         text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    elif name == "topics":
-        readme = (ROOT / "README.md").read_text(encoding="utf-8")
-        text = "# Topics\n" + readme.partition("\n## Topics\n")[2].partition("\n## ")[0]
-    if name in ("contributing", "changes", "topics"):
+    if name in ("contributing", "changes"):
         text = text.replace("](docs/", "](").replace("](README.md)", "](index.rst)")
+        text = text.replace("](CONTRIBUTING.md", "](contributing.md")
         text = re.sub(r"\]\((config|src|tests|examples|tools)/", r"](../\1/", text)
     text = text.replace("../CONTRIBUTING.md", "contributing.md").replace(
         "../CHANGELOG.md", "changes.md"

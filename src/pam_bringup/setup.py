@@ -1,14 +1,18 @@
-"""Installs pam_bringup the way ament_python expects it."""
+"""Installs pam_bringup; package.xml says which version it is and who made it."""
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 NAME = "pam_bringup"
+ABOUT = ET.parse("package.xml").getroot()
+VERSION = ABOUT.findtext("version")
+AUTHOR, MAINTAINER = ABOUT.find("author"), ABOUT.find("maintainer")
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     packages=find_packages(),
     package_data={"": ["py.typed"]},
     data_files=[
@@ -18,21 +22,36 @@ setup(
         (f"share/{NAME}/layouts", [str(p) for p in sorted(Path("layouts").iterdir())]),
         (f"share/{NAME}/launch", [str(p) for p in sorted(Path("launch").glob("*.launch.py"))]),
     ],
-    install_requires=["setuptools"],
-    extras_require={"test": ["pytest"]},
+    install_requires=[
+        f"pam_cli=={VERSION}",
+        f"pam_demo=={VERSION}",
+        f"pam_driver=={VERSION}",
+        f"pam_gap=={VERSION}",
+        f"pam_model=={VERSION}",
+        f"pam_ros=={VERSION}",
+        "rosbags>=0.11",
+    ],
+    extras_require={
+        "ros": [f"pam_ros[ros]=={VERSION}"],
+        "test": ["pytest"],
+        "viewer": ["rerun-sdk==0.41.0"],
+    },
     entry_points={
         "pam.tools": ["bringup = pam_bringup.__main__:TOOL"],
         "console_scripts": [
+            "pam_bringup = pam_bringup.__main__:main",
             "pam_viewer = pam_bringup.__main__:main",
             "pam_markers = pam_bringup.__main__:markers",
         ],
     },
     zip_safe=False,
-    author="PAM suite authors",
-    author_email="pam-suite@example.org",
-    maintainer="PAM suite maintainers",
-    maintainer_email="pam-suite@example.org",
-    url="https://example.org/pam-suite",
-    description="Launch files and example configuration of the PAM suite.",
-    license="Apache-2.0",
+    author=AUTHOR.text,
+    author_email=AUTHOR.get("email"),
+    maintainer=MAINTAINER.text,
+    maintainer_email=MAINTAINER.get("email"),
+    description=ABOUT.findtext("description"),
+    long_description=ABOUT.findtext("description"),
+    long_description_content_type="text/plain",
+    license=ABOUT.findtext("license"),
+    python_requires=">=3.12",
 )

@@ -1,31 +1,37 @@
-"""Installs pam_cli. It has no setup.cfg, so that colcon puts its command on the PATH.
+"""Installs pam_cli; package.xml says which version it is and who made it."""
 
-The programs of the other packages belong into lib/<package>, where `ros2 run` looks for them.
-"""
+import xml.etree.ElementTree as ET
 
 from setuptools import find_packages, setup
 
 NAME = "pam_cli"
+ABOUT = ET.parse("package.xml").getroot()
+VERSION = ABOUT.findtext("version")
+AUTHOR, MAINTAINER = ABOUT.find("author"), ABOUT.find("maintainer")
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     packages=find_packages(),
     package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
     ],
-    install_requires=["setuptools"],
+    install_requires=[
+        f"pam_model=={VERSION}",
+    ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
-    author="PAM suite authors",
-    author_email="pam-suite@example.org",
-    maintainer="PAM suite maintainers",
-    maintainer_email="pam-suite@example.org",
-    url="https://example.org/pam-suite",
-    description="The command pam: tools and nodes of the PAM suite by name.",
-    license="Apache-2.0",
+    author=AUTHOR.text,
+    author_email=AUTHOR.get("email"),
+    maintainer=MAINTAINER.text,
+    maintainer_email=MAINTAINER.get("email"),
+    description=ABOUT.findtext("description"),
+    long_description=ABOUT.findtext("description"),
+    long_description_content_type="text/plain",
+    license=ABOUT.findtext("license"),
+    python_requires=">=3.12",
     entry_points={
         "console_scripts": [
             "pam = pam_cli.__main__:main",

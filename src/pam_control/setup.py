@@ -1,32 +1,47 @@
-"""Installs pam_control the way ament_python expects it."""
+"""Installs pam_control; package.xml says which version it is and who made it."""
+
+import xml.etree.ElementTree as ET
 
 from setuptools import find_packages, setup
 
 NAME = "pam_control"
+ABOUT = ET.parse("package.xml").getroot()
+VERSION = ABOUT.findtext("version")
+AUTHOR, MAINTAINER = ABOUT.find("author"), ABOUT.find("maintainer")
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     packages=find_packages(),
     package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
     ],
-    install_requires=["setuptools"],
-    extras_require={"test": ["pytest"]},
+    install_requires=[
+        "control>=0.10",
+        "numpy>=1.26",
+        f"pam_cli=={VERSION}",
+        f"pam_model=={VERSION}",
+        f"pam_ros=={VERSION}",
+        "scipy>=1.11",
+    ],
+    extras_require={"ros": [f"pam_ros[ros]=={VERSION}"], "test": ["pytest"]},
     zip_safe=False,
-    author="PAM suite authors",
-    author_email="pam-suite@example.org",
-    maintainer="PAM suite maintainers",
-    maintainer_email="pam-suite@example.org",
-    url="https://example.org/pam-suite",
-    description="Position and stiffness control of antagonistic pneumatic muscle joints.",
-    license="Apache-2.0",
+    author=AUTHOR.text,
+    author_email=AUTHOR.get("email"),
+    maintainer=MAINTAINER.text,
+    maintainer_email=MAINTAINER.get("email"),
+    description=ABOUT.findtext("description"),
+    long_description=ABOUT.findtext("description"),
+    long_description_content_type="text/plain",
+    license=ABOUT.findtext("license"),
+    python_requires=">=3.12",
     entry_points={
         "pam.tools": ["control = pam_control.__main__:TOOL"],
         "console_scripts": [
-            "controller_node = pam_control.__main__:controller_node",
+            "pam_control = pam_control.__main__:main",
+            "pam_controller_node = pam_control.__main__:controller_node",
         ],
     },
 )

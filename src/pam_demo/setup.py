@@ -1,28 +1,48 @@
-"""Installs pam_demo the way ament_python expects it."""
+"""Installs pam_demo; package.xml says which version it is and who made it."""
+
+import xml.etree.ElementTree as ET
 
 from setuptools import find_packages, setup
 
 NAME = "pam_demo"
+ABOUT = ET.parse("package.xml").getroot()
+VERSION = ABOUT.findtext("version")
+AUTHOR, MAINTAINER = ABOUT.find("author"), ABOUT.find("maintainer")
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     packages=find_packages(),
     package_data={"": ["py.typed", "data/*", "*.j2"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "CHANGELOG.rst", "LICENSE"]),
     ],
-    install_requires=["setuptools"],
-    extras_require={"test": ["pytest"]},
+    install_requires=[
+        "jinja2>=3.1",
+        "matplotlib>=3.6",
+        "numpy>=1.26",
+        f"pam_cli=={VERSION}",
+        f"pam_control=={VERSION}",
+        f"pam_gap=={VERSION}",
+        f"pam_model=={VERSION}",
+        f"pam_ros=={VERSION}",
+        f"pam_sim=={VERSION}",
+        "rich>=13.7",
+        "rosbags>=0.11",
+        "scipy>=1.11",
+    ],
+    extras_require={"ros": [f"pam_ros[ros]=={VERSION}"], "test": ["pytest"]},
     zip_safe=False,
-    author="PAM suite authors",
-    author_email="pam-suite@example.org",
-    maintainer="PAM suite maintainers",
-    maintainer_email="pam-suite@example.org",
-    url="https://example.org/pam-suite",
-    description="The demo of the PAM suite, and the closed loop from diagnosis to better tracking.",
-    license="Apache-2.0",
+    author=AUTHOR.text,
+    author_email=AUTHOR.get("email"),
+    maintainer=MAINTAINER.text,
+    maintainer_email=MAINTAINER.get("email"),
+    description=ABOUT.findtext("description"),
+    long_description=ABOUT.findtext("description"),
+    long_description_content_type="text/plain",
+    license=ABOUT.findtext("license"),
+    python_requires=">=3.12",
     entry_points={
         "pam.tools": ["demo = pam_demo.__main__:TOOL"],
         "console_scripts": [

@@ -40,6 +40,19 @@ def test_links_lead_to_files_and_headings(page):
             assert anchor in anchors(target.read_text(encoding="utf-8")), f"{link}: no such heading"
 
 
+def test_every_page_is_in_the_list_of_pages():
+    listed = set(links((ROOT / "docs/README.md").read_text(encoding="utf-8")))
+    pages = {path.name for path in (ROOT / "docs").glob("*.md")}
+    assert pages - listed == {"README.md", "changes.md", "contributing.md"}
+
+
+def test_the_first_page_sends_no_reader_through_a_list_of_links():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 90
+    for paragraph in text.split("\n\n"):
+        assert len(list(links(paragraph))) <= 8, paragraph
+
+
 def test_commands_are_commands_of_the_suite(page):
     text = page.read_text(encoding="utf-8")
     found = [problem_of(command) for command in commands_in_blocks(text)]

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import re
+import runpy
 import xml.etree.ElementTree as ET
 from collections.abc import Set
+from typing import Any
 
 import pytest
+import setuptools
 
 from support.source_tree import ALL_PACKAGES, PACKAGES, ROOT, SOURCE, foreign_imports
 
 # rosdep's keys (ros/rosdistro, rosdep/python.yaml) by the name that Python imports; packages of
-# ROS and of this suite are their own keys. Keys that end in -pip are not in Ubuntu.
+# ROS and of this suite are their own keys.
 ROSDEP_KEYS = {
     "PIL": "python3-pil",
     "argcomplete": "python3-argcomplete",
-    "bokeh": "python3-bokeh-pip",
     "can": "python3-can",
-    "canopen": "canopen-pip",
-    "cantools": "python3-cantools-pip",
-    "control": "python-control-pip",
     "h5py": "python3-h5py",
     "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib",
@@ -27,7 +26,6 @@ ROSDEP_KEYS = {
     "numpy": "python3-numpy",
     "pandas": "python3-pandas",
     "rich": "python3-rich",
-    "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
     "tqdm": "python3-tqdm",
     "yaml": "python3-yaml",
@@ -37,12 +35,20 @@ ROS = {
     "launch_ros", "lifecycle_msgs", "rcl_interfaces", "rclpy", "rosidl_parser", "sensor_msgs",
     "std_msgs", "std_srvs", "trajectory_msgs", "visualization_msgs",
 }  # fmt: skip
-# rosdep has no keys for these: without numba every package works, slower; without Dask only the
-# command `fleet` does not, without rerun-sdk only the viewer, and both say so; without pyarrow
-# Parquet files are not read; backports.zstd is a dependency of rosbags and comes with it
-OPTIONAL = {"numba", "dask", "distributed", "rerun", "pyarrow", "backports"}
+# rosdep has no keys for these, or keys that only pip can install, with which nothing is released: a
+# package.xml names none of them. Without numba every package works, slower; what needs one of the
+# others says so (`NEEDED_FOR`; Dask and rerun-sdk where they are imported).
+OPTIONAL = {
+    "numba", "dask", "distributed", "rerun", "pyarrow", "backports", "bokeh", "canopen", "cantools",
+    "control", "rosbags",
+}  # fmt: skip
 # declared although no file imports them
 USED_OTHERWISE = {
+    **{
+        (package, "pam_cli"): "its messages and help texts name the command pam"
+        for package in PACKAGES
+        if package not in {"pam_ros", "pam_model", "pam_cli"}
+    },
     ("pam_bringup", "pam_control"): "a launch file starts its node",
     ("pam_bringup", "pam_driver"): "a launch file starts its node",
     ("pam_bringup", "pam_model"): "a launch file starts its node",
@@ -121,11 +127,36 @@ def test_requirements_name_every_import_that_is_not_of_ros():
 
 def test_the_installation_page_names_what_ubuntu_does_not_have():
     page = (ROOT / "docs/install.md").read_text()
-    by_pip = {
-        name
-        for package in PACKAGES
-        for name in foreign_imports(package)
-        if (required(name) or "").endswith("-pip")
-    }
-    for name in by_pip | OPTIONAL:
+    for name in OPTIONAL:
         assert f"`{INDEX_NAMES.get(name, name)}`" in page, name
+
+
+def setup_lists(package: str, monkeypatch: pytest.MonkeyPatch) -> tuple[set[str], set[str]]:
+    """What pip installs with a package, and what it installs with one of its extras."""
+    given: dict[str, Any] = {}
+    monkeypatch.setattr(setuptools, "setup", lambda **arguments: given.update(arguments))
+    monkeypatch.chdir(SOURCE / package)
+    runpy.run_path("setup.py")
+    extras = given["extras_require"]
+    return set(given["install_requires"]), {one for name in extras for one in extras[name]}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_wheel_requires_what_its_package_imports(package, monkeypatch):
+    """As requirements.in does, and the other packages of the suite in its own version."""
+    required_lines, extra_lines = setup_lists(package, monkeypatch)
+    version = ET.parse(SOURCE / package / "package.xml").getroot().findtext("version")
+    files = ("requirements.in", "requirements-view.txt")
+    known = {line for name in files for line in (ROOT / name).read_text().splitlines()}
+    known |= {f"{name}=={version}" for name in PACKAGES} | {"pytest"}
+    known |= {f"{name}[{extra}]=={version}" for name in PACKAGES for extra in ("ros", "compiled")}
+    assert required_lines | extra_lines <= known
+    by_name = {re.split(r"[\[<>=]", line)[0] for line in required_lines}
+    offered = by_name | {re.split(r"[\[<>=]", line)[0] for line in extra_lines}
+    wanted = {INDEX_NAMES.get(name, name) for name in foreign_imports(package).keys() - ROS}
+    through_model = {"numba"}  # whoever simulates in Python alone does so through pam_model
+    assert wanted - through_model <= offered
+    only_extra = {
+        INDEX_NAMES.get(name, name) for name in ("numba", "dask", "distributed", "rerun", "pyarrow")
+    }
+    assert wanted - only_extra <= by_name

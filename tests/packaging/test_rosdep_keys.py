@@ -24,6 +24,19 @@ def unknown(text: str) -> list[str]:
     return sorted(named - KNOWN - set(PACKAGES))
 
 
+def only_by_pip(text: str) -> list[str]:
+    """Dependencies of a package.xml that have a key, but no package of Ubuntu or ROS."""
+    return sorted(str(tag.text) for tag in ET.fromstring(text) if str(tag.text).endswith("-pip"))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_dependency_keeps_a_package_from_being_released(package):
+    """Bloom releases nothing that depends on a key for pip."""
+    assert only_by_pip((SOURCE / package / "package.xml").read_text()) == []
+    text = "<package><exec_depend>python3-rosbags-pip</exec_depend></package>"
+    assert only_by_pip(text) == ["python3-rosbags-pip"]
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_rosdep_knows_every_dependency(package):
     assert unknown((SOURCE / package / "package.xml").read_text()) == []
@@ -39,3 +52,7 @@ def test_the_image_installs_by_rosdep_and_by_pip_what_ubuntu_does_not_have():
     assert "FROM ros:jazzy" in text
     assert "PIP_BREAK_SYSTEM_PACKAGES=1" in text
     assert "rosdep install --from-paths src --ignore-src" in text
+    by_pip = set(
+        re.findall(r"[\w-]+", text.partition("pip install --no-cache-dir")[2].partition("\\")[0])
+    )
+    assert {"numba", "cantools", "canopen", "control", "rosbags", "bokeh"} <= by_pip

@@ -10,6 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+import pam_gap
 from pam_gap.answer import report_figures
 from pam_gap.answer.page_style import STYLE, VERDICT_COLOURS
 from pam_gap.answer.provenance import provenance
@@ -183,7 +184,12 @@ def test_the_page_says_what_it_was_made_from(tmp_path: Path) -> None:
     (bag / "bag_0.mcap").write_bytes(b"abc")
     origin = provenance(rig, [bag], "pam gap diagnose bag").to_json()
     page = render(data(provenance=origin))
-    for text in ("pam gap diagnose bag", str(bag), origin["date"], "pam_gap 0.1.0"):
+    for text in (
+        "pam gap diagnose bag",
+        str(bag),
+        origin["date"],
+        f"pam_gap {pam_gap.__version__}",
+    ):
         assert text in page
     assert origin["recordings"][0]["sha256"][:16] in page
     (bag / "bag_0.mcap").write_bytes(b"abd")

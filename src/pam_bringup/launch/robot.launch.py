@@ -81,7 +81,7 @@ def start_driver(autostart: ParameterValue | bool, activate: ParameterValue | bo
     }
     driver = Node(
         package="pam_driver",
-        executable="driver_node",
+        executable="pam_driver_node",
         namespace=LaunchConfiguration("namespace"),
         parameters=[
             LaunchConfiguration("rig_file"),
@@ -232,7 +232,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             Node(
                 package="pam_model",
-                executable="model_node",
+                executable="pam_model_node",
                 namespace=namespace,
                 parameters=[rig_file, params_file],
                 respawn=respawn,
@@ -241,7 +241,7 @@ def generate_launch_description() -> LaunchDescription:
             ),
             Node(
                 package="pam_control",
-                executable="controller_node",
+                executable="pam_controller_node",
                 namespace=namespace,
                 parameters=[rig_file, params_file, {"loop.realtime_priority": priority}],
                 respawn=respawn,

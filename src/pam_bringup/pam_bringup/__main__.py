@@ -23,8 +23,8 @@ from pam_model.command_line import (
     Tool,
     add_rig,
     chosen_rig,
+    start_node,
 )
-from pam_model.program_signals import end_at_signals
 
 
 def _declare(parser: Parser) -> None:
@@ -164,8 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def markers() -> int:
     """Entry point of `ros2 run pam_bringup pam_markers`."""
-    end_at_signals()
-    return _markers(None)
+    return start_node(_markers)
 
 
 if __name__ == "__main__":

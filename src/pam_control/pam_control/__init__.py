@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pam_control.references.trajectory import TrajectoryPoint
     from pam_control.settings import ControlSettings
 
-__version__ = "0.1.0"
 __all__ = [
     "ControlOutput",
     "ControlSettings",
@@ -35,6 +34,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a public name."""
     match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
         case "ControlOutput" | "Measurement":
             from pam_control import control_step
 

@@ -10,8 +10,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 
-from pam_model.command_line import NodeCommand, Tool
-from pam_model.program_signals import end_at_signals
+from pam_model.command_line import NodeCommand, Tool, start_node
 
 
 def _node(arguments: Sequence[str] | None) -> int:
@@ -30,9 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def controller_node() -> int:
-    """Entry point of `ros2 run pam_control controller_node`."""
-    end_at_signals()
-    return _node(None)
+    """Entry point of `ros2 run pam_control pam_controller_node`."""
+    return start_node(_node)
 
 
 if __name__ == "__main__":

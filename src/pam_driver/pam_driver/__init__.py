@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from pam_driver.driver import Driver
     from pam_driver.driver_settings import DriverSettings
 
-__version__ = "0.1.0"
 __all__ = [
     "CanPort",
     "Driver",
@@ -29,6 +28,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a public name."""
     match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
         case "CanPort" | "open_bus":
             from pam_driver.can_bus import bus
 

@@ -14,8 +14,15 @@ from collections.abc import Sequence
 
 from pam_driver.board_rules.command import CHECK_BOARD
 from pam_model.argument_types import count, input_file, number
-from pam_model.command_line import Arguments, Command, NodeCommand, Outcome, Parser, Tool
-from pam_model.program_signals import end_at_signals
+from pam_model.command_line import (
+    Arguments,
+    Command,
+    NodeCommand,
+    Outcome,
+    Parser,
+    Tool,
+    start_node,
+)
 
 
 def _check_rig(given: Arguments) -> Outcome:
@@ -189,9 +196,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def driver_node() -> int:
-    """Entry point of `ros2 run pam_driver driver_node`."""
-    end_at_signals()
-    return _node(None)
+    """Entry point of `ros2 run pam_driver pam_driver_node`."""
+    return start_node(_node)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pam_gap.recordings.import_recording import import_recording
     from pam_gap.recordings.recording import Recording, RecordingError
 
-__version__ = "0.1.0"
 __all__ = [
     "Diagnosis",
     "Recording",
@@ -34,6 +33,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a public name."""
     match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
         case "Diagnosis":
             from pam_gap.answer import diagnosis
 

@@ -31,8 +31,8 @@ from pam_model.command_line import (
     Tool,
     add_rig,
     run_command,
+    start_node,
 )
-from pam_model.program_signals import end_at_signals
 from pam_ros.program_name import PROGRAM
 
 MOVED = {
@@ -350,14 +350,12 @@ def diagnose(arguments: Sequence[str] | None = None) -> int:
 
 def monitor() -> int:
     """Entry point of `ros2 run pam_gap pam_monitor`."""
-    end_at_signals()
-    return _monitor(None)
+    return start_node(_monitor)
 
 
 def play() -> int:
     """Entry point of `ros2 run pam_gap pam_play`."""
-    end_at_signals()
-    return _play(None)
+    return start_node(_play)
 
 
 if __name__ == "__main__":

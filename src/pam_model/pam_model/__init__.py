@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from pam_model.plant.simulate import Plant, initial_state, simulate, simulate_measured
     from pam_model.rig import Rig, load_rig, save_rig
 
-__version__ = "0.1.0"
 __all__ = [
     "EFFECTS",
     "AntagonisticJoint",
@@ -55,6 +54,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a public name at its first use."""
     match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
         case "EFFECTS":
             from pam_model import effects
 

@@ -12,9 +12,8 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 
-from pam_model.command_line import NodeCommand, Tool
+from pam_model.command_line import NodeCommand, Tool, start_node
 from pam_model.commands import catalogue, identify, new_rig, rig_sections, size
-from pam_model.program_signals import end_at_signals
 
 
 def _node(arguments: Sequence[str] | None) -> int:
@@ -42,9 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def model_node() -> int:
-    """Entry point of `ros2 run pam_model model_node`."""
-    end_at_signals()
-    return _node(None)
+    """Entry point of `ros2 run pam_model pam_model_node`."""
+    return start_node(_node)
 
 
 if __name__ == "__main__":

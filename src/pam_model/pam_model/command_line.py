@@ -42,6 +42,7 @@ from pam_model.program_signals import (
     interruptible,
 )
 from pam_ros.errors import ParameterError
+from pam_ros.missing_packages import what_to_install
 from pam_ros.program_name import PROGRAM
 from pam_ros.version import version_line
 
@@ -116,7 +117,7 @@ class NodeCommand:
 
     name: str
     summary: str
-    run: Callable[[Sequence[str]], int]
+    run: Callable[[Sequence[str] | None], int]
 
 
 class _OneLineParser(argparse.ArgumentParser):
@@ -199,6 +200,8 @@ class Tool:
             command = by_name[given[0]]
             if isinstance(command, Command):
                 return run_command(command, f"{self.program} {command.name}", given[1:])
+            if isinstance(command, NodeCommand):
+                return start_node(command.run, given[1:])
             return command.run(given[1:])
         parser = _OneLineParser(prog=self.program, description=f"{self.summary}.")
         parser.add_argument("--version", action=_VersionAction)
@@ -213,6 +216,26 @@ class Tool:
         except SystemExit as end:
             return _code_of(end)
         raise AssertionError("a command that is listed has run")
+
+
+def start_node(
+    run: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None = None
+) -> int:
+    """Import and run a node, and return its exit code; a package that is missing is one line.
+
+    Parameters
+    ----------
+    run : callable
+        Imports the node and runs it with its arguments.
+    arguments : sequence of str, optional
+        Arguments of the node; those of the process by default.
+    """
+    if arguments is None:  # the program itself, not a caller within another one
+        end_at_signals()
+    try:
+        return run(arguments)
+    except ModuleNotFoundError as error:
+        return _code_after(error)
 
 
 def _complete(tool: Tool) -> None:
@@ -285,7 +308,7 @@ def run_command(command: Command, program: str, arguments: Sequence[str] | None 
     try:
         with interruptible():
             outcome = _carry_out(command, chosen)
-    except (PamError, ParameterError, OSError, KeyboardInterrupt) as error:
+    except (PamError, ParameterError, OSError, ModuleNotFoundError, KeyboardInterrupt) as error:
         return _code_after(error)
     if outcome.interrupted:
         return INTERRUPTED
@@ -319,6 +342,11 @@ def _code_after(error: BaseException) -> int:
     if isinstance(error, KeyboardInterrupt):
         code = TERMINATED if isinstance(error, Terminated) else INTERRUPTED
         text = STOPPED
+    elif isinstance(error, ModuleNotFoundError):
+        told = what_to_install(error)
+        if told is None:
+            raise error
+        text = f"error: {told}"
     elif isinstance(error, BrokenPipeError):
         # prevents the interpreter from flushing into the closed pipe at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -39,7 +39,7 @@ def reading(path: Path | str, expected: str, raised: type[PamError] = PamError) 
     """
     try:
         yield
-    except PamError:
+    except (PamError, ModuleNotFoundError):  # a missing package is not the file's fault
         raise
     except Exception as error:
         raise raised(f"{path}: not {expected} ({_reason(error)})") from error

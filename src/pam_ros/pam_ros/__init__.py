@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pam_ros.spin import spin_node
     from pam_ros.transport import leave_out_shared_memory
 
-__version__ = "0.1.0"
 __all__ = [
     "NodeParameters",
     "Parameter",
@@ -33,6 +32,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a public name."""
     match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
         case "NodeParameters" | "Parameter":
             from pam_ros import parameters
 

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from pam_sim.rig_loop import RigLoop
     from pam_sim.simulated_rig import SimulatedRig
 
-__version__ = "0.1.0"
 __all__ = [
     "RigLoop",
     "SimulatedRig",
@@ -26,6 +25,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Import a public name."""
     match name:
+        case "__version__":
+            from pam_ros.version import installed_version
+
+            return installed_version(__name__)
         case "RigLoop":
             from pam_sim import rig_loop
 

@@ -21,9 +21,9 @@ from pam_model.command_line import (
     Parser,
     Tool,
     add_rig,
+    start_node,
 )
 from pam_model.errors import PamError
-from pam_model.program_signals import end_at_signals
 
 
 def _rig(given: Arguments) -> Outcome:
@@ -149,8 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def rig_node() -> int:
     """Entry point of `ros2 run pam_sim pam_rig`."""
-    end_at_signals()
-    return _node(None)
+    return start_node(_node)
 
 
 if __name__ == "__main__":

@@ -32,10 +32,11 @@ import scipy
 
 from pam_control.feedback.gain_design import INFEASIBLE, DesignTask, PidCost, design_pid
 from pam_control.feedback.linear_joint import LoopTiming
-from pam_control.feedback.margins import LoopCase
+from pam_control.feedback.margins import ControlDesignError, LoopCase
 from pam_control.feedback.observer_design import ObserverCost, design_with_observer
 from pam_control.feedback.pid import PidGains
 from pam_control.feedback.separate_process import LONGEST, SeparateProcess
+from pam_ros.missing_packages import what_to_install
 
 LARGEST_FILE = 1_000_000  # bytes; a design of 9 operating points takes 5 kB
 MOST_FILES = 512
@@ -262,8 +263,13 @@ def _design(joint: str, task: DesignTask) -> PidGains:
 
 
 def _stable(cases: Sequence[LoopCase], timing: LoopTiming, gains: PidGains) -> list[bool]:
-    # python-control takes more than a second to import
-    from pam_control.feedback.closed_loop import is_stable  # noqa: PLC0415
+    try:  # python-control takes more than a second to import, and is optional
+        from pam_control.feedback.closed_loop import is_stable  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        told = what_to_install(error)
+        if told is None:
+            raise
+        raise ControlDesignError(told) from None
 
     return [is_stable(case, timing, gains) for case in cases]
 

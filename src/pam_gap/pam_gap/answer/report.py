@@ -25,6 +25,7 @@ from pam_gap.answer.report_figures import (
 from pam_gap.answer.traces import RETUNED, WITH_ANSWER, Trace, draw, short_name
 from pam_gap.answer.user_units import percent, spoken, told
 from pam_model.effects import EFFECTS
+from pam_ros.missing_packages import what_to_install
 
 __all__ = ["RankedCandidate", "ReportData", "StageGap", "Trace", "render", "write_report"]
 
@@ -67,7 +68,7 @@ _PAGE = """<!doctype html>
 to enlarge it; the circular arrow shows all again; a click on a name in the legend hides its
 curve.</figcaption>
 </figure><noscript><p>The traces need JavaScript, which is in this page itself.</p></noscript>
-{% endif %}
+{% elif no_figures %}<p class="quiet">There are no traces here: {{ no_figures }}.</p>{% endif %}
 
 {% if probabilities %}<h2>How probable each explanation is</h2>
 <div class="wide" tabindex="0"><table class="bars">
@@ -316,6 +317,13 @@ def render(data: ReportData) -> str:
     channels = materiality.get("channels", {})
     named = list(diagnosis["effects"])
     first = _headline(data.traces, channels, bool(named))
+    drawn, no_figures = None, ""
+    try:
+        drawn = None if first is None else draw(data.traces, first)
+    except ModuleNotFoundError as error:
+        no_figures = what_to_install(error) or ""
+        if not no_figures:
+            raise
     blamed = _blamed_stages(diagnosis)
     return environment.from_string(_PAGE).render(
         d=data,
@@ -324,7 +332,8 @@ def render(data: ReportData) -> str:
         colour=VERDICT_COLOURS.get(verdict, "#6b7280"),
         word=VERDICT_WORDS.get(verdict, verdict),
         closed=_closed_sentence(diagnosis.get("closed")) if named else "",
-        drawn=None if first is None else draw(data.traces, first),
+        drawn=drawn,
+        no_figures=no_figures,
         first=first,
         legend=_legend_words(first) if first is not None else "",
         headline_words=_headline_words(first, channels) if first is not None else "",

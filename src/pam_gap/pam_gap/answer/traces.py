@@ -1,6 +1,7 @@
 """The traces of a recording as interactive figures: zoom, move, hide single curves.
 
 They are drawn by Bokeh, whose script stands in the page itself, so that the page needs no network.
+Bokeh is optional: without it a page has its numbers and tables, and says what is missing.
 All figures share one time axis.
 """
 
@@ -12,10 +13,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from bokeh.embed import components
-from bokeh.models import BoxAnnotation, Range1d
-from bokeh.plotting import figure
-from bokeh.resources import Resources
 
 from pam_gap.answer.user_units import user_unit
 
@@ -119,9 +116,13 @@ class _Page:
         curves = sum(1 + 2 * len(trace.curves()) for trace in traces)
         self.points = max(min(MAX_POINTS, MOST_POINTS // max(curves, 1)), 500)
         ends = [t for trace in traces for t in (trace.time[0], trace.time[-1])]
+        from bokeh.models import Range1d  # noqa: PLC0415  (optional)
+
         self.range: Any = Range1d(min(ends), max(ends), bounds="auto")
 
     def _figure(self, label: str) -> Any:
+        from bokeh.plotting import figure  # noqa: PLC0415  (optional)
+
         made: Any = figure(
             frame_height=_HEIGHT, sizing_mode="stretch_width", x_range=self.range, tools=_TOOLS,
             active_drag="xbox_zoom", output_backend="canvas", y_axis_label=label, min_width=280,
@@ -151,6 +152,8 @@ class _Page:
         unit, scale = user_unit(max(_size_of(error) for _, error, _ in left), trace.unit)
         made = self._figure(f"error [{unit}]")
         if trace.limit > 0.0:
+            from bokeh.models import BoxAnnotation  # noqa: PLC0415  (optional)
+
             reach = scale * trace.limit
             made.add_layout(
                 BoxAnnotation(bottom=-reach, top=reach, fill_color=BAND, fill_alpha=0.6)
@@ -195,7 +198,15 @@ def draw(traces: Sequence[Trace], first: Trace) -> Drawn:
     -------
     Drawn
         Its parts: the error of `first`; then, for each channel, its values and its error.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Without Bokeh.
     """
+    from bokeh.embed import components  # noqa: PLC0415  (optional)
+    from bokeh.resources import Resources  # noqa: PLC0415
+
     page = _Page(traces)
     figures = [page.errors(first)]
     for trace in traces:

@@ -9,10 +9,6 @@ from typing import Any
 
 import jinja2
 import numpy as np
-from bokeh.embed import components
-from bokeh.models import Range1d
-from bokeh.plotting import figure
-from bokeh.resources import Resources
 
 from pam_gap.answer.page_style import STYLE
 from pam_gap.answer.traces import IMPROVED, thinned
@@ -20,6 +16,7 @@ from pam_gap.answer.user_units import told, user_unit
 from pam_gap.recordings.column_map import ColumnMap, MappedColumn, unit_of
 from pam_gap.recordings.recording import COMMANDS, Recording
 from pam_ros.foreign_text import shown
+from pam_ros.missing_packages import what_to_install
 
 POINTS = 3000
 MOST_UNUSED = 300
@@ -78,6 +75,7 @@ _PAGE = """<!doctype html>
 {% for row in rows %}<tr><td>{{ row.channel }}</td><td>{{ row.column }}</td><td>{{ row.how }}</td>
 <td class="n">{{ row.low }}</td><td class="n">{{ row.high }}</td></tr>
 {% endfor %}</table></div>{% endif %}
+{% if no_plots %}<p class="quiet">There are no plots here: {{ no_plots }}.</p>{% endif %}
 {% for plot in plots %}<figure class="plot" aria-label="{{ plot.alt }}">
 {{ plot.part | safe }}</figure>{% endfor %}
 {% if p.recording and p.recording.repairs %}<h2>Repairs</h2>
@@ -122,6 +120,11 @@ def _row(recording: Recording, column_map: ColumnMap, channel: str) -> dict[str,
 def _plots(recording: Recording) -> tuple[str, list[dict[str, str]]]:
     if not recording.values:
         return "", []
+    from bokeh.embed import components  # noqa: PLC0415  (optional)
+    from bokeh.models import Range1d  # noqa: PLC0415
+    from bokeh.plotting import figure  # noqa: PLC0415
+    from bokeh.resources import Resources  # noqa: PLC0415
+
     shared: Any = Range1d(0.0, float(recording.time[-1]), bounds="auto")
     figures, alts = [], []
     for channel, values in recording.values.items():
@@ -148,7 +151,13 @@ def _plots(recording: Recording) -> tuple[str, list[dict[str, str]]]:
 def render(preview: Preview) -> str:
     """Return the page as text."""
     recording, used = preview.recording, preview.column_map.columns
-    script, plots = _plots(recording) if recording is not None else ("", [])
+    script, plots, no_plots = "", list[dict[str, str]](), ""
+    try:
+        script, plots = _plots(recording) if recording is not None else ("", [])
+    except ModuleNotFoundError as error:
+        no_plots = what_to_install(error) or ""
+        if not no_plots:
+            raise
     unused = [(shown(name), *size) for name, size in preview.columns.items() if name not in used]
     summary = ""
     if recording is not None:
@@ -170,6 +179,7 @@ def render(preview: Preview) -> str:
             if recording.has(channel)
         ],
         plots=plots,
+        no_plots=no_plots,
         unused=unused[:MOST_UNUSED],
         more=max(len(unused) - MOST_UNUSED, 0),
         script=script,

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.recordings.broken_bag import read_bag
 from pam_gap.recordings.recording import Array, RawChannel
@@ -83,6 +81,9 @@ def _read(
     files: list[Path], wanted: Collection[str] | None
 ) -> tuple[dict[str, RawChannel], dict[str, int]]:
     """The columns, and the number of unreadable messages by topic."""
+    from rosbags.highlevel import AnyReader, AnyReaderError  # noqa: PLC0415  (optional)
+    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+
     stamps: dict[str, list[float]] = defaultdict(list)
     values: dict[str, list[float]] = defaultdict(list)
     unread: dict[str, int] = defaultdict(int)

@@ -21,8 +21,6 @@ from pathlib import Path
 from typing import Final
 
 import yaml
-from rosbags.rosbag2 import ReaderError
-from rosbags.rosbag2.storage_mcap import decompress
 
 from pam_gap.recordings.packed_chunks import refuse_bomb
 from pam_gap.recordings.recording import RecordingError
@@ -99,6 +97,8 @@ def read_bag[T](path: Path, read: Callable[[list[Path]], T]) -> tuple[T, list[st
     RecordingError
         When nothing can be read. A RecordingError of `read` about a whole bag is passed on.
     """
+    import rosbags  # noqa: F401, PLC0415  (optional; where it is missing, no bag is damaged)
+
     with reading(path, "a readable bag", RecordingError):
         if path.suffix == ROSBAG1:
             return read([path]), []
@@ -272,6 +272,9 @@ class _McapContent:
         self.found.known_end = max(self.found.known_end, end)
         compression = bytes(content[32 : 32 + letters]).decode()
         packed = content[32 + letters + 8 :]
+        from rosbags.rosbag2 import ReaderError  # noqa: PLC0415  (optional)
+        from rosbags.rosbag2.storage_mcap import decompress  # noqa: PLC0415
+
         refuse_bomb(packed, compression, size)
         if whole:
             records = decompress(bytes(packed), compression, size, crc)

@@ -12,11 +12,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
 
 from pam_gap.recordings.broken_bag import STORAGES, read_bag, storage_files
 from pam_gap.recordings.joint_state_columns import JointStateColumns
@@ -31,6 +29,9 @@ from pam_gap.recordings.recording import (
 from pam_ros.errors import MalformedMessageError
 from pam_ros.foreign_text import all_shown
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader, is_little_endian
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _COMMANDS = "valve_commands"
@@ -98,6 +99,9 @@ def read_rosbag(path: Path) -> RawRecording:
 
 
 def _read(files: Sequence[Path], path: Path) -> RawRecording:
+    from rosbags.highlevel import AnyReader  # noqa: PLC0415  (optional)
+    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+
     typestore = get_typestore(Stores.ROS2_JAZZY)
     channels: dict[str, RawChannel] = {}
     remarks: list[str] = []
@@ -160,6 +164,8 @@ def _read_joint_states(
     reader: AnyReader, connections: Sequence[Any], counts: _Counts
 ) -> JointStateColumns:
     """The messages of a JointState topic; its usual layout is read without rosbags."""
+    from rosbags.highlevel import AnyReaderError  # noqa: PLC0415  (optional)
+
     columns, fast = JointStateColumns(), JointStateReader()
     start = reader.start_time
     for connection, received, data in reader.messages(connections=connections):
@@ -185,6 +191,8 @@ def _read_supply(
     reader: AnyReader, connections: Sequence[Any], counts: _Counts
 ) -> dict[str, RawChannel]:
     """The channel of the supply pressure, from a FluidPressure or a number."""
+    from rosbags.highlevel import AnyReaderError  # noqa: PLC0415  (optional)
+
     times, values = [], []
     for connection, received, data in reader.messages(connections=connections):
         try:

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Final
 
-from backports import zstd
-
 MOST_CHUNK: Final = 1 << 28
 """Bytes of an unpacked chunk; recorders write chunks of about a megabyte."""
 
@@ -39,6 +37,8 @@ def refuse_bomb(packed: bytes | memoryview, compression: str, size: int) -> None
 
 def _unpacked(packed: bytes | memoryview, compression: str) -> int:
     """Bytes that a chunk unpacks to, or more than `MOST_CHUNK`; 0 if it cannot be unpacked."""
+    from backports import zstd  # noqa: PLC0415  (optional; comes with rosbags)
+
     try:
         if compression == "zstd":
             claimed = zstd.get_frame_info(bytes(packed[:18])).decompressed_size

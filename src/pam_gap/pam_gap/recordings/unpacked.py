@@ -13,15 +13,20 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from backports import zstd
-
 from pam_gap.recordings.size_limits import MOST_BYTES, MOST_CELLS
+
+
+def _zstandard(file: BinaryIO) -> Any:
+    from backports import zstd  # noqa: PLC0415  (optional)
+
+    return zstd.ZstdFile(file)
+
 
 PACKINGS: Final[Mapping[str, tuple[bytes, Callable[[BinaryIO], Any]]]] = {
     ".gz": (b"\x1f\x8b", lambda file: gzip.GzipFile(fileobj=file)),
     ".bz2": (b"BZh", bz2.BZ2File),
     ".xz": (b"\xfd7zXZ\x00", lzma.LZMAFile),
-    ".zst": (b"\x28\xb5\x2f\xfd", zstd.ZstdFile),
+    ".zst": (b"\x28\xb5\x2f\xfd", _zstandard),
 }
 """Ending of a packed file, its first bytes, and what unpacks it."""
 _SEPARATORS: Final = b"\n,;\t"
