@@ -23,7 +23,7 @@ from pathlib import Path
 
 from arm_of_joints import arm
 
-from pam_check.chain import Chain, multicast_bus, private_domain
+from pam_demo.chain import Chain, multicast_bus, private_domain
 from pam_model.argument_types import count, number
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.errors import PamError

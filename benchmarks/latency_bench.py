@@ -25,7 +25,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from statistics import median, quantiles
 
-from pam_check.chain import BusChoice, Chain, multicast_bus, private_domain
+from pam_demo.chain import BusChoice, Chain, multicast_bus, private_domain
 from pam_driver.boards.pam_board.codec import BoardCodec, Measurement, ValveCommand
 from pam_driver.buses import OnlyBus, open_buses
 from pam_driver.can_bus.bus import CanPort, open_bus

@@ -10,7 +10,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from pam_check.chain import BusChoice, multicast_bus, private_domain
+from pam_demo.chain import BusChoice, multicast_bus, private_domain
 from pam_model.rig import Rig, load_rig
 from pam_ros.transport import leave_out_shared_memory
 from support.frames import FrameListener

@@ -4,6 +4,6 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
-.venv/bin/mypy --strict src benchmarks
+.venv/bin/mypy --strict src proof benchmarks
 .venv/bin/lint-imports --no-logo --no-cache
 .venv/bin/codespell

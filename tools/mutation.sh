@@ -18,7 +18,7 @@ if [[ ! -d $tool ]]; then
 fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-cp -rL src/*/pam_* config docs "$work"
+cp -rL src/*/pam_* proof/pam_check config docs "$work"
 mkdir "$work/tests"
 cp -r tests/pam_driver tests/pam_model tests/pam_ros "$work/tests"
 cp tools/mutation.cfg "$work/setup.cfg"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes .venv: Python 3.12, requirements.lock, and all packages in src as editable. Does nothing if it is up to date.
+# Makes .venv: Python 3.12, requirements.lock, and all packages in src and proof as editable. Does nothing if it is up to date.
 # If ROS 2 Jazzy is sourced, the venv uses the system's packages and that ROS instead of the wheels.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 ros="${ROS_DISTRO:-wheels}"
 place="$ros $PWD"
 lock_stamp="$place $(sha256sum <requirements.lock)"
-package_stamp="$place $(cat src/*/setup.py src/*/setup.cfg | sha256sum)"
+package_stamp="$place $(cat src/*/setup.py src/*/setup.cfg proof/setup.py | sha256sum)"
 is_current() { [[ -f .venv/.$1 && $(<".venv/.$1") == "$2" ]]; }
 if is_current lock-stamp "$lock_stamp" && is_current package-stamp "$package_stamp"; then exit 0; fi
 
@@ -68,7 +68,7 @@ if ! is_current lock-stamp "$lock_stamp"; then
 fi
 
 editable=()
-for package in src/*/; do editable+=(-e "$package"); done
+for package in src/*/ proof/; do editable+=(-e "$package"); done
 pip_install --no-deps --no-build-isolation "${editable[@]}"
 printf '%s' "$package_stamp" >.venv/.package-stamp
 echo "setup: done in ${SECONDS} s"

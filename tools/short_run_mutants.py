@@ -83,9 +83,10 @@ def imported(path: Path) -> set[Path]:
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         for name in names:
-            file = ROOT / "src" / name.split(".")[0] / (name.replace(".", "/") + ".py")
-            if file.exists():
-                found.add(file.relative_to(ROOT))
+            inside = name.replace(".", "/") + ".py"
+            for folder in (ROOT / "src" / name.split(".")[0], ROOT / "proof"):
+                if (folder / inside).exists():
+                    found.add((folder / inside).relative_to(ROOT))
     return found
 
 
@@ -97,7 +98,7 @@ def has_long_tests(path: Path) -> bool:
 
 def failed(tree: Path, tests: list[str], which: str) -> list[str]:
     """The first test of one run that fails, if one does."""
-    paths = [str(package) for package in sorted((tree / "src").iterdir())]
+    paths = [str(folder) for folder in (*sorted((tree / "src").iterdir()), tree / "proof")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(tree)])}
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", which]
     try:

@@ -24,6 +24,8 @@ setup(
     ],
     install_requires=[
         f"pam_cli=={VERSION}",
+        f"pam_demo=={VERSION}",
+        f"pam_driver=={VERSION}",
         f"pam_gap=={VERSION}",
         f"pam_model=={VERSION}",
         f"pam_ros=={VERSION}",

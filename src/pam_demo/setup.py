@@ -22,7 +22,6 @@ setup(
         "jinja2>=3.1",
         "matplotlib>=3.6",
         "numpy>=1.26",
-        f"pam_check=={VERSION}",
         f"pam_cli=={VERSION}",
         f"pam_control=={VERSION}",
         f"pam_gap=={VERSION}",

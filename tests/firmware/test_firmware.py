@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from pam_check.boards.conformance import RULES, find_board, play_all
-from pam_check.boards.page import as_text
-from pam_check.boards.rule import Verdict
-from pam_check.boards.tester import BoardTester, TestLimits
 from pam_check.fuzz.random_targets import frame
+from pam_driver.board_rules.conformance import RULES, find_board, play_all
+from pam_driver.board_rules.page import as_text
+from pam_driver.board_rules.rule import Verdict
+from pam_driver.board_rules.tester import BoardTester, TestLimits
 from pam_driver.boards.pam_board.codec import BoardCode, BoardCommand, BoardState, ValveCommand
 from pam_sim.boards.firmware_twin import FirmwareBoard
 from pam_sim.boards.pam_board_twin import SimulatedPamBoard

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import setuptools
 
-from support.source_tree import PACKAGES, ROOT, SOURCE, foreign_imports
+from support.source_tree import ALL_PACKAGES, PACKAGES, ROOT, SOURCE, foreign_imports
 
 # rosdep's keys (ros/rosdistro, rosdep/python.yaml) by the name that Python imports; packages of
 # ROS and of this suite are their own keys.
@@ -120,7 +120,7 @@ def test_requirements_name_every_import_that_is_not_of_ros():
     files = ("requirements.in", "requirements-view.txt")
     text = "".join((ROOT / name).read_text().lower() for name in files)
     listed = set(re.findall(r"^([a-z0-9-]+)", text, re.MULTILINE))
-    wanted = {name for package in PACKAGES for name in foreign_imports(package)}
+    wanted = {name for package in ALL_PACKAGES for name in foreign_imports(package)}
     wanted -= ROS | set(PACKAGES)
     assert {INDEX_NAMES.get(name, name) for name in wanted} <= listed
 

@@ -20,23 +20,23 @@ from pathlib import Path
 
 import pytest
 
-from support.source_tree import SOURCE
+from support.source_tree import ROOT
 
 PLACES = (
-    "pam_ros/pam_ros/*.py",
-    "pam_driver/pam_driver/driver*.py",
-    "pam_driver/pam_driver/safety/*.py",
-    "pam_control/pam_control/**/*.py",
-    "pam_sim/pam_sim/rig_node.py",
-    "pam_sim/pam_sim/rig_loop.py",
-    "pam_sim/pam_sim/fault_injection.py",
-    "pam_gap/pam_gap/live/*.py",
-    "pam_gap/pam_gap/experiments/play_node.py",
-    "pam_model/pam_model/model_node.py",
-    "pam_model/pam_model/joints/joint_estimator.py",
-    "pam_bringup/pam_bringup/viewer/*.py",
-    "pam_demo/pam_demo/*_node.py",
-    "pam_check/pam_check/faults/operator_node.py",
+    "src/pam_ros/pam_ros/*.py",
+    "src/pam_driver/pam_driver/driver*.py",
+    "src/pam_driver/pam_driver/safety/*.py",
+    "src/pam_control/pam_control/**/*.py",
+    "src/pam_sim/pam_sim/rig_node.py",
+    "src/pam_sim/pam_sim/rig_loop.py",
+    "src/pam_sim/pam_sim/fault_injection.py",
+    "src/pam_gap/pam_gap/live/*.py",
+    "src/pam_gap/pam_gap/experiments/play_node.py",
+    "src/pam_model/pam_model/model_node.py",
+    "src/pam_model/pam_model/joints/joint_estimator.py",
+    "src/pam_bringup/pam_bringup/viewer/*.py",
+    "src/pam_demo/pam_demo/*_node.py",
+    "proof/pam_check/faults/operator_node.py",
 )
 FOREIGN = frozenset(
     {"message", "messages", "request", "requested", "goal", "names", "source", "command", "status"}
@@ -243,14 +243,14 @@ def findings(source: str) -> list[int]:
 
 def files() -> Iterator[Path]:
     for place in PLACES:
-        found = sorted(SOURCE.glob(place))
+        found = sorted(ROOT.glob(place))
         assert found, f"{place}: no such file"
         yield from found
 
 
 def test_no_foreign_text_is_formatted_before_it_is_cut() -> None:
     found = [
-        f"{path.relative_to(SOURCE)}:{line}"
+        f"{path.relative_to(ROOT)}:{line}"
         for path in files()
         for line in findings(path.read_text(encoding="utf-8"))
     ]

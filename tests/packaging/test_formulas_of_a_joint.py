@@ -21,11 +21,11 @@ NUMBERS = frozenset(
         "dead_volume",
     }
 )
-INDEPENDENT = ("pam_check/pam_check/blind/", "pam_check/pam_check/control/")
+INDEPENDENT = ("pam_check/blind/", "pam_check/control/")
 """Plants and rigs of the checks, which are the independent truth and share no law on purpose."""
 REMAINING = frozenset(
     {
-        "pam_check/pam_check/faults/rig_bounds.py",
+        "pam_check/faults/rig_bounds.py",
         "pam_control/pam_control/adaptation/stiffness_estimate.py",
         "pam_control/pam_control/compensation/inverse_dynamics.py",
         "pam_control/pam_control/feedback/closed_loop.py",
@@ -60,10 +60,17 @@ def formulas(source: str) -> list[str]:
 
 
 def modules() -> dict[str, list[str]]:
-    """What every module outside pam_model reads, by its path in src/."""
+    """What every module outside pam_model reads, by its path in src/ or proof/."""
     found = {}
-    for path in sorted((ROOT / "src").glob("pam_*/**/*.py")):
-        name = path.relative_to(ROOT / "src").as_posix()
+    names = {
+        path.relative_to(ROOT / "src").as_posix(): path
+        for path in sorted((ROOT / "src").glob("pam_*/**/*.py"))
+    }
+    names |= {
+        path.relative_to(ROOT / "proof").as_posix(): path
+        for path in sorted((ROOT / "proof").glob("pam_*/**/*.py"))
+    }
+    for name, path in names.items():
         if not name.startswith(("pam_model/", *INDEPENDENT)):
             found[name] = formulas(path.read_text())
     return found

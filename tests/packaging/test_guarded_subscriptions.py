@@ -6,11 +6,11 @@ import ast
 
 import pytest
 
-from support.source_tree import PACKAGES, SOURCE, python_files
+from support.source_tree import ALL_PACKAGES, ROOT, python_files
 
 ONLY_IN = {
-    "create_subscription": "pam_ros/pam_ros/subscriptions.py",
-    "deserialize_message": "pam_ros/pam_ros/message_decoder.py",
+    "create_subscription": "src/pam_ros/pam_ros/subscriptions.py",
+    "deserialize_message": "src/pam_ros/pam_ros/message_decoder.py",
     # rclpy's other ways to a subscription
     "wait_for_message": "",
     "ParameterEventHandler": "",
@@ -36,12 +36,12 @@ def used(source: str) -> set[str]:
     return found & set(ONLY_IN)
 
 
-FILES = [path for package in PACKAGES for path in python_files(package)]
+FILES = [path for package in ALL_PACKAGES for path in python_files(package)]
 
 
 def test_no_file_has_a_subscription_or_a_decoder_of_its_own() -> None:
     found = {
-        (str(path.relative_to(SOURCE)), name)
+        (str(path.relative_to(ROOT)), name)
         for path in FILES
         for name in used(path.read_text(encoding="utf-8"))
     }

@@ -16,14 +16,23 @@ from pathlib import Path
 
 import pytest
 
-from support.source_tree import PACKAGES, ROOT, SOURCE, modules, syntax
+from support.source_tree import (
+    ALL_PACKAGES,
+    PACKAGES,
+    PROOF,
+    ROOT,
+    SOURCE,
+    folder_of,
+    modules,
+    syntax,
+)
 
 Plant = Callable[[str, str], None]
 
 
 def lint(root: Path) -> subprocess.CompletedProcess[str]:
     """import-linter on the packages in a tree."""
-    path = os.pathsep.join(str(root / "src" / package) for package in PACKAGES)
+    path = os.pathsep.join(str(root / folder_of(name).relative_to(ROOT)) for name in ALL_PACKAGES)
     command = "import sys; from importlinter.cli import lint_imports_command as run; run()"
     return subprocess.run(
         [sys.executable, "-c", command, "--no-cache", "--no-logo"],
@@ -43,7 +52,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The packages in a tree where a rule may be broken."""
     root = tmp_path_factory.mktemp("tree")
     shutil.copy(ROOT / "pyproject.toml", root)
-    for name in ("src", "tools"):
+    for name in ("src", "proof", "tools"):
         shutil.copytree(
             ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info")
         )
@@ -69,6 +78,7 @@ def plant(copy: Path) -> Iterator[Plant]:
     ("module", "line", "rule"),
     [
         ("pam_model.errors", "import pam_sim.rig", "Imports run downhill only"),
+        ("pam_cli.__main__", "import pam_check.programs", "Imports run downhill only"),
         ("pam_ros.periodic", "from pam_model import errors", "Imports run downhill only"),
         ("pam_driver.can_bus.bus", "import pam_control.settings", "Imports run downhill only"),
         ("pam_sim.rig", "import pam_control.settings", "The simulated rig borrows"),
@@ -142,5 +152,13 @@ def test_a_program_that_is_started_is_a_program():
 def test_every_package_is_under_the_rules():
     text = (ROOT / "pyproject.toml").read_text()
     listed = text[text.index("root_packages") :].partition("]")[0]
-    assert [name for name in PACKAGES if f'"{name}"' not in listed] == []
+    assert [name for name in ALL_PACKAGES if f'"{name}"' not in listed] == []
     assert {path.name for path in SOURCE.iterdir() if path.is_dir()} == set(PACKAGES)
+
+
+def test_the_checks_are_no_package_that_a_robot_installs():
+    assert (PROOF / "COLCON_IGNORE").exists()
+    assert not list(PROOF.rglob("package.xml"))
+    named = [path for path in SOURCE.glob("*/package.xml") if "pam_check" in path.read_text()]
+    assert named == []
+    assert "pam_check" not in (ROOT / "colcon.meta").read_text()

@@ -20,7 +20,6 @@ from support.source_tree import PACKAGES, ROOT, SOURCE
 
 PUBLIC = {
     "pam_bringup": set(),
-    "pam_check": set(),
     "pam_cli": set(),
     "pam_control": {
         "ControlOutput", "ControlSettings", "Measurement", "PositionStiffnessController",

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from pam_check.security.policy import POLICY, rights_of
+from pam_bringup.security.policy import POLICY, rights_of
 from pam_control.actions.follow_trajectory import NAME as ACTION
 from pam_control.controller_parameters import HELP as CONTROLLER
 from pam_driver.driver_parameters import HELP as DRIVER

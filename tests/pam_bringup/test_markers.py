@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from pam_bringup.viewer.markers_node import MarkersNode
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_model.rig import load_rig
 
 ELBOW = Path(__file__).parents[2] / "config/elbow.yaml"

@@ -14,10 +14,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pam_bringup.security.policy import POLICY, rights_of
 from pam_bringup.viewer import rerun_sink
 from pam_bringup.viewer.arm_drawing import arm_strokes, eye_of, pressure_colour
 from pam_bringup.viewer.robot_view import GAP_WINDOW, TOPICS, RobotView
-from pam_check.security.policy import POLICY, rights_of
 from pam_model.errors import PamError
 from pam_model.robot import compose
 

@@ -5,14 +5,14 @@ import pytest
 
 from pam_check.blind.background import (
     FULL_SCALE,
-    MAGNITUDES,
     MOST_ENDS,
     add_background,
     area,
     weaker,
 )
 from pam_check.blind.cases import to_table, written_rig
-from pam_check.blind.draw import KNOWN, Draw
+from pam_check.blind.draw import Draw
+from pam_check.blind.effect_cases import case_of
 from pam_check.blind.rough import WEAKEST, alone, draw_rough_rig, uneven
 from pam_check.blind.strength import channels, gap, strength
 from pam_check.blind.truth_plant import Sensors, SupplyWander, TruthJoint, TruthMuscle, slow_noise
@@ -42,29 +42,27 @@ def test_a_weaker_effect_lies_between_the_background_and_the_drawn_one() -> None
     plain = drawn()
     add_background(plain)
     full = Draw(plain.random, plain.joint, list(plain.muscles))
-    KNOWN["hysteresis"][1](full)
+    case_of("hysteresis").draw(full)
     half = weaker(full, plain, 0.5)
     for small, between, large in zip(plain.muscles, half.muscles, full.muscles, strict=True):
         middle = 0.5 * (small.thread_friction + large.thread_friction)
         assert between.thread_friction == pytest.approx(middle)
         assert between.play_length == large.play_length
-    KNOWN["end_caps"][1](full)
+    case_of("end_caps").draw(full)
     assert weaker(full, plain, 9.0).muscles[0].end_factor == MOST_ENDS
     # what an effect makes smaller stays large enough for the rig to run
-    KNOWN["exhaust_restriction"][1](full)
+    case_of("exhaust_restriction").draw(full)
     much = weaker(full, plain, 4.0)
     assert 0.0 < much.muscles[0].exhaust_ratio < full.muscles[0].exhaust_ratio
-    fields = {*JOINT._fields, *MUSCLE._fields}
-    assert fields.issuperset(MAGNITUDES)
 
 
 def test_each_effect_of_a_pair_has_a_rig_of_its_own() -> None:
     plain = drawn()
     add_background(plain)
     pair = Draw(plain.random, plain.joint, list(plain.muscles))
-    KNOWN["payload"][1](pair)
+    case_of("payload").draw(pair)
     before = Draw(pair.random, pair.joint, list(pair.muscles))
-    KNOWN["hysteresis"][1](pair)
+    case_of("hysteresis").draw(pair)
     one = alone(before, pair, plain)
     assert one.joint == plain.joint
     assert one.muscles[0].thread_friction == pair.muscles[0].thread_friction

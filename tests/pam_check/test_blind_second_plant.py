@@ -11,7 +11,8 @@ import pytest
 
 from pam_check.blind.campaign import Drawn
 from pam_check.blind.cases import make_cases, rig_parameters
-from pam_check.blind.draw import KNOWN, OUTSIDE, Draw
+from pam_check.blind.draw import Draw
+from pam_check.blind.effect_cases import KNOWN, OUTSIDE, case_of, stage_of
 from pam_check.blind.plants import PLANTS
 from pam_check.blind.second_laws import (
     braid_volume,
@@ -69,7 +70,7 @@ def run(
 
 def rig_with(effect: str) -> tuple[TruthJoint, tuple[TruthMuscle, TruthMuscle]]:
     draw = Draw(np.random.default_rng(5), JOINT, [MUSCLE, MUSCLE])
-    (KNOWN | OUTSIDE)[effect][1](draw)
+    case_of(effect).draw(draw)
     return draw.joint, (draw.muscles[0], draw.muscles[1])
 
 
@@ -149,7 +150,7 @@ ALSO = {
 @pytest.mark.parametrize("effect", list(KNOWN))
 def test_an_effect_breaks_the_nominal_law_of_its_stage_alone(effect: str) -> None:
     plain, changed = marks(run()), marks(run(*rig_with(effect)))
-    stage = KNOWN[effect][0]
+    stage = stage_of(effect)
     assert changed[stage] > 4.0 * plain[stage] + SMALL
     for other in plain.keys() - {stage} - ALSO.get(effect, set()):
         assert changed[other] < 2.0 * plain[other] + SMALL, other

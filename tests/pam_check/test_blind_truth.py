@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pam_check.blind.cases import rig_parameters
-from pam_check.blind.draw import KNOWN, OUTSIDE, Draw
+from pam_check.blind.draw import Draw
+from pam_check.blind.effect_cases import KNOWN, OUTSIDE, case_of, stage_of
 from pam_check.blind.score import CLEAR_GAP, reported_set, score, share
 from pam_check.blind.truth_plant import Excitation, Sensors, TruthJoint, TruthMuscle, run_truth
 from pam_model.effects import EFFECTS
@@ -46,7 +47,7 @@ def test_without_effects_two_independent_plants_agree() -> None:
 def test_every_hidden_effect_shows(name: str) -> None:
     """A drawn effect changes what is recorded, or hiding it would prove nothing."""
     draw = Draw(np.random.default_rng(5), JOINT, [MUSCLE, MUSCLE])
-    (KNOWN | OUTSIDE)[name][1](draw)
+    case_of(name).draw(draw)
     muscles = (draw.muscles[0], draw.muscles[1])
     hidden = run_truth(draw.joint, muscles, motion(), QUIET, np.random.default_rng(0))
     plain = run_truth(
@@ -89,7 +90,7 @@ def test_closed_chamber_keeps_its_gas() -> None:
 
 
 def label(kind: str, effects: list[str], case: str = "000") -> dict[str, object]:
-    stages = [(KNOWN | OUTSIDE)[e][0] for e in effects]
+    stages = [stage_of(e) for e in effects]
     return {
         "case": case, "kind": kind, "effects": effects, "stages": stages, "gap_over_floor": 9.0,
     }  # fmt: skip
@@ -100,7 +101,7 @@ def answer(verdict: str, effects: list[str], groups: list[list[str]] | None = No
         "verdict": verdict,
         "effects": effects,
         "indistinguishable": groups or [],
-        "stage": KNOWN[effects[0]][0] if effects else None,
+        "stage": stage_of(effects[0]) if effects else None,
         "candidates": [[e, 0.5] for e in effects],
     }
 

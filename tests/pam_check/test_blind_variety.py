@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from pam_check.blind.cases import written_rig
-from pam_check.blind.draw import KNOWN, OUTSIDE, Draw, draw_excitation
+from pam_check.blind.draw import Draw, draw_excitation
+from pam_check.blind.effect_cases import KNOWN, OUTSIDE, case_of
 from pam_check.blind.rough import STRENGTHS, draw_rough_rig
 from pam_check.blind.truth_plant import Sensors, TruthJoint, TruthMuscle, run_truth
-from pam_check.blind.variety import BEHIND_A_REGULATOR, INNER_GAIN, Variety, draw_variety
+from pam_check.blind.variety import INNER_GAIN, Variety, draw_variety
 
 pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
 
@@ -22,7 +23,7 @@ SILENT = Sensors(0.0, 1e-6, 0.0, 1e-9, 0.0, 1e-9)
 def test_a_scaled_rig_moves_as_the_drawn_one(effect: str) -> None:
     """A number with a wrong power of the scale would change angles or pressures."""
     rig = Draw(np.random.default_rng(5), JOINT, [MUSCLE, MUSCLE])
-    (KNOWN | OUTSIDE)[effect][1](rig)
+    case_of(effect).draw(rig)
     first, second = rig.muscles
     motion = draw_excitation(np.random.default_rng(6), JOINT, 0.002, 3.0)
     drawn = run_truth(rig.joint, (first, second), motion, SILENT, np.random.default_rng(7))
@@ -50,8 +51,10 @@ def test_drawn_kinds_reach_from_small_to_large_and_from_one_valve_to_the_other()
         assert {getattr(kind, name) for kind in kinds} == {False, True}
     assert 0.1 < np.mean([kind.regulator_time > 0.0 for kind in kinds]) < 0.4
     assert draw_variety(np.random.default_rng(0), regulators=False).regulator_time == 0.0
-    assert Variety(regulator_time=0.02).hidden == BEHIND_A_REGULATOR
-    assert KNOWN.keys() | OUTSIDE.keys() >= BEHIND_A_REGULATOR
+    hidden = Variety(regulator_time=0.02).hidden
+    assert hidden
+    assert all(case_of(effect).fades_behind_a_regulator for effect in hidden)
+    assert Variety().hidden == frozenset()
     assert set(asdict(kinds[0])) == set(Variety.__slots__)
 
 

@@ -48,7 +48,7 @@ from pam_ros import diagnostics
 from pam_sim import rig_node
 from pam_sim.rig_node import RigNode
 from support.rigs import ELBOW
-from support.source_tree import PACKAGES, python_files
+from support.source_tree import ALL_PACKAGES, python_files
 
 PATIENCE = 30.0  # s
 PEOPLE = [
@@ -71,7 +71,7 @@ def node_classes() -> set[str]:
     """The classes in the source that are nodes."""
     return {
         node.name
-        for package in PACKAGES
+        for package in ALL_PACKAGES
         for path in python_files(package)
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.ClassDef)

@@ -8,11 +8,11 @@ from collections import Counter
 import pytest
 from can.interfaces import BACKENDS
 
-from pam_check.chain import multicast_bus
 from pam_check.endurance.kill_trials import kill_once
 from pam_check.endurance.lifecycle_cycles_node import WARM, WAYS, Cycles, draw_losses, run_cycles
 from pam_check.endurance.process_use import Use
 from pam_check.endurance.unpluggable_bus import INTERFACE, PLUG, UnpluggableBus
+from pam_demo.chain import multicast_bus
 from pam_driver.can_bus.bus import BusState, SendOutcome, open_bus
 from pam_driver.can_bus.bus_opening import BusError
 from pam_model.errors import PamError

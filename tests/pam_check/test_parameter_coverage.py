@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from pam_check.blind.cases import Label, make_case
-from pam_check.blind.draw import KNOWN
+from pam_check.blind.effect_cases import KNOWN
 from pam_check.blind.parameter_coverage import (
-    OF_JOINT,
-    OF_MUSCLE,
     StatedParameter,
     as_json,
     by_parameter,
@@ -47,9 +45,10 @@ def as_label(label: Label) -> dict[str, object]:
 
 
 def test_every_comparable_parameter_is_one_of_an_effect_that_is_drawn() -> None:
-    for effect, parameter in (*OF_JOINT, *OF_MUSCLE):
-        assert parameter in EFFECTS[effect].parameters
-        assert effect in KNOWN
+    named = [(effect, {*case.of_joint, *case.of_muscle}) for effect, case in KNOWN.items()]
+    assert sum(len(parameters) for _, parameters in named) > 15
+    for effect, parameters in named:
+        assert parameters <= set(EFFECTS[effect].parameters), effect
 
 
 def test_an_interval_is_compared_with_the_true_value_beyond_the_rig_file(

@@ -36,6 +36,7 @@ from pam_model.plant.constants import derive_constants
 from pam_model.plant.parameters import PlantParameters
 from pam_model.rig import Bus, Joint, Muscle, Rig, Valve, load_rig
 from pam_model.robot import Robot, compose
+from support.source_tree import modules
 
 ROOT = Path(__file__).parents[2]
 RIGS = ("elbow", "two_joints")
@@ -157,10 +158,9 @@ class Consumer:
 
 
 def consumers() -> Iterator[Consumer]:
-    for path in sorted((ROOT / "src").glob("pam_*/pam_*/**/*.py")):
+    for name, path in sorted(modules().items()):
         if not re.search(r"^from pam_model\.(robot|views)\b", path.read_text(), re.MULTILINE):
             continue
-        name = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts[1:])
         if path.stem == "__init__" or name.startswith("pam_model.robot."):
             continue  # those compose the robot
         module = importlib.import_module(name)

@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Float64MultiArray  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
-from pam_check.chain import private_domain  # noqa: E402
+from pam_demo.chain import private_domain  # noqa: E402
 from support.processes import end  # noqa: E402
 from support.reruns import HOST_STALLS  # noqa: E402
 

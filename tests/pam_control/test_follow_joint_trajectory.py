@@ -17,7 +17,7 @@ from builtin_interfaces.msg import Duration  # noqa: E402
 from rclpy.action import ActionClient  # noqa: E402
 from trajectory_msgs.msg import JointTrajectoryPoint  # noqa: E402
 
-from pam_check.chain import private_domain  # noqa: E402
+from pam_demo.chain import private_domain  # noqa: E402
 from pam_model.rig import load_rig  # noqa: E402
 from support.control_msgs_package import control_msgs_folder, missing_for_build  # noqa: E402
 from support.processes import end  # noqa: E402

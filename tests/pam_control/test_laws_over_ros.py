@@ -14,7 +14,7 @@ rclpy = pytest.importorskip("rclpy")
 
 from std_msgs.msg import Float64MultiArray  # noqa: E402
 
-from pam_check.chain import private_domain  # noqa: E402
+from pam_demo.chain import private_domain  # noqa: E402
 from pam_model.rig import load_rig  # noqa: E402
 from support.processes import end  # noqa: E402
 from support.reruns import HOST_STALLS  # noqa: E402

@@ -24,12 +24,12 @@ from rclpy.serialization import serialize_message  # noqa: E402
 from std_msgs.msg import Float64MultiArray  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
-from pam_check.chain import private_domain  # noqa: E402
 from pam_control import adapted_rig, controller_node  # noqa: E402
 from pam_control.control_step import Measurement  # noqa: E402
 from pam_control.controller_node import ControllerNode  # noqa: E402
 from pam_control.loop_design import PreparedSettings  # noqa: E402
 from pam_control.settings import ControlSettings  # noqa: E402
+from pam_demo.chain import private_domain  # noqa: E402
 from pam_ros.start import start_ros  # noqa: E402
 from support.rigs import ELBOW  # noqa: E402
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from sensor_msgs.msg import JointState
 
-from pam_check.processes import NodeProcess
+from pam_demo.processes import NodeProcess
 from pam_gap.recordings.import_recording import import_recording
 
 SEVERAL_CHUNKS = 20_000  # bytes

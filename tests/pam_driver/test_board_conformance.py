@@ -25,10 +25,11 @@ from pam_model.errors import PamError, RigError
 from pam_model.rig import Rig, load_rig, save_rig
 from pam_sim.boards import register as twin_register
 from pam_sim.boards.sensors import SensorQuality
+from pam_sim.conformance import CHECKS, BoardBench, breaches
 from pam_sim.simulated_rig import SimulatedRig
-from support.board_conformance import CHECKS, BoardBench
 from support.canopen_device import io_module
 from support.rigs import CONFIG, ELBOW
+from support.vendor_board import SimulatedVendorBoard
 from support.weak_device import rig_with_sensors_apart, weak_rig
 
 VENDOR: Final = "vendor"
@@ -142,6 +143,43 @@ def test_a_kind_of_board_keeps_to_the_protocol(
     kind: str, check: Callable[[BoardBench], None], tmp_path: Path
 ) -> None:
     check(BoardBench(EXAMPLES[kind](tmp_path)))
+
+
+def opened_by_its_first_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SimulatedVendorBoard, "valve_commands", property(lambda _: (0.3e5,)))
+
+
+def deaf(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SimulatedVendorBoard, "on_frame", lambda *_: None)
+
+
+def mute(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SimulatedVendorBoard, "poll", lambda *_: ())
+
+
+@pytest.mark.parametrize(
+    ("fault", "check", "text"),
+    [
+        (
+            opened_by_its_first_command,
+            "a_board_that_has_heard_nothing_vents",
+            "a valve is open at power-on",
+        ),
+        (deaf, "every_setpoint_reaches_its_own_valve", "the valves do not follow their set points"),
+        (mute, "frames_have_the_identifiers_that_the_board_names", "its twin sends nothing"),
+    ],
+)
+def test_the_kit_names_what_a_kind_of_another_package_does_wrong(
+    fault: Callable[[pytest.MonkeyPatch], None],
+    check: str,
+    text: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = vendor_rig(tmp_path)
+    assert breaches(rig) == {}
+    fault(monkeypatch)
+    assert text in breaches(rig)[check]
 
 
 class Line:

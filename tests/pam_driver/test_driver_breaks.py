@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState
 from std_srvs.srv import Trigger
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardFault, BoardState
 from pam_driver.driver import Driver
 from pam_driver.safety.states import SafetyState

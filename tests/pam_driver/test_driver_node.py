@@ -18,7 +18,7 @@ from lifecycle_msgs.msg import Transition
 from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import JointState
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,

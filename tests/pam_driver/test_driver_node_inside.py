@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_driver import driver_assembly, driver_node
 from pam_driver.boards.pam_board.codec import (
     BoardCode,

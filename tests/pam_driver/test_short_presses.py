@@ -21,7 +21,7 @@ from lifecycle_msgs.msg import Transition
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_driver.boards.pam_board.codec import BoardCodec
 from pam_ros.driver_state import LATCHED
 

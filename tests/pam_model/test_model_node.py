@@ -18,7 +18,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_model.model_node import ModelNode
 
 ELBOW = Path(__file__).parents[2] / "config/elbow.yaml"

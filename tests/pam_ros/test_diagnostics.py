@@ -2,7 +2,6 @@
 
 import ast
 import math
-from pathlib import Path
 
 import pytest
 
@@ -12,6 +11,7 @@ from builtin_interfaces.msg import Time
 
 from pam_ros.diagnostics import OK, WARN, diagnostic_array, diagnostic_status, loop_values
 from pam_ros.periodic import LoopStatistics
+from support.source_tree import modules
 
 
 def test_status_shows_values_as_text() -> None:
@@ -60,7 +60,7 @@ def test_two_robots_are_told_apart_by_their_namespaces() -> None:
 
 def test_every_node_tells_its_namespace_with_its_health() -> None:
     told = {}
-    for path in Path(__file__).parents[2].glob("src/*/pam_*/**/*_node.py"):
+    for path in (path for path in modules().values() if path.name.endswith("_node.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("diagnostic_array"):
                 given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}

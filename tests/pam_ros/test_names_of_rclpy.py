@@ -12,7 +12,9 @@ import rclpy
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
-SOURCES = sorted((Path(__file__).parents[2] / "src").rglob("*_node.py"))
+from support.source_tree import modules
+
+SOURCES = [path for path in modules().values() if path.name.endswith("_node.py")]
 MEANT = {"__init__", "destroy_node", "set_parameters_atomically"} | {
     f"on_{act}" for act in ("configure", "activate", "deactivate", "cleanup", "shutdown", "error")
 }

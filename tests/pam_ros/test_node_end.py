@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from support.source_tree import ROOT
 
 ELBOW = ROOT / "config/elbow.yaml"

@@ -17,7 +17,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_ros.errors import MalformedMessageError
 from pam_ros.polled_topic import PolledTopic
 from pam_ros.subscriptions import GuardedTopic, malformed_messages, subscribe

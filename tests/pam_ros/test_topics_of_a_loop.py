@@ -16,7 +16,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_ros import polled_topic
 from pam_ros.joint_state_bytes import JointStateReader
 from pam_ros.joint_state_publisher import JointStatePublisher, nanoseconds_of

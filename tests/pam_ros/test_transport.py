@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_ros.transport import PROFILE, leave_out_shared_memory
 
 NAMES_OF_THREADS = """

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from support.rigs import ELBOW
 
 rclpy = pytest.importorskip("rclpy")

@@ -15,8 +15,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from pam_check.chain import BusChoice, Chain
-from pam_check.processes import Setting
+from pam_demo.chain import BusChoice, Chain
+from pam_demo.processes import Setting
 from support.frames import FrameListener
 from support.probe import Probe
 

@@ -2,19 +2,19 @@
 
 Board and tester live in the test's process and follow a clock of its own, so that an emulated
 processor can run it; the frames go through the kernel. An emulated processor needs minutes for all
-rules (`tests/pam_check/test_board_rules.py` plays them without a kernel), so these are a few.
+rules (`tests/pam_driver/test_board_rules.py` plays them without a kernel), so these are a few.
 """
 
 from __future__ import annotations
 
 import pytest
 
-from pam_check.boards.conformance import RULES, find_board, leave, play
-from pam_check.boards.line import HeardFrame
-from pam_check.boards.page import as_text
-from pam_check.boards.rule import Verdict
-from pam_check.boards.tester import BoardTester, TestLimits
-from pam_check.chain import BusChoice
+from pam_demo.chain import BusChoice
+from pam_driver.board_rules.conformance import RULES, find_board, leave, play
+from pam_driver.board_rules.line import HeardFrame
+from pam_driver.board_rules.page import as_text
+from pam_driver.board_rules.rule import Verdict
+from pam_driver.board_rules.tester import BoardTester, TestLimits
 from pam_driver.can_bus.bus import SendOutcome, open_bus
 from support.broken_boards import CODEC, GoodBoard, VirtualLine
 from support.reruns import EMULATED

@@ -21,10 +21,10 @@ import pam_model as models
 from pam_bringup.__main__ import main as pam_bringup
 from pam_bringup.viewer import markers_node
 from pam_check.__main__ import main as pam_check
-from pam_check.chain import private_domain, set_environment
 from pam_cli.__main__ import main as pam_cli
 from pam_control import controller_node
 from pam_demo.__main__ import main as pam_demo
+from pam_demo.chain import private_domain, set_environment
 from pam_driver import driver_node
 from pam_driver.__main__ import main as pam_driver
 from pam_gap.__main__ import main as pam_gap
@@ -275,7 +275,7 @@ def test_a_mistake_that_shows_later_is_one_line_as_well(
         ("pam_model", ["list"]),
         ("pam_model", ["show", "gaylord"]),
         ("pam_model", ["design", "--force", "100", "--stroke", "0.03", "--pressure", "3e5"]),
-        ("pam_check", ["security", "policy.xml", "--rig", str(ELBOW)]),
+        ("pam_bringup", ["security", "policy.xml", "--rig", str(ELBOW)]),
         ("pam_check", ["fuzz", "frames", "--count", "1000", "--rig", str(ELBOW)]),
     ],
 )
@@ -411,7 +411,7 @@ def test_a_node_refuses_a_wrong_start_in_one_line(node, words, told, tmp_path, c
 
 def test_the_help_of_a_node_names_the_topics_that_it_uses():
     """The policy is compared with running nodes by a test of its own."""
-    from pam_check.security.policy import POLICY
+    from pam_bringup.security.policy import POLICY
     from pam_control.controller_parameters import HELP as CONTROLLER
     from pam_driver.driver_parameters import HELP as DRIVER
     from pam_driver.driver_parameters import PEOPLE_TOPICS

@@ -125,7 +125,7 @@ def test_an_import_that_makes_another_error_of_an_interruption_is_not_interrupte
 
 THAT_WAITS = """
 import os, signal, sys, threading, time
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_demo.player_node import open_player
 from pam_model.command_line import Command, Outcome, run_command
 

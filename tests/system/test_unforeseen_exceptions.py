@@ -33,7 +33,7 @@ import pam_driver
 import pam_gap
 import pam_model
 import pam_sim
-from pam_check.chain import private_domain
+from pam_demo.chain import private_domain
 from pam_gap.experiments.excitations import Menu
 from pam_gap.experiments.files import write_experiment
 from pam_model.rig import load_rig

@@ -169,7 +169,7 @@ LISTED = {
 def test_a_recording_opens_with_a_public_reader(
     suite, tmp_path: Path, ros_environment: dict[str, str]
 ):
-    from pam_check.processes import NodeProcess
+    from pam_demo.processes import NodeProcess
 
     bag = tmp_path / "bag"
     recorder = NodeProcess(

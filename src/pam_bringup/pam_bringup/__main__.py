@@ -1,4 +1,4 @@
-"""`pam bringup`: show a running robot or a recording in a browser."""
+"""`pam bringup`: show a running robot or a recording, and write its security policy."""
 
 # PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
 
@@ -103,6 +103,23 @@ def _markers(arguments: Sequence[str] | None) -> int:
     return run(arguments)
 
 
+def _declare_security(parser: Parser) -> None:
+    parser.add_argument("file", type=output_file, help="where to write the policy (XML)")
+    add_rig(parser)
+
+
+def _security(given: Arguments) -> Outcome:
+    from pam_bringup.security.policy import run  # noqa: PLC0415
+
+    return run(given)
+
+
+def _security_check(given: Arguments) -> Outcome:
+    from pam_bringup.security.check_node import run  # noqa: PLC0415  (rclpy)
+
+    return run(given)
+
+
 COMMANDS = (
     Command(
         "viewer",
@@ -115,10 +132,29 @@ COMMANDS = (
         ),
     ),
     NodeCommand("markers", "publish the muscles for RViz (a ROS node)", _markers),
+    Command(
+        "security",
+        "write the SROS 2 policy of a rig",
+        _declare_security,
+        _security,
+        examples=("pam bringup security my_policy.xml --rig my_robot.yaml",),
+    ),
+    Command(
+        "security-check",
+        "compare the SROS 2 policy with the topics and services that running nodes use",
+        add_rig,
+        _security_check,
+        bad_news="if they differ",
+    ),
 )
 
 
-TOOL = Tool("bringup", "Show a running robot or a recording", COMMANDS, default="viewer")
+TOOL = Tool(
+    "bringup",
+    "Show a running robot or a recording, and write its security policy",
+    COMMANDS,
+    default="viewer",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

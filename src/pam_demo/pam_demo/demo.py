@@ -18,8 +18,7 @@ from typing import Any
 
 from rich.console import Console
 
-from pam_check.chain import BusChoice, Chain, best_bus, private_domain
-from pam_check.processes import NodeProcess, Setting
+from pam_demo.chain import BusChoice, Chain, best_bus, private_domain
 from pam_demo.figures import evaluate, show, target_text
 from pam_demo.loop_rate import (
     RATES,
@@ -33,6 +32,7 @@ from pam_demo.loop_rate import (
 from pam_demo.motions import APPROACH, Motion, all_motions
 from pam_demo.page import write_page, write_picture
 from pam_demo.player import TAIL, NotPlayedError, OpenPlayer, Player
+from pam_demo.processes import NodeProcess, Setting
 from pam_demo.programs import RECORDER
 from pam_gap.answer.user_units import told
 from pam_model.command_line import Arguments, Outcome, Progress, chosen_rig, progress

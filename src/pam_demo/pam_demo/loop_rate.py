@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from pam_check.processes import Setting
 from pam_demo.motions import Motion, chirp
+from pam_demo.processes import Setting
 from pam_model.errors import PamError
 
 RATES: Final = (500.0, 250.0, 125.0)

@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from pam_check.chain import set_environment
+from pam_demo.chain import set_environment
 from pam_demo.motions import APPROACH, WAYPOINT_RATE, Motion
 from pam_demo.player import TAIL, NotPlayedError, VentedError
 from pam_demo.recording import LOOP_COUNTS

@@ -1,8 +1,21 @@
-"""The programs that the demo starts as separate processes, besides `pam_check.programs`."""
+"""The programs of the suite that are started as processes, by the module that `python -m` runs.
+
+This is the only place below the checks in which modules are named by strings. All imports are
+import statements, so that the test of the import rules sees them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
+
+MODULES: Final[Mapping[str, str]] = {
+    "rig": "pam_sim.rig_node",
+    "driver": "pam_driver.driver_node",
+    "model": "pam_model.model_node",
+    "controller": "pam_control.controller_node",
+}
+"""The nodes of a simulated rig, in the order in which they start."""
 
 DEMO: Final = "pam_demo"
 RECORDER: Final = "pam_demo.recorder_node"

@@ -8,10 +8,10 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from pam_check.chain import BusChoice, Chain, best_bus
-from pam_check.processes import Setting
+from pam_demo.chain import BusChoice, Chain, best_bus
 from pam_demo.demo import COMPILE_TIMEOUT, REALTIME, SIMULATING, START_TIMEOUT
 from pam_demo.loop_rate import RATES, node_settings
+from pam_demo.processes import Setting
 from pam_model.command_line import Arguments, Outcome, chosen_rig
 from pam_model.rig import load_rig
 from pam_sim.rig import parse_effects

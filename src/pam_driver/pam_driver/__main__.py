@@ -12,6 +12,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 import sys
 from collections.abc import Sequence
 
+from pam_driver.board_rules.command import CHECK_BOARD
 from pam_model.argument_types import count, input_file, number
 from pam_model.command_line import (
     Arguments,
@@ -182,6 +183,7 @@ COMMANDS = (
         bad_news="if it ended early",
         examples=("pam driver set config/elbow_canopen.yaml outputs flexor 10",),
     ),
+    CHECK_BOARD,
 )
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pam_check.boards.air_rules import RESTART
-from pam_check.boards.line import HeardFrame
-from pam_check.boards.people_rules import HOLD_SWITCH, PRESS_STOP, RELEASE_STOP
+from pam_driver.board_rules.air_rules import RESTART
+from pam_driver.board_rules.line import HeardFrame
+from pam_driver.board_rules.people_rules import HOLD_SWITCH, PRESS_STOP, RELEASE_STOP
 from pam_driver.boards.pam_board.codec import (
     BoardCode,
     BoardCodec,

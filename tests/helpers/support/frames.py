@@ -10,7 +10,7 @@ from typing import Self
 
 import can
 
-from pam_check.chain import BusChoice
+from pam_demo.chain import BusChoice
 from pam_driver.boards.pam_board.codec import BoardCodec, BoardMessage, FrameError
 from pam_driver.can_bus.bus_opening import hear_own_group_only
 

@@ -1,4 +1,4 @@
-"""The packages of src/ as text: their modules, what these import, and the words in them."""
+"""The packages as text: their modules, what these import, and the words in them."""
 
 from __future__ import annotations
 
@@ -9,19 +9,29 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCE = ROOT / "src"
+PROOF = ROOT / "proof"
 PACKAGES = tuple(sorted(path.parent.name for path in SOURCE.glob("*/package.xml")))
+"""What a robot installs."""
+ALL_PACKAGES = (*PACKAGES, "pam_check")
+"""Those, and the checks in proof/, which nobody installs."""
+
+
+def folder_of(package: str) -> Path:
+    """The folder in which a package's own folder and its setup.py are."""
+    return SOURCE / package if package in PACKAGES else PROOF
 
 
 def python_files(package: str, *, launch_files: bool = True) -> Iterator[Path]:
-    """Every Python file that a package installs; without setup.py, which only installs."""
-    yield from sorted((SOURCE / package / package).rglob("*.py"))
+    """Every Python file of a package; without setup.py, which only installs."""
+    yield from sorted((folder_of(package) / package).rglob("*.py"))
     if launch_files:
-        yield from sorted((SOURCE / package / "launch").glob("*.py"))
+        yield from sorted((folder_of(package) / "launch").glob("*.py"))
 
 
 def module_name(path: Path) -> str:
     """The name a file is imported by, such as `pam_model.rig.file`."""
-    parts = list(path.relative_to(SOURCE).with_suffix("").parts[1:])
+    inside = path.relative_to(ROOT).with_suffix("").parts
+    parts = list(inside[2:] if inside[0] == "src" else inside[1:])
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
@@ -29,7 +39,7 @@ def modules() -> dict[str, Path]:
     """Every module of ours and its file."""
     return {
         module_name(path): path
-        for package in PACKAGES
+        for package in ALL_PACKAGES
         for path in python_files(package, launch_files=False)
     }
 

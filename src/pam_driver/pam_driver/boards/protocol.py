@@ -14,7 +14,7 @@ with the flag `EXTENDED` for 29 bits and the flag `FD` for a CAN FD frame. Every
 bus; the name is "" if the rig has only one bus.
 
 docs/new_board.md shows how to add a kind; a kind and its simulated twin must pass the checks in
-`tests/helpers/support/board_conformance.py`.
+`pam_sim.conformance`.
 """
 
 from __future__ import annotations

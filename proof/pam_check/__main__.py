@@ -1,0 +1,46 @@
+"""`pam check`: checks of the whole suite, from fault campaigns to blind diagnosis."""
+
+# PYTHON_ARGCOMPLETE_OK: shells with argcomplete complete its commands and options
+
+from __future__ import annotations
+
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
+import sys
+from collections.abc import Sequence
+
+from pam_check.commands import (
+    blind,
+    control,
+    endurance,
+    faults,
+    fleet,
+    fuzz,
+    states,
+)
+from pam_model.command_line import Tool
+
+COMMANDS = (
+    *faults.COMMANDS,
+    *states.COMMANDS,
+    *endurance.COMMANDS,
+    *fuzz.COMMANDS,
+    *control.COMMANDS,
+    *blind.COMMANDS,
+    *fleet.COMMANDS,
+)
+
+
+TOOL = Tool("check", "Checks of the whole suite, on simulated rigs", COMMANDS)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code."""
+    return TOOL.run(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

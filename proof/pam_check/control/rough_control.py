@@ -1,0 +1,306 @@
+"""How well the controller tracks on rigs that are not their rig file.
+
+`pam check rough-control` hides every effect, one after the other, in the independent
+plant of the blind check, gives the controller the nominal rig file, and plays two motions. Beside
+it runs a PID with feedforward that was tuned on that very rig (`tuned_pid`). What the tuning found
+is kept in a file, because it takes about a minute per rig; the rest takes a second per motion. What
+was found with other code is searched again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+import pam_control
+import pam_model
+from pam_check.blind.effect_cases import KNOWN, size_of
+from pam_check.blind.hidden_size import CLEAN
+from pam_check.blind.truth_plant import TruthJoint
+from pam_check.control.closed_loop import TOLD, Muscles, Played, play, true_rig
+from pam_check.control.motions import MOTIONS
+from pam_check.control.tuned_pid import Bench, Motions, TunedPid, tune
+from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
+from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.settings import ControlSettings
+from pam_model.argument_types import make_parents
+from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
+from pam_model.errors import PamError
+from pam_model.rig import Rig, load_rig
+
+NOTHING: Final = "nothing"
+WORST_RATIO: Final = 1.1  # of the controller's error to that of the tuned PID
+MOST_CLIPPED: Final = 0.05  # of the arm's motion
+
+
+@dataclass(slots=True)
+class RoughResult:
+    """One effect and one motion.
+
+    Attributes
+    ----------
+    effect, motion : str
+        What was hidden, and what was played.
+    controller : Played
+        With the nominal rig file, at the last time.
+    first : Played
+        The same at the first time, when the controller had learnt nothing.
+    pid : Played or None
+        The tuned PID; None without its search.
+    seconds : float
+        Processor time of a run of the controller [s].
+    """
+
+    effect: str
+    motion: str
+    controller: Played
+    first: Played
+    pid: Played | None = None
+    seconds: float = 0.0
+
+    @property
+    def ratio(self) -> float:
+        """The controller's error over that of the tuned PID; NaN without one."""
+        return math.nan if self.pid is None else self.controller.rms / self.pid.rms
+
+    def problems(self) -> list[str]:
+        """What is not as it should be."""
+        what = f"{self.effect}, {self.motion}"
+        found = []
+        if self.ratio > WORST_RATIO and self.effect != NOTHING:
+            found.append(f"{what}: {self.ratio:.2f} times the error of the tuned PID")
+        for played in {id(each): each for each in (self.first, self.controller)}.values():
+            if played.cycles:
+                shown = played.stopped or f"{1e3 * played.limit_cycle:.1f} mrad"
+                found.append(f"{what}: limit cycle, {shown}")
+        if self.motion == "arm" and self.controller.clipped > MOST_CLIPPED:
+            found.append(f"{what}: a valve is at its end {self.controller.clipped:.0%} of the time")
+        return found
+
+    def document(self) -> dict[str, object]:
+        """For --json."""
+        return {**asdict(self), "ratio": self.ratio}
+
+
+@dataclass
+class Baselines:
+    """The tuned PIDs of earlier runs, kept in a file.
+
+    Attributes
+    ----------
+    path : Path
+        JSON; it need not exist.
+    """
+
+    path: Path
+    _known: dict[str, TunedPid] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.path.is_file():
+            return
+        try:
+            for key, entry in json.loads(self.path.read_text()).items():
+                self._known[key] = TunedPid(
+                    tuple(entry["gains"]),
+                    float(entry["pressure_gain"]),
+                    tuple(entry["feedforward"]),
+                    int(entry["tried"]),
+                )
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise PamError(f"{self.path}: not a file of tuned gains ({error})") from None
+
+    def get(self, key: str, search: Callable[[], TunedPid]) -> TunedPid:
+        """The gains for a key; searched and written if they are not known."""
+        if key not in self._known:
+            self._known[key] = search()
+            content = {key: asdict(tuned) for key, tuned in self._known.items()}
+            make_parents(self.path).write_text(json.dumps(content, indent=1))
+        return self._known[key]
+
+
+class RoughControl:
+    """The controller and the baselines for one rig file.
+
+    Parameters
+    ----------
+    rig : Rig
+        The nominal rig.
+    settings : ControlSettings
+        Of the controller.
+    seed : int
+        Of the motions and of the noise.
+    pressure_loops : bool, optional
+        Whether the PID's pressure loops are tuned as well.
+    plays : int, optional
+        How often the controller plays each motion; it keeps what it learns meanwhile.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        settings: ControlSettings,
+        seed: int,
+        pressure_loops: bool = False,
+        plays: int = 1,
+    ) -> None:
+        self._plays = plays
+        self.rig, self._seed, self._pressure_loops = rig, seed, pressure_loops
+        self.designs = KeptDesigns(user_cache_folder())
+        self._true = true_rig(rig)
+        self.controller = PositionStiffnessController(rig, settings, self.designs)
+        self.motions: Motions = {
+            name: make(np.random.default_rng([seed, index]))
+            for index, (name, make) in enumerate(MOTIONS.items())
+        }
+
+    def hidden(self, effect: str) -> tuple[TruthJoint, Muscles]:
+        """The true rig with this effect, or with `NOTHING` hidden."""
+        size = CLEAN if effect == NOTHING else size_of(effect)
+        return size.applied(*self._true)
+
+    def run(self, effect: str, baselines: Baselines | None, tries: int) -> list[RoughResult]:
+        """Play all motions with a hidden effect."""
+        joint, muscles = self.hidden(effect)
+        results = []
+        for name, points in self.motions.items():
+            start = time.process_time()
+            self.controller.forget_adaptation()
+            played = [
+                play(self.controller, joint, muscles, points, self._seed + index)[0]
+                for index in range(self._plays)
+            ]
+            seconds = (time.process_time() - start) / self._plays
+            results.append(RoughResult(effect, name, played[-1], played[0], None, seconds))
+        if baselines is None:
+            return results
+        bench, tuned = self.tuned_pid(joint, muscles, baselines, tries)
+        runs = bench.play(tuned)
+        return [dataclasses.replace(each, pid=runs[each.motion][0]) for each in results]
+
+    def tuned_pid(
+        self, joint: TruthJoint, muscles: Muscles, baselines: Baselines, tries: int
+    ) -> tuple[Bench, TunedPid]:
+        """A true rig with the PID that was tuned on it, in these motions."""
+        bench = Bench(self.rig, joint, muscles, self.motions, self._seed, self.designs)
+        key = self._key(joint, muscles, tries)
+        return bench, baselines.get(key, lambda: tune(bench, tries, self._pressure_loops))
+
+    def _key(self, joint: TruthJoint, muscles: Muscles, tries: int) -> str:
+        parts = [self.rig.to_parameters(), joint, muscles, self.motions, self._seed, tries]
+        parts += [self._pressure_loops, _code_version()]
+        return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
+
+
+@functools.cache
+def _code_version() -> str:
+    """Digest of all code that the tuning of a PID runs."""
+    here = Path(__file__)
+    blind = (
+        here.parents[1] / "blind" / f"{n}.py"
+        for n in ("truth_plant", "effect_cases", "hidden_size")
+    )
+    files = [*here.parent.glob("*.py"), *blind]
+    for package in (pam_control, pam_model):
+        files += Path(str(package.__file__)).parent.rglob("*.py")
+    digest = hashlib.sha256()
+    for path in sorted(files):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _row(result: RoughResult) -> str:
+    mine, pid = result.controller, result.pid
+    cells = [
+        f"{result.effect:20s} {result.motion:6s} {1e3 * result.first.rms:8.2f}",
+        f"{1e3 * mine.rms:8.2f}",
+        f"{1e3 * pid.rms:8.2f} {result.ratio:6.2f}" if pid else f"{'-':>8s} {'-':>6s}",
+        f"{100.0 * mine.clipped:6.1f} {1e3 * mine.limit_cycle:8.2f}",
+        f"{'yes' if mine.cycles else 'no':>4s} {mine.activity:7.1f}",
+    ]
+    notes = [
+        f"stopped: {mine.stopped}" if mine.stopped else "",
+        "soft gains" if mine.softened else "",
+    ]
+    return " ".join([*cells, "; ".join(note for note in notes if note)]).rstrip()
+
+
+HEADER: Final = (
+    f"{'hidden':20s} {'motion':6s} {'first':>8s} {'last':>8s} {'PID':>8s} {'ratio':>6s} "
+    f"{'clip %':>6s} {'rest':>8s} cycle  spool/s"
+)
+
+
+def chosen_effects(names: Sequence[str] | None) -> list[str]:
+    """The effects to hide, `NOTHING` first if none is named.
+
+    Raises
+    ------
+    PamError
+        For an unknown name.
+    """
+    known = [NOTHING, *KNOWN]
+    for name in names or ():
+        if name not in known:
+            raise PamError(f"--effects {name}: unknown; expected some of {', '.join(known)}")
+    return list(names) if names else known
+
+
+def summary(results: Sequence[RoughResult]) -> str:
+    """How often the controller is better, in one line."""
+    ratios: dict[str, float] = {}
+    for result in results:
+        if result.effect != NOTHING and result.pid is not None:
+            ratios[result.effect] = max(ratios.get(result.effect, 0.0), result.ratio)
+    cycles = {result.effect for result in results if result.controller.cycles}
+    text = f"{len(cycles)} effects with a limit cycle"
+    if not ratios:
+        return text
+    half = sum(ratio <= 0.5 for ratio in ratios.values())
+    worse = sum(not ratio <= WORST_RATIO for ratio in ratios.values())
+    return (
+        f"of {len(ratios)} effects, in the worse motion: {half} with at most half the error of the "
+        f"tuned PID, {worse} with more than {WORST_RATIO:g} times it; {text}"
+    )
+
+
+def run(given: Arguments) -> Outcome:
+    """Play all effects and print the table; the command of `pam_check.__main__`.
+
+    Raises
+    ------
+    PamError
+        For a rig, an effect or a file that cannot be used.
+    """
+    effects = chosen_effects(given.effects)
+    settings = TOLD.replace(observer=given.observer, adaptation=not given.no_adaptation)
+    rig = load_rig(chosen_rig(given))
+    rough = RoughControl(rig, settings, given.seed, given.tune_pressure_loops, given.plays)
+    baselines = Baselines(given.tuned) if given.tries else None
+    results: list[RoughResult] = []
+    print(HEADER)
+    with progress(len(effects), "effects") as bar:
+        for done, effect in enumerate(effects, start=1):
+            for result in rough.run(effect, baselines, given.tries):
+                results.append(result)
+                print(_row(result), flush=True)
+            bar.show(done, effect)
+    seconds = float(np.mean([result.seconds for result in results]))
+    print(f"{summary(results)}; {seconds:.1f} s of processor time per effect and motion")
+    problems = [problem for result in results for problem in result.problems()]
+    document = {
+        "seed": given.seed,
+        "seconds_per_run": seconds,
+        "results": [result.document() for result in results],
+        "problems": problems,
+    }
+    return Outcome(document, problems)

@@ -1,0 +1,191 @@
+"""Runs the nodes of a simulated rig as processes on a private bus, in the right order."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import socket
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from pam_demo.processes import NodeProcess, Setting
+from pam_demo.programs import MODULES
+from pam_model.program_signals import postponed
+from pam_model.rig import load_rig
+
+ON_THE_BUS = ("rig", "driver")
+MULTICAST_GROUP = "239.74.163.2"
+_domains = itertools.count(random.randrange(100))
+
+
+@dataclass(frozen=True, slots=True)
+class BusChoice:
+    """A CAN bus by python-can's names.
+
+    Attributes
+    ----------
+    interface, channel : str
+        As python-can takes them.
+    port : int
+        UDP port of a multicast bus, 0 for others.
+    """
+
+    interface: str
+    channel: str
+    port: int = 0
+
+    @property
+    def parameters(self) -> dict[str, Setting]:
+        """Bus parameters for the nodes."""
+        settings: dict[str, Setting] = {
+            "bus.interface": self.interface,
+            "bus.channel": self.channel,
+        }
+        if self.interface == "udp_multicast":
+            settings["bus.port"] = self.port
+        return settings
+
+    def parameters_for(self, buses: Sequence[str]) -> dict[str, Setting]:
+        """Bus parameters for the nodes of a rig whose file describes these buses.
+
+        Each bus gets a channel of its own: this one, and those with the numbers after it.
+        """
+        if not buses:
+            return self.parameters
+        settings: dict[str, Setting] = {}
+        stem = self.channel.rstrip("0123456789")
+        first = int(self.channel[len(stem) :] or 0)
+        for place, name in enumerate(buses):
+            settings[f"buses.{name}.interface"] = self.interface
+            settings[f"buses.{name}.channel"] = f"{stem}{first + place}"
+            if self.interface == "udp_multicast":
+                settings[f"buses.{name}.port"] = self.port
+        return settings
+
+    def __str__(self) -> str:
+        if self.interface == "udp_multicast":
+            return f"loopback multicast, port {self.port}"
+        return f"{self.interface} {self.channel}"
+
+
+def free_udp_port() -> int:
+    """A UDP port that is not in use."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return int(probe.getsockname()[1])
+
+
+def multicast_bus() -> BusChoice:
+    """A multicast bus on a free port; its frames stay on this machine."""
+    return BusChoice("udp_multicast", MULTICAST_GROUP, free_udp_port())
+
+
+def best_bus() -> BusChoice:
+    """The interface vcan0 if it is up, otherwise a loopback multicast bus."""
+    flags = Path("/sys/class/net/vcan0/flags")
+    if flags.exists() and int(flags.read_text(), 16) & 1:
+        return BusChoice("socketcan", "vcan0")
+    return multicast_bus()
+
+
+def private_domain() -> dict[str, str]:
+    """Environment of a ROS domain that is limited to this machine and probably not in use.
+
+    Every call gives another domain, so that a chain does not meet nodes left over from another.
+    """
+    # 101 and above run into the ports the kernel hands out
+    domain = 1 + next(_domains) % 100
+    return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+@contextmanager
+def set_environment(environment: Mapping[str, str]) -> Iterator[None]:
+    """Set these environment variables of this process inside the context."""
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@dataclass(slots=True)
+class Chain:
+    """The processes of one simulated rig; they all end with the context.
+
+    Attributes
+    ----------
+    params_files : sequence of Path
+        The rig file first.
+    bus : BusChoice
+        Bus between rig and driver; the first one if the rig file describes several.
+    environment : mapping
+        Environment of the processes.
+    processes : dict of str to NodeProcess
+        Processes that were started and not stopped.
+    outputs : dict of str to str
+        Output of the processes that were stopped.
+    """
+
+    params_files: Sequence[Path]
+    bus: BusChoice
+    environment: Mapping[str, str]
+    processes: dict[str, NodeProcess] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
+
+    def start(self, name: str, parameters: Mapping[str, Setting] | None = None) -> NodeProcess:
+        """Start one node of MODULES."""
+        settings: dict[str, Setting] = {}
+        if name in ON_THE_BUS:
+            settings.update(self.bus.parameters_for(tuple(load_rig(self.params_files[0]).buses)))
+        settings.update(parameters or {})
+        with postponed():  # a process that is started must be known, so that it is ended
+            process = NodeProcess(MODULES[name], settings, self.params_files, self.environment)
+            self.processes[name] = process
+        return process
+
+    def check(self) -> None:
+        """Raise ProcessError if a process has ended by itself."""
+        for process in self.processes.values():
+            process.check()
+
+    def stop(self, name: str) -> int:
+        """End one process and return its exit code."""
+        process = self.processes.pop(name)
+        code = process.stop()
+        self.outputs[name] = f"{self.outputs.get(name, '')}{process.output}\nexit code {code}\n"
+        return code
+
+    def stop_all(self) -> None:
+        """End all processes: the driver first, which lowers the arm and vents, the rig last.
+
+        Without its controller the driver would report a fault at every end.
+        """
+        names = list(self.processes)[::-1]
+        try:
+            for name in sorted(names, key=lambda name: name != "driver"):
+                self.stop(name)
+        except KeyboardInterrupt:  # asked again: nothing is waited for, and nothing is left behind
+            for process in self.processes.values():
+                process.kill()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop_all()
