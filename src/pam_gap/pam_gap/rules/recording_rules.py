@@ -164,6 +164,25 @@ class RecordingRules:
         "recordings with lost rows fall into parts of which the beginning does not count.",
         origin="The horizon within which predictions are corrected by the measurements.",
     )
+    spoiled_share: float = rule(
+        0.5,
+        unit="of the time",
+        decides="Share of the time in gaps of commands or pressures, or within the horizon of the "
+        "predictions after one, above which the verdict is `not_identifiable`.",
+        trades="Larger: what gaps leave is taken for an unknown cause. Smaller: recordings with "
+        "some gaps get no answer.",
+        origin="Most of the recording, by definition.",
+    )
+    told_share: float = rule(
+        0.05,
+        unit="of the time",
+        decides="Share of the time in gaps, or of lost messages, that is told: by `record` while "
+        "it records, and as a caution of an answer.",
+        trades="Larger: bad recordings are told late. Smaller: every recording on a usual computer "
+        "is said to have gaps.",
+        origin="Chosen by hand; it only adds a warning.",
+        acts=PROPOSAL,
+    )
     shortest_part: float = rule(
         3.0,
         unit="s",
