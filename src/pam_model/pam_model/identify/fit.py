@@ -69,6 +69,9 @@ class FitResult:
         Held-out residual of every point, model minus measurement [unit].
     points, blocks : int
         Number of points and of blocks.
+    outside : int
+        Of the points, those outside the model's domain at the fitted numbers. Each counts with an
+        error as large as the largest force.
     """
 
     model: str
@@ -81,6 +84,7 @@ class FitResult:
     held_out: Array = field(repr=False)
     points: int
     blocks: int
+    outside: int = 0
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; an infinite bound of an interval becomes null."""
@@ -109,6 +113,7 @@ class FitResult:
             "unit": self.unit,
             "points": self.points,
             "blocks": self.blocks,
+            "outside": self.outside,
         }
 
     def table(self) -> str:
@@ -120,6 +125,11 @@ class FitResult:
             f"{self.model}: {self.points} points in {self.blocks} block{'s'[: self.blocks != 1]}",
             f"  error {self.training_error:.4g} {self.unit} in training, {held_out}",
         ]
+        if self.outside:
+            lines.append(
+                f"  {self.outside} of the points lie outside the domain of the model with these "
+                "numbers; each counts with an error as large as the largest force"
+            )
         for name, p in self.parameters.items():
             if not p.fitted:
                 interval = "" if p.note else "given"
@@ -225,6 +235,7 @@ def fit(
         held_out,
         len(data),
         len(blocks),
+        problem.outside(best),
     )
 
 
