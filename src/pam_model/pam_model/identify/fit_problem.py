@@ -64,6 +64,7 @@ class FitProblem:
         fit_geometry: bool,
         free: Iterable[str] | None,
         residual: Residual,
+        stated: Mapping[str, float] | None = None,
     ) -> None:
         models = registered_models()
         if name not in models:
@@ -82,9 +83,10 @@ class FitProblem:
                 f"model {name}: unknown constant {', '.join(unknown)}; "
                 f"it has {', '.join(self.declared) or 'none'}"
             )
-        base = geometry or guess_geometry(data)
+        stated = stated or {}
+        base = geometry or guess_geometry(data, stated)
         self.fixed = {**geometry_numbers(base), **constants}
-        geometric = list(GEOMETRY_UNITS) if fit_geometry else []
+        geometric = [key for key in GEOMETRY_UNITS if fit_geometry and key not in stated]
         known = [*GEOMETRY_UNITS, *self.declared]
         chosen = (
             [*geometric, *(key for key in self.declared if key not in constants)]
@@ -94,7 +96,8 @@ class FitProblem:
         for key in chosen:
             if key not in known:
                 raise PamError(f"model {name}: cannot fit {key!r}; it has {', '.join(known)}")
-        if data.is_shortening and "rest_length" not in chosen and geometry is None:
+        has_length = geometry is not None or "rest_length" in stated
+        if data.is_shortening and "rest_length" not in chosen and not has_length:
             raise PamError(f"{data.name} has shortening, no length: rest_length has to be fitted")
         for key, parameter in self.declared.items():
             if key in chosen:
