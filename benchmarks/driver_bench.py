@@ -18,6 +18,7 @@ from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import load_rig
+from pam_model.robot import compose
 from pam_sim.simulated_rig import SimulatedRig
 
 CONFIG = Path(__file__).parents[1] / "config"
@@ -50,7 +51,7 @@ def cycle_times(name: str) -> tuple[list[float], int]:
     """The times of the cycles while the valves follow commands [s], and frames in one cycle."""
     rig = load_rig(CONFIG / f"{name}.yaml")
     sim, line = SimulatedRig(rig), Line()
-    driver = Driver(rig, line, DriverSettings(), PressurePlausibility(rig, PERIOD))
+    driver = Driver(rig, line, DriverSettings(), PressurePlausibility(compose(rig), PERIOD))
     position, effort = driver.intake.in_units(tuple(0.02 for _ in rig.muscles))
     command = NamedCommand(rig.muscle_names, position, (), effort)
     times, frames, now = [], 0, 0.0

@@ -28,6 +28,7 @@ from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import load_rig
+from pam_model.robot import compose
 from pam_ros.periodic import PeriodicLoop
 
 CONFIG: Final = Path(__file__).parents[1] / "config"
@@ -80,7 +81,9 @@ def measure(path: Path, seconds: float) -> None:
     rig = load_rig(path)
     wiring = RigWiring(rig)
     ports = open_buses(rig, wiring, OnlyBus("", ""))
-    driver = Driver(rig, ports, DriverSettings(), PressurePlausibility(rig, PERIOD), wiring)
+    driver = Driver(
+        rig, ports, DriverSettings(), PressurePlausibility(compose(rig), PERIOD), wiring
+    )
     position, effort = driver.intake.in_units(tuple(FILL for _ in rig.muscles))
     command = NamedCommand(rig.muscle_names, position, (), effort)
     times: list[tuple[float, float]] = []

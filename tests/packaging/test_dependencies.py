@@ -34,8 +34,8 @@ ROSDEP_KEYS = {
 }
 ROS = {
     "ament_index_python", "builtin_interfaces", "control_msgs", "diagnostic_msgs", "launch",
-    "launch_ros", "lifecycle_msgs", "rcl_interfaces", "rclpy", "rosidl_parser", "sensor_msgs", "std_msgs",
-    "std_srvs", "trajectory_msgs", "visualization_msgs",
+    "launch_ros", "lifecycle_msgs", "rcl_interfaces", "rclpy", "rosidl_parser", "sensor_msgs",
+    "std_msgs", "std_srvs", "trajectory_msgs", "visualization_msgs",
 }  # fmt: skip
 # rosdep has no keys for these: without numba every package works, slower; without Dask only the
 # command `fleet` does not, without rerun-sdk only the viewer, and both say so; without pyarrow

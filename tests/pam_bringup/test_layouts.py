@@ -14,8 +14,9 @@ from pam_check.security.policy import POLICY, rights_of
 from pam_control.actions.follow_trajectory import NAME as ACTION
 from pam_control.controller_parameters import HELP as CONTROLLER
 from pam_driver.driver_parameters import HELP as DRIVER
-from pam_model.joints.urdf import rig_as_urdf
 from pam_model.rig import load_rig
+from pam_model.robot import compose
+from pam_model.views.urdf import robot_as_urdf
 
 ROOT = Path(__file__).parents[2]
 LAYOUTS = ROOT / "src/pam_bringup/layouts"
@@ -76,7 +77,7 @@ def test_foxglove_draws_topics_that_exist_and_every_panel_is_placed():
 def test_rviz_shows_the_robot_in_the_first_frame_of_its_urdf():
     config = yaml.safe_load((LAYOUTS / "robot.rviz").read_text())["Visualization Manager"]
     frame = config["Global Options"]["Fixed Frame"]
-    assert f'link name="{frame}"' in rig_as_urdf(RIG, "elbow")
+    assert f'link name="{frame}"' in robot_as_urdf(compose(RIG), "elbow")
     (model,) = [d for d in config["Displays"] if d["Class"].endswith("RobotModel")]
     assert model["Description Topic"]["Value"] == ROBOT_STATE_PUBLISHER
 

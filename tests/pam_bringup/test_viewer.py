@@ -19,6 +19,7 @@ from pam_bringup.viewer.arm_drawing import arm_strokes, eye_of, pressure_colour
 from pam_bringup.viewer.robot_view import GAP_WINDOW, TOPICS, RobotView
 from pam_check.security.policy import POLICY, rights_of
 from pam_model.errors import PamError
+from pam_model.robot import compose
 
 ELBOW = Path(__file__).parents[2] / "config/elbow.yaml"
 
@@ -136,7 +137,7 @@ def test_the_gap_is_shown_by_stage_once_the_window_is_full(rig, sink):
 
 def test_a_full_muscle_is_shorter_and_redder_on_the_side_to_which_the_joint_turns(rig):
     agonist, antagonist = rig.joints[0].muscles
-    strokes = {s.name.split("/")[1]: s for s in arm_strokes(rig, 0, 0.4, {agonist: 3e5})}
+    strokes = {s.name.split("/")[1]: s for s in arm_strokes(compose(rig), 0, 0.4, {agonist: 3e5})}
     lengths = {name: strokes[name].points[0][2] - strokes[name].points[1][2] for name in strokes}
     radius = rig.joints[0].pulley_radius
     assert lengths[agonist] == pytest.approx(rig.muscle(agonist).neutral_length - 0.4 * radius)
@@ -149,8 +150,8 @@ def test_a_full_muscle_is_shorter_and_redder_on_the_side_to_which_the_joint_turn
 
 def test_the_eye_looks_at_the_middle_from_where_all_of_the_arm_is_in_view(rig):
     """Both ends of the arm were cut off."""
-    eye, middle = eye_of(rig)
-    points = [point for stroke in arm_strokes(rig, 0, 0.0, {}) for point in stroke.points]
+    eye, middle = eye_of(compose(rig))
+    points = [point for stroke in arm_strokes(compose(rig), 0, 0.0, {}) for point in stroke.points]
     farthest = max(math.dist(point, middle) for point in points)
     assert farthest / math.dist(eye, middle) < math.tan(math.radians(25.0))
 

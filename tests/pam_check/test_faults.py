@@ -272,7 +272,7 @@ def test_the_command_writes_a_report_and_its_exit_code_is_the_verdict(tmp_path):
     assert "encoder_jump" in (tmp_path / "faults.md").read_text()
     page = tmp_path / "page.md"
     assert main([*arguments, "--kind", "vent_called", "--page", str(page)]) == 0
-    assert "pam_check faults --rig" in (text := page.read_text())
+    assert "pam check faults --rig" in (text := page.read_text())
     assert "--trials 2 --kind vent_called --seed 1 --page" in text
     assert (tmp_path / "faults.png").stat().st_size > 1000
     assert main([*arguments, "--kind", "no_such"]) == 2

@@ -25,6 +25,7 @@ from pam_control.references.spline import JointReference
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.robot import compose
 
 SETTLE = 1.0
 DESIGNS = KeptDesigns()
@@ -373,9 +374,10 @@ def test_the_pressure_behind_a_tube_is_that_of_the_flow_at_once_and_of_the_senso
 @pytest.mark.parametrize("pressure", [0.0, 6e5])
 def test_a_muscle_that_is_empty_or_at_the_supply_does_not_end_the_control_loop(rig, pressure):
     """The open valve has no flow there, of which a share could be learnt."""
-    muscle = rig.muscles[0]
-    joint = AntagonisticJoint.from_rig(rig, "elbow")
-    loop = create_pressure_loop(rig, muscle, joint.agonist, SupplyReservoir(rig, muscle))
+    robot = compose(rig)
+    joint = AntagonisticJoint.from_robot(robot, robot.joints[0])
+    muscle, reservoir = robot.muscles[0], SupplyReservoir(robot)
+    loop = create_pressure_loop(robot, muscle, joint.agonist, reservoir)
     settings = PressureLoopSettings(15.0, 0.4, adaptation=True, acting_delay=0.005)
     rate = 1e5 if pressure else -1e5
     for cycle in range(50):

@@ -16,11 +16,20 @@ from pam_control.references.spline import JointReference
 from pam_model.effects.valve_dead_zone import ROUNDED
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
+from pam_model.robot import compose
 
 
 def with_effects(rig, **effects):
     """The agonist of the elbow with these effects."""
     return dataclasses.replace(rig.muscle(rig.joints[0].agonist), effects=effects)
+
+
+def memory_of(rig, muscle) -> MuscleMemory:
+    return MuscleMemory.from_muscle(compose(rig.with_muscle(muscle)).muscle(muscle.name))
+
+
+def friction_of(rig, joint) -> DryFriction:
+    return DryFriction.from_joint(compose(rig.with_joint(joint)).joints[0])
 
 
 def test_dry_friction_is_odd_and_saturates(rig):
@@ -31,21 +40,21 @@ def test_dry_friction_is_odd_and_saturates(rig):
             "stribeck_friction": {"static_torque": 0.6, "torque": 0.4, "speed": 0.1},
         },
     )
-    friction = DryFriction.from_joint(joint)
+    friction = friction_of(rig, joint)
     for speed in (1e-3, 0.02, 0.1, 2.0):
         assert friction.torque(-speed) == -friction.torque(speed)
         assert 0.0 < friction.torque(speed) <= 0.9
     assert friction.torque(0.0) == 0.0
     assert friction.torque(30.0 * SMOOTHING_SPEED) == pytest.approx(0.7, rel=1e-3)
-    assert DryFriction.from_joint(rig.joints[0]).laws == ()
+    assert friction_of(rig, rig.joints[0]).laws == ()
 
 
 def test_dry_friction_turns_over_its_presliding_angle_and_pushes_nothing_at_rest(rig):
     """Protects the ends of motions: breakaway torque at rest throws the joint past its target."""
     named = {"static_torque": 0.8, "torque": 0.4, "speed": 0.1, "presliding_angle": 2e-3}
     joint = dataclasses.replace(rig.joints[0], effects={"stribeck_friction": named})
-    friction = DryFriction.from_joint(joint)
-    muscles = tuple(rig.muscle(name) for name in rig.joints[0].muscles)
+    friction = friction_of(rig, joint)
+    muscles = compose(rig).muscles
     history = HistoryTorque(muscles, rig.joints[0].pulley_radius, friction)
 
     def torque(position, velocity, acceleration):
@@ -65,7 +74,7 @@ def test_falling_friction_brakes_a_joint_that_is_too_fast(rig):
     """A sign that is wrong would double the negative damping of such a friction."""
     named = {"static_torque": 0.8, "torque": 0.4, "speed": 0.1}
     joint = dataclasses.replace(rig.joints[0], effects={"stribeck_friction": named})
-    friction = DryFriction.from_joint(joint)
+    friction = friction_of(rig, joint)
     for planned in (0.08, -0.08):
         forwards = math.copysign(1.0, planned)
         assert forwards * friction.change(planned, 1.5 * planned) < -0.05
@@ -73,13 +82,13 @@ def test_falling_friction_brakes_a_joint_that_is_too_fast(rig):
         assert abs(friction.change(planned, 1e3 * planned)) <= 0.4
     assert friction.change(0.0, 0.2) == 0.0  # at rest nothing comes from the measured speed
     coulomb = dataclasses.replace(joint, effects={"coulomb_friction": {"torque": 0.3}})
-    assert DryFriction.from_joint(coulomb).change(0.05, 0.2) == 0.0
+    assert friction_of(rig, coulomb).change(0.05, 0.2) == 0.0
 
 
 def test_thread_friction_does_not_know_time_nor_steps(rig):
     """Rate-independent: a stroke in one piece or in many ends in the same state."""
     muscle = with_effects(rig, hysteresis={"amplitude": 0.1, "presliding_length": 1e-3})
-    whole, parts = MuscleMemory.from_muscle(muscle), MuscleMemory.from_muscle(muscle)
+    whole, parts = memory_of(rig, muscle), memory_of(rig, muscle)
     saturated = 0.1 * muscle.thread_length**2 / (4.0 * math.pi * muscle.turns**2)
     for stroke in (2e-3, -7e-4, 3e-4):
         whole.move(stroke, 1.0)
@@ -91,7 +100,7 @@ def test_thread_friction_does_not_know_time_nor_steps(rig):
 
 def test_creep_relaxes_with_its_time_constant(rig):
     muscle = with_effects(rig, creep={"ratio": 0.2, "time_constant": 2.0})
-    creep = MuscleMemory.from_muscle(muscle)
+    creep = memory_of(rig, muscle)
     creep.move(0.01, 0.0)
     at_once = creep.pull(2e5)
     stiffness = 0.2 * 6.0 * 3e5 * muscle.rest_length / (4.0 * math.pi * muscle.turns**2)
@@ -118,7 +127,7 @@ def test_history_is_that_of_the_simulated_muscle(rig):
         )
         torques.append(rig.joints[0].pulley_radius * (result.forces[:, 0] - result.forces[:, 1]))
     history = HistoryTorque(
-        tuple(named.muscle(name) for name in rig.joints[0].muscles),
+        compose(named).muscles,
         rig.joints[0].pulley_radius,
         DryFriction(),
     )

@@ -34,7 +34,7 @@ def topics(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(controller_inputs, "PolledTopic", Topic)
     made: dict[str, Any] = {}
     inputs = ControllerInputs(
-        made, rig, lambda: NOW, lambda _: contextlib.nullcontext(), lambda _: None
+        made, rig, lambda: NOW, lambda _: contextlib.nullcontext(), lambda _: None, lambda: None
     )
     return SimpleNamespace(inputs=inputs, **made)
 

@@ -22,6 +22,7 @@ from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig
+from pam_model.robot import compose
 from support.rigs import CONFIG
 
 TWO_JOINTS = CONFIG / "two_joints.yaml"
@@ -103,9 +104,8 @@ def test_more_delay_means_less_margin_for_the_same_gains(rig):
 
 def test_shut_chambers_of_the_linear_joint_swing_as_the_plant_does(rig):
     """Valves shut: the plant's ringing frequency is that of spring and trapped gas."""
-    joint = rig.joints[0]
     model = AntagonisticJoint.from_rig(rig, "elbow")
-    point = operating_point(joint, model, 0.0, (2.5e5, 2.5e5))
+    point = operating_point(compose(rig).joints[0], model, 0.0, (2.5e5, 2.5e5))
     gas = -sum(n * -c for n, c in zip(point.torque_slopes, point.motion_pressure, strict=True))
     expected = math.sqrt((point.spring + gas) / point.inertia) / (2.0 * math.pi)
     parameters = PlantParameters.from_rig(rig)
@@ -124,7 +124,7 @@ def test_inverse_dynamics_gives_the_torque_that_moves_the_plant_so(rig):
     moved = simulate(parameters, np.tile([0.05, -0.08], (300, 1)), 1e-3, state)
     q, qd = moved.position, moved.velocity
     qdd = np.gradient(qd, 1e-3)
-    dynamics = InverseDynamics.from_joint(rig.joints[0])
+    dynamics = InverseDynamics.from_joint(compose(rig).joints[0])
     for row in range(20, 280, 20):
         reference = JointReference(float(q[row]), float(qd[row]), float(qdd[row]))
         assert dynamics.torque(reference) == pytest.approx(float(moved.torque[row]), abs=0.02)

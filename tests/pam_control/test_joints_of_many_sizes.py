@@ -8,12 +8,14 @@ import pytest
 
 from pam_control.controller_parameters import parameter_table, settings_from
 from pam_control.joint_channel import PRESSURE_SHARE, JointChannel
+from pam_control.joint_scale import JointScale
 from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 from pam_model.identify.size import size_joint, sized_rig
 from pam_model.rig import Rig, load_rig
+from pam_model.robot import compose
 
 PRESSURE = 5e5  # Pa
 # torque [N m], length of the muscles [m], inertia [kg m^2]
@@ -63,11 +65,16 @@ def test_a_stiffness_out_of_reach_leaves_room_for_overshoot_below_max_pressure(
     assert PRESSURE * (PRESSURE_SHARE - 0.01) < highest < PRESSURE
 
 
+def scale_of(rig) -> JointScale:
+    robot = compose(rig)
+    return JointChannel(robot, robot.joints[0], 5e3).scale
+
+
 def test_each_joint_of_a_rig_has_the_levels_of_its_own_size(tmp_path):
     rig = rig_of(tmp_path, *SIZES[2])
     wide = replace(rig.joints[0], pulley_radius=1.5 * rig.joints[0].pulley_radius)
-    small = JointChannel(rig, rig.joints[0], 5e3).scale
-    big = JointChannel(rig.with_joint(wide), wide, 5e3).scale
+    small = scale_of(rig)
+    big = scale_of(rig.with_joint(wide))
     settings = ControlSettings(observer_limit=1.5)
     of_small, of_big = small.complete(settings), big.complete(settings)
     assert of_big.default_stiffness > 2.0 * of_small.default_stiffness
@@ -77,7 +84,7 @@ def test_each_joint_of_a_rig_has_the_levels_of_its_own_size(tmp_path):
 
 
 def test_the_elbow_of_config_keeps_the_levels_it_was_tuned_with(rig):
-    settings = JointChannel(rig, rig.joints[0], 5e3).scale.complete(ControlSettings())
+    settings = scale_of(rig).complete(ControlSettings())
     assert settings.default_stiffness == pytest.approx(14.0, rel=0.02)
     assert settings.stiffness_grid == pytest.approx((6.0, 12.0, 20.0), rel=0.02)
     assert settings.integral_limit == pytest.approx(10.0, rel=0.02)

@@ -14,7 +14,7 @@ from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.effects import EFFECTS
-from pam_model.rig import Joint
+from pam_model.robot import compose
 
 SETTLE = 2.0
 
@@ -226,7 +226,8 @@ def test_a_small_difference_of_the_valves_delays_keeps_the_feedforward_of_both(
 @pytest.mark.parametrize("period", [0.0005, 0.002, 0.02])
 def test_plans_reach_back_over_every_delay_at_every_rate(rig, period):
     """Remembered by time: 0.4 s of delay is 20 plans at 50 Hz and 800 plans at 2 kHz."""
-    channel = JointChannel(rig, rig.joints[0], 5e3)
+    robot = compose(rig)
+    channel = JointChannel(robot, robot.joints[0], 5e3)
     delay, slope = 0.4, (3e4, -2e4)
     for cycle in range(round(1.0 / period) + 1):
         time = cycle * period
@@ -273,11 +274,11 @@ def test_gain_design_sees_what_changes_the_loop(rig, effect, values):
     assert designed[1] >= 0.98 / settings.sensitivity
 
 
-def test_payload_is_a_point_mass():
-    effects = {"payload": {"mass": 2.0}}
-    joint = Joint("j", ("a", "b"), 0.03, 0.04, (-1.0, 1.0), effects=effects)
-    dynamics = InverseDynamics.from_joint(joint)
-    assert dynamics.inertia == pytest.approx(0.04 + 2.0 * 0.3**2)
+def test_payload_is_a_point_mass(rig):
+    joint = rig.joints[0]
+    loaded = told(rig, "payload", {"mass": 2.0})
+    dynamics = InverseDynamics.from_joint(compose(loaded).joints[0])
+    assert dynamics.inertia == pytest.approx(joint.inertia + 2.0 * 0.3**2)
     assert dynamics.gravity_torque - joint.gravity_torque == pytest.approx(2.0 * 9.80665 * 0.3)
 
 

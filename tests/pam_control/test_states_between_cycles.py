@@ -43,6 +43,9 @@ class Inside:
             _action=SimpleNamespace(drop=self.dropped.append),
             _now=lambda: self.now,
         )
+        self.node.intake = CommandIntake(
+            self.controller, self.node._lock, lambda: self.now, lambda: "", print
+        )
         self.node._drop = lambda reason: ControllerNode._drop(self.node, reason)
         self.step()
         point = TrajectoryPoint(3.0, [0.8], [0.0], [0.0])
@@ -91,9 +94,6 @@ def test_a_trajectory_that_was_read_during_a_stop_is_refused(rig: Rig) -> None:
     """It began before the stop; the controller may be active again when it is handed over."""
     inside = Inside(rig)
     references = inside.controller.references
-    intake = CommandIntake(
-        inside.controller, inside.node._lock, lambda: inside.now, lambda: "", print
-    )
     plan = references.plan
 
     def slow(*arguments: Any, **named: Any) -> Any:
@@ -105,6 +105,8 @@ def test_a_trajectory_that_was_read_during_a_stop_is_refused(rig: Rig) -> None:
 
     references.plan = slow
     point = TrajectoryPoint(3.0, [0.8], [0.0], [0.0])
-    with pytest.raises(CommandError, match="the driver stopped while it was read"):
-        intake.follow(["elbow"], [point], None)
+    with pytest.raises(
+        CommandError, match="while it was planned, another command for elbow came"
+    ):
+        inside.node.intake.follow(["elbow"], [point], None)
     assert inside.speed() == 0.0

@@ -17,13 +17,15 @@ from pam_control.references.spline import JointReference
 from pam_control.valve_limits import ValveDemand
 from pam_model.gas import pressure_rate, valve_flow
 from pam_model.rig import Rig
+from pam_model.robot import compose
 
 STIFFNESS = 14.0
 LIMITS = MotionLimits(3.6, 200.0, 2.5, 50.0, 1200.0, jerk=2000.0)
 
 
 def demand(rig: Rig) -> ValveDemand:
-    return ValveDemand(rig, JointChannel(rig, rig.joints[0], 5e3), STIFFNESS)
+    robot = compose(rig)
+    return ValveDemand(robot, JointChannel(robot, robot.joints[0], 5e3), STIFFNESS)
 
 
 def share(rig: Rig, *motion: float) -> float:
@@ -41,7 +43,8 @@ def with_valves(rig: Rig, size: float) -> Rig:
 def test_the_share_of_a_constant_speed_is_that_of_the_pressures_on_the_way(rig: Rig) -> None:
     """Two equilibria a little apart, and the flow that leads from one to the other."""
     joint, gas = rig.joints[0], rig.gas
-    channel = JointChannel(rig, joint, 5e3)
+    robot = compose(rig)
+    channel = JointChannel(robot, robot.joints[0], 5e3)
     position, speed, step = 0.3, 1.5, 1e-4
     torque = joint.viscous_friction * speed
 

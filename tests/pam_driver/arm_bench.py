@@ -12,6 +12,7 @@ from pam_driver.safety.command_intake import NamedCommand
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
+from pam_model.robot import compose
 from pam_ros.valve_command import ValveCommandFormat
 from pam_sim.simulated_rig import GroundTruth, SimulatedRig
 
@@ -61,7 +62,7 @@ class ArmBench:
         self.now = 100.0
         self.wire = Wire()
         self.sim = SimulatedRig(rig, effects=effects, now=self.now)
-        plausibility = PressurePlausibility(rig, PERIOD)
+        plausibility = PressurePlausibility(compose(rig), PERIOD)
         self.driver = Driver(rig, self.wire, settings or DriverSettings(), plausibility)
         self.wanted: list[float] | None = None
         self.delay_down = self.delay_up = 0.0

@@ -13,6 +13,7 @@ from pam_model.gas import valve_flow
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
 from pam_model.rig import Plausibility, Rig
+from pam_model.robot import compose
 
 PERIOD = 0.002
 SHARP = Plausibility(pressure_residual=1e3, torque_share=0.25, warning_share=1e-6)
@@ -36,7 +37,7 @@ def worst(
     What is shown in the first `settled` seconds does not count: the observer starts with a vented
     valve, the plant with a closed one.
     """
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     parameters = PlantParameters.from_rig(rig).replaced(effects or {})
     plant = Plant(parameters, state=initial_state(parameters, pressures=(2e5, 2e5)))
     found: dict[tuple[str, str], float] = {}
@@ -76,7 +77,7 @@ def observed(
     """
     sizes = {}
     for place, name in enumerate(rig.muscle_names):
-        plausibility = PressurePlausibility(replace(rig, plausibility=SHARP), PERIOD)
+        plausibility = PressurePlausibility(compose(replace(rig, plausibility=SHARP)), PERIOD)
         pressures = [pressure if place == other else math.nan for other in range(2)]
         for _ in range(steps):
             plausibility.update([command] * 2, pressures, [position], [velocity], [supply, supply])
@@ -149,7 +150,7 @@ def torque_off(
 ) -> Deviation | None:
     """What is said of the joint after samples of pressures, angle, angular velocity."""
     limits = Plausibility(pressure_residual=1e12, warning_share=share)
-    plausibility = PressurePlausibility(replace(rig, plausibility=limits), PERIOD)
+    plausibility = PressurePlausibility(compose(replace(rig, plausibility=limits)), PERIOD)
     for pressures, position, velocity in samples:
         plausibility.update([0.0, 0.0], pressures, [position], [velocity], UNKNOWN)
     return next((one for one in plausibility.deviations() if one.subject == "elbow"), None)
@@ -175,7 +176,7 @@ def largest_torque(rig: Rig) -> float:
 
 def after_a_step(rig: Rig, first: float, second: float) -> dict[str, Deviation]:
     """What is said of two muscles at 200 kPa whose pressures step while the valves are shut."""
-    plausibility = PressurePlausibility(rig, PERIOD)
+    plausibility = PressurePlausibility(compose(rig), PERIOD)
     for more in (0.0, 1.0):
         pressures = [2e5 + more * first, 2e5 + more * second]
         plausibility.update([0.0, 0.0], pressures, [0.0], [0.0], UNKNOWN)

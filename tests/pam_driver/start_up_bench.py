@@ -15,6 +15,7 @@ from pam_driver.safety.start_up_check import StartUpCheck
 from pam_driver.safety.states import SafetyState
 from pam_model.identify.size import size_joint, sized_rig
 from pam_model.rig import Rig, load_rig
+from pam_model.robot import compose
 from pam_sim.simulated_rig import SimulatedRig
 
 TICK = 0.002  # s, a cycle of the driver
@@ -65,7 +66,7 @@ def fills(fraction: float) -> float:
 
 
 def desk_of(elbow: Rig, **given: object) -> Desk:
-    check = StartUpCheck(elbow, (-1.0, -0.5))
+    check = StartUpCheck(compose(elbow), (-1.0, -0.5))
     return Desk(elbow, check, **({"answers": [fills, fills]} | given))  # type: ignore[arg-type]
 
 
@@ -79,7 +80,7 @@ class Bench:
         self.can = VirtualCan()
         port = CanPort({"interface": "simulated", "channel": "check"}, self.can)
         settings = DriverSettings(start_up_check=True)
-        plausibility = PressurePlausibility(rig, 2.0 * STEP)
+        plausibility = PressurePlausibility(compose(rig), 2.0 * STEP)
         self.driver = Driver(wired or rig, port, settings, plausibility)
         self.now = 0.0
         self.moved = self.highest = 0.0

@@ -10,6 +10,7 @@ from scipy.integrate import quad
 
 from pam_driver.safety.exhaust_watch import ExhaustWatch, exhaust_timeout
 from pam_model.rig import Rig
+from pam_model.robot import compose
 
 LIMIT, TIMEOUT = 2e4, 1.5
 AIR = 287.05  # J/(kg K)
@@ -18,7 +19,7 @@ NORMAL_DENSITY = 1.185  # kg/m^3, ISO 8778
 
 @pytest.fixture
 def watch(rig: Rig) -> ExhaustWatch:
-    return ExhaustWatch(rig, LIMIT, TIMEOUT)
+    return ExhaustWatch(compose(rig), LIMIT, TIMEOUT)
 
 
 def feed(watch: ExhaustWatch, first: float, second: float, start: float, end: float) -> None:
@@ -144,4 +145,4 @@ def test_the_time_limit_is_four_times_the_ideal_time_and_a_second(rig: Rig, chan
         return float(quad(slowness, end + gas.ambient_pressure, begin + gas.ambient_pressure)[0])
 
     expected = 4.0 * max(time_of(0), time_of(1)) + 1.0
-    assert exhaust_timeout(rig, LIMIT) == pytest.approx(expected, rel=1e-3)
+    assert exhaust_timeout(compose(rig), LIMIT) == pytest.approx(expected, rel=1e-3)

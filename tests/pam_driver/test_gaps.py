@@ -12,6 +12,7 @@ from pam_driver.driver_settings import DriverSettings
 from pam_driver.safety.pressure_plausibility import LONGEST_GAP, PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
+from pam_model.robot import compose
 
 from .arm_bench import ArmBench
 from .exact_bench import GOOD, TICK, ExactBench, Judge
@@ -65,7 +66,7 @@ def test_a_stuck_valve_is_found_in_its_usual_time(
 
 def test_a_gap_is_predicted_and_the_measurement_after_it_corrects(rig: Rig) -> None:
     """The residual after a gap is as small as without one, in a muscle that fills."""
-    check = PressurePlausibility(rig, PERIOD)
+    check = PressurePlausibility(compose(rig), PERIOD)
     idle = (0.0, 0.0)
     nan = float("nan")
     supply = (rig.supply_pressure,) * 2
@@ -74,12 +75,12 @@ def test_a_gap_is_predicted_and_the_measurement_after_it_corrects(rig: Rig) -> N
     for _ in range(20):
         check.update((0.3, -0.3), (nan, nan), (0.0,), (0.0,), supply)
     flexor = check._muscles[0]
-    assert flexor._pressure > 1.1e5 + rig.gas.ambient_pressure
+    assert flexor._state.at_sensor > 1.1e5 + rig.gas.ambient_pressure
     assert check.restarts == 0
 
 
 def test_a_gap_that_is_too_long_starts_the_observers_anew(rig: Rig) -> None:
-    check = PressurePlausibility(rig, PERIOD)
+    check = PressurePlausibility(compose(rig), PERIOD)
     nan = float("nan")
     supply = (rig.supply_pressure,) * 2
     check.update((0.0, 0.0), (1e5, 1e5), (0.0,), (0.0,), supply)

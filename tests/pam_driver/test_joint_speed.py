@@ -10,6 +10,7 @@ import pytest
 
 from pam_driver.safety.joint_speed import JointSpeedWatch
 from pam_model.rig import Rig, load_rig
+from pam_model.robot import compose
 
 ROOT = Path(__file__).parents[2]
 PERIOD = 0.002
@@ -32,7 +33,7 @@ def swing(
 
     `peak` is its largest speed [rad/s], `rate` its circular frequency [rad/s].
     """
-    watch, slow = JointSpeedWatch(rig), 0.5
+    watch, slow = JointSpeedWatch(compose(rig)), 0.5
     now = 0.0
     while now < slow + 2.0 * math.pi / rate:
         # at first the joint moves slowly to where the swing begins
@@ -84,7 +85,7 @@ def test_a_regulator_holds_its_pressure_so_that_its_gas_is_no_spring(rig: Rig) -
 
 def test_an_end_stop_is_no_spring(rig: Rig) -> None:
     """A joint that meets its end stop decelerates suddenly; no air drives it."""
-    watch = JointSpeedWatch(rig)
+    watch = JointSpeedWatch(compose(rig))
     end = rig.joints[0].position_limits[1]
     for step in range(200):
         now = step * PERIOD
@@ -94,7 +95,7 @@ def test_an_end_stop_is_no_spring(rig: Rig) -> None:
 
 
 def test_a_missing_measurement_is_no_motion(rig: Rig) -> None:
-    watch = JointSpeedWatch(rig)
+    watch = JointSpeedWatch(compose(rig))
     for step in range(50):
         now = step * PERIOD
         missing = 10 < step < 20
@@ -110,7 +111,7 @@ def test_a_missing_measurement_is_no_motion(rig: Rig) -> None:
 
 def test_noise_of_the_speed_is_not_speed(rig: Rig) -> None:
     """A speed whose sign changes all the time is that of an encoder, not of a joint."""
-    watch = JointSpeedWatch(rig)
+    watch = JointSpeedWatch(compose(rig))
     for step in range(100):
         now = step * PERIOD
         watch.update(PRESSURES, [0.1], [7.0 * (-1.0) ** (step // 2)], [now], now)

@@ -7,17 +7,28 @@ from dataclasses import replace
 import pytest
 
 from pam_driver.safety import limits_by_size as by_size
-from pam_driver.safety.limits_by_size import filling_rate
 from pam_model.rig import Plausibility
 from pam_model.rig.parser import parse_rig
+from pam_model.robot import compose
+from pam_model.views.pressure_rate import filling_rate
 
 LIMITS = {
-    "pressure_residual": lambda rig: by_size.pressure_residual(rig, rig.muscles[0]),
-    "pressure_noise": lambda rig: by_size.pressure_noise(rig, rig.muscles[0]),
-    "pressure_rate": lambda rig: by_size.pressure_rate_limit(rig, rig.muscles[0]),
-    "position_jump": lambda rig: by_size.position_jump(rig, rig.joints[0]),
-    "position_noise": lambda rig: by_size.position_noise(rig, rig.joints[0]),
+    "pressure_residual": lambda rig: of_muscle(by_size.pressure_residual, rig),
+    "pressure_noise": lambda rig: of_muscle(by_size.pressure_noise, rig),
+    "pressure_rate": lambda rig: of_muscle(by_size.pressure_rate_limit, rig),
+    "position_jump": lambda rig: of_joint(by_size.position_jump, rig),
+    "position_noise": lambda rig: of_joint(by_size.position_noise, rig),
 }
+
+
+def of_muscle(limit, rig) -> float:
+    robot = compose(rig)
+    return limit(robot, robot.muscles[0])
+
+
+def of_joint(limit, rig) -> float:
+    robot = compose(rig)
+    return limit(robot, robot.joints[0])
 
 
 def with_valve(rig, share: float):
@@ -54,7 +65,7 @@ def test_no_deviation_is_asked_for_that_the_valve_or_the_muscle_cannot_give(rig)
     """A valve that fills slowly never deviates by 100 kPa, and neither does a muscle of 2 bar."""
     residual = LIMITS["pressure_residual"]
     slow = with_valve(rig, 0.35)
-    assert residual(slow) == pytest.approx(0.3 * filling_rate(slow, slow.muscles[0]) / 5.0)
+    assert residual(slow) == pytest.approx(0.3 * of_muscle(filling_rate, slow) / 5.0)
     assert residual(slow) < 40e3
     assert residual(with_valve(rig, 1e-3)) == pytest.approx(0.05 * 6e5)  # an error of a sensor
     assert residual(with_valve(rig, 10.0)) == pytest.approx(100e3)
@@ -64,7 +75,7 @@ def test_no_deviation_is_asked_for_that_the_valve_or_the_muscle_cannot_give(rig)
 def test_a_fast_valve_is_no_step_of_the_pressure(rig):
     """A muscle that its valve fills within 60 ms is a healthy one."""
     fast = with_valve(rig, 5.0)
-    rate = filling_rate(fast, fast.muscles[0])
+    rate = of_muscle(filling_rate, fast)
     assert rate > 5e6
     assert LIMITS["pressure_rate"](fast) == pytest.approx(2.7 * rate)
 
@@ -91,3 +102,13 @@ def test_a_tracking_error_of_more_than_a_quarter_of_the_range_is_not_borne(rig, 
     del tree["elbow"]["max_tracking_error"]
     tree["elbow"]["position_limits"] = list(limits)
     assert parse_rig(tree, "rig.yaml").joints[0].max_tracking_error == pytest.approx(error)
+
+
+def test_a_sensor_behind_a_tube_steps_faster_than_the_muscle(rig):
+    """The gas at the sensor is that of the tube, which the open valve fills in no time."""
+    muscle = rig.muscles[0]
+    tube = {"tube_restriction": {"conductance": 2e-9, "volume": 1e-5}}
+    far = rig.with_muscle(replace(muscle, effects=tube))
+    volume = float(rig.force_model(muscle.name).volume(muscle.neutral_length)) + muscle.dead_volume
+    rate = of_muscle(filling_rate, rig) * volume / 1e-5
+    assert LIMITS["pressure_rate"](far) == pytest.approx(2.7 * rate)

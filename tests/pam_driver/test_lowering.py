@@ -14,6 +14,7 @@ from pam_driver.safety.lowering import MOST_OPEN, Lowering, _share
 from pam_driver.safety.states import SafetyState
 from pam_model.gas import valve_flow
 from pam_model.rig import Rig
+from pam_model.robot import compose
 
 from .arm_bench import ArmBench
 
@@ -289,7 +290,7 @@ SPEED = 0.5  # rad/s
 
 
 def begun(rig: Rig, setpoints: tuple[float, float] = (0.0, 0.0)) -> Lowering:
-    lowering = Lowering(rig, SPEED)
+    lowering = Lowering(compose(rig), SPEED)
     lowering.start(setpoints, 10.0)
     return lowering
 

@@ -18,6 +18,7 @@ from pam_driver.safety.sensor_checks import SensorChecks
 from pam_driver.safety.states import SafetyState
 from pam_model.errors import RigError
 from pam_model.rig import People, load_rig, save_rig
+from pam_model.robot import compose
 from support.rigs import CONFIG
 
 from .simulated_robot import Robot
@@ -267,7 +268,7 @@ def test_an_open_dump_valve_is_no_lack_of_supply(
     robot.run(0.1)
     four, two = (0.0,) * 4, (0.0,) * 2
     boards, settings = robot.driver._boards, robot.driver._settings
-    judge = FaultJudge(robot.rig, boards, settings, four, NoPhysics())  # type: ignore[arg-type]
+    judge = FaultJudge(compose(robot.rig), boards, settings, four, NoPhysics())  # type: ignore[arg-type]
     for now, setpoints in ((5.0, None), (6.0, four), (6.9, four), (7.1, four)):
         judge.judge(setpoints, Readings(four, two, two), now)
     assert seen == judged

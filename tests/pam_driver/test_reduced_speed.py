@@ -10,6 +10,7 @@ from pam_driver.safety.joint_speed import JointSpeedWatch
 from pam_driver.safety.people_inputs import FULL_SPEED, PeopleInputs
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import People, Rig, load_rig, save_rig
+from pam_model.robot import compose
 from support.rigs import CONFIG, ELBOW
 
 from .simulated_robot import Robot
@@ -25,7 +26,7 @@ def rig() -> Rig:
 
 def found_at(rig: Rig, speed: float, *, slow: bool) -> str:
     """What is said of a joint that keeps a speed [rad/s] for 30 ms; "" for nothing."""
-    watch = JointSpeedWatch(rig)
+    watch = JointSpeedWatch(compose(rig))
     for cycle in range(15):
         now = PERIOD * cycle
         watch.update((250e3, 250e3), [speed * now], [speed], [now], now, slow)

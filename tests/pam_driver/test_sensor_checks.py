@@ -13,6 +13,7 @@ from pam_driver.boards.protocol import Sample
 from pam_driver.safety.pressure_plausibility import Deviation
 from pam_driver.safety.sensor_checks import SensorChecks, _noise_of
 from pam_model.rig import Plausibility, Rig
+from pam_model.robot import compose
 
 SUPPLY = 701325.0
 PERIOD = 0.002
@@ -22,7 +23,7 @@ class Signals:
     """Feeds samples of a rig that stands still, but for what a test changes."""
 
     def __init__(self, rig: Rig) -> None:
-        self.checks = SensorChecks(rig)
+        self.checks = SensorChecks(compose(rig))
         self.now = 10.0
         self.worst: dict[str, float] = {}
 
@@ -113,8 +114,8 @@ def test_motion_on_a_busy_host_is_no_noise(rig: Rig, sampled_late: bool) -> None
     gaps = [PERIOD * draw.uniform(0.5, 1.5) for _ in range(400)]
     gaps[50::40] = [0.05] * len(gaps[50::40])
     gaps[51::40] = [1e-4] * len(gaps[51::40])
-    assert moving(SensorChecks(tight), gaps, sampled_late, 0.0) == 0.0
-    noisy = moving(SensorChecks(tight), gaps, sampled_late, 0.002)
+    assert moving(SensorChecks(compose(tight)), gaps, sampled_late, 0.0) == 0.0
+    noisy = moving(SensorChecks(compose(tight)), gaps, sampled_late, 0.002)
     assert 0.0005 < noisy < 0.006
 
 
@@ -122,7 +123,7 @@ def test_noise_is_told_after_a_long_gap_that_another_follows(rig: Rig) -> None:
     """Nothing remembered must not turn into a noise that is no number, above no limit for ever."""
     tight = replace(rig, plausibility=replace(rig.plausibility, position_noise=2e-4))
     gaps = [0.01, 0.11, 0.09] + [PERIOD] * 300
-    assert 0.001 < moving(SensorChecks(tight), gaps, True, 0.002) < 0.006
+    assert 0.001 < moving(SensorChecks(compose(tight)), gaps, True, 0.002) < 0.006
 
 
 @pytest.mark.parametrize("stretch", [0.6, 1.0, 1.7])
@@ -191,7 +192,7 @@ def look(
 
 @pytest.fixture
 def exact(rig: Rig) -> SensorChecks:
-    checks = SensorChecks(replace(rig, plausibility=EXACT))
+    checks = SensorChecks(compose(replace(rig, plausibility=EXACT)))
     for k in range(8):
         assert look(checks, 8.0 + k / 512) == []
     return checks
@@ -236,7 +237,7 @@ def test_a_change_is_held_against_the_time_it_had(
 def alternating(rig: Rig, amplitude: float, count: int, share: float = 1e-9) -> SensorChecks:
     """Checks that have seen a reading go to and fro; all else is wide."""
     wide = Plausibility(pressure_rate=1e9, position_jump=10.0, warning_share=share)
-    checks = SensorChecks(replace(rig, plausibility=wide))
+    checks = SensorChecks(compose(replace(rig, plausibility=wide)))
     for k in range(count):
         sign = 1.0 if k % 2 else -1.0
         list(look(checks, 8.0 + k * PERIOD, (2e5 + sign * amplitude, 2e5), sign * 1e-6 * amplitude))
@@ -286,7 +287,7 @@ def test_noise_is_named_above_its_warning_share(rig: Rig) -> None:
 
 
 def test_a_vacuum_is_named(exact: SensorChecks, rig: Rig) -> None:
-    checks = SensorChecks(rig)
+    checks = SensorChecks(compose(rig))
     assert look(checks, 8.0, (-1e4, -3e4)) == [
         Deviation("sensor_range", EXTENSOR, 1.5, "-30000 Pa gauge is impossible")
     ]
@@ -294,7 +295,7 @@ def test_a_vacuum_is_named(exact: SensorChecks, rig: Rig) -> None:
 
 def test_the_lowest_supply_counts(rig: Rig) -> None:
     ambient = rig.gas.ambient_pressure
-    checks = SensorChecks(rig)
+    checks = SensorChecks(compose(rig))
     found = look(checks, 8.0, supply=(SUPPLY, ambient + 1.5e5))
     text = f"supply is at {ambient + 1.5e5:.0f} Pa absolute"
     assert found == [Deviation("supply_low", "supply", 1.5, text)]
@@ -310,7 +311,7 @@ def test_a_supply_above_its_limit_is_a_fault_and_half_way_a_suspicion(
 ) -> None:
     """Flow into a muscle grows with the supply, and with it the gain of the control loop."""
     supply = rig.gas.ambient_pressure + share * rig.supply_gauge_pressure
-    found = look(SensorChecks(rig), 8.0, supply=(SUPPLY, supply))
+    found = look(SensorChecks(compose(rig)), 8.0, supply=(SUPPLY, supply))
     expected = [] if size is None else [pytest.approx(size)]
     assert [one.size for one in found] == expected
     kinds = {one[:2] for one in found}
@@ -320,7 +321,7 @@ def test_a_supply_above_its_limit_is_a_fault_and_half_way_a_suspicion(
 def test_a_supply_exactly_at_its_warning_share_is_not_named(rig: Rig) -> None:
     """Three quarters and five quarters of the pressure, where a half more or less is a fault."""
     checks = SensorChecks(
-        replace(rig, plausibility=Plausibility(supply_share=0.5, supply_high_share=1.5))
+        compose(replace(rig, plausibility=Plausibility(supply_share=0.5, supply_high_share=1.5)))
     )
     for share in (0.75, 1.25):
         supply = rig.gas.ambient_pressure + share * rig.supply_gauge_pressure
@@ -336,7 +337,7 @@ def test_no_loss_of_supply_at_all_may_be_asked_for(
 ) -> None:
     strict = replace(rig, plausibility=Plausibility(supply_share=1.0, supply_high_share=9.0))
     supply = rig.supply_pressure + above
-    found = look(SensorChecks(strict), 8.0, supply=(supply, supply))
+    found = look(SensorChecks(compose(strict)), 8.0, supply=(supply, supply))
     assert [one.size for one in found] == ([] if size is None else [size])
 
 
@@ -345,4 +346,4 @@ def test_samples_that_do_not_fit_the_rig_are_a_mistake(missing: str, rig: Rig) -
     one, both = [Sample(0.0, 8.0)], [Sample(0.0, 8.0)] * 2
     samples = (one, one) if missing == "pressure" else (both, [])
     with pytest.raises(ValueError, match="shorter"):
-        list(SensorChecks(rig).update(*samples, [SUPPLY] * 2, 8.0))
+        list(SensorChecks(compose(rig)).update(*samples, [SUPPLY] * 2, 8.0))

@@ -24,8 +24,8 @@ from pam_driver.safety.start_up_check import (
     pulse_of,
 )
 from pam_driver.safety.states import SafetyState
-from pam_model.joints.effective_force_model import effective_force_model
-from pam_model.rig import PressureSensor, Rig, load_rig
+from pam_model.rig import Muscle, PressureSensor, Rig, load_rig
+from pam_model.robot import compose
 from pam_sim.faults.rig_faults import constant, stuck
 
 from .node_bench import ROOT
@@ -43,10 +43,16 @@ def elbow(rig: Rig) -> Rig:
     return rig
 
 
+def pulse_in(rig: Rig, muscle: Muscle) -> Pulse:
+    """The pulse of a muscle that takes its place in the rig."""
+    robot = compose(rig.with_muscle(muscle))
+    return pulse_of(robot, robot.muscle(muscle.name))
+
+
 def gain(rig: Rig, muscle: int) -> float:
     """Torque for a pressure [N m/Pa], the largest of nine joint positions."""
     joint, one = rig.joints[0], rig.muscles[muscle]
-    model, sign = effective_force_model(rig, one.name), (-1.0, 1.0)[muscle]
+    model, sign = compose(rig).muscle(one.name).force_model, (-1.0, 1.0)[muscle]
     low, high = joint.position_limits
     angles = [low + k * (high - low) / 8.0 for k in range(9)]
     lengths = [one.neutral_length + sign * joint.pulley_radius * angle for angle in angles]
@@ -70,39 +76,39 @@ def test_a_pulse_is_what_gravity_or_inertia_hold(
     heavy = with_joint(elbow, gravity_torque=-30.0, inertia=1e-6)
     expected = 30.0 * math.sin(ALLOWED_ANGLE) / gain(heavy, muscle)
     assert SMALLEST < expected < LARGEST
-    assert pulse_of(heavy, one).pressure == pytest.approx(expected, rel=1e-9)
+    assert pulse_in(heavy, one).pressure == pytest.approx(expected, rel=1e-9)
     slow = with_joint(elbow, gravity_torque=0.0, inertia=0.5)
     expected = 4.0 * 0.5 * ALLOWED_ANGLE / (gain(slow, muscle) * RISE**2)
     assert SMALLEST < expected < LARGEST
-    assert pulse_of(slow, one).pressure == pytest.approx(expected, rel=1e-9)
+    assert pulse_in(slow, one).pressure == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_pulse_is_never_lost_in_noise_nor_dangerous(elbow: Rig) -> None:
     one = elbow.muscles[0]
     light = with_joint(elbow, gravity_torque=0.0, inertia=1e-6)
-    assert pulse_of(light, one).pressure == SMALLEST
-    assert pulse_of(with_joint(elbow, inertia=1e3), one).pressure == LARGEST
+    assert pulse_in(light, one).pressure == SMALLEST
+    assert pulse_in(with_joint(elbow, inertia=1e3), one).pressure == LARGEST
     weak = replace(one, max_pressure=2e4)
-    assert pulse_of(with_joint(elbow, inertia=1e3), weak).pressure == 1e4
+    assert pulse_in(with_joint(elbow, inertia=1e3), weak).pressure == 1e4
     alone = replace(elbow, joints=())
-    assert pulse_of(alone, one).pressure == SMALLEST
+    assert pulse_in(alone, one).pressure == SMALLEST
 
 
 def test_a_muscle_that_does_not_pull_at_low_pressure_has_the_largest_pulse(elbow: Rig) -> None:
     """Though its joint is light, which gives a muscle of the usual length the smallest."""
     light = with_joint(elbow, gravity_torque=0.0, inertia=1e-4)
-    assert pulse_of(light, elbow.muscles[0]).pressure == SMALLEST
+    assert pulse_in(light, elbow.muscles[0]).pressure == SMALLEST
     shorter = replace(elbow.muscles[0], neutral_length=0.12)
     slack = with_joint(elbow.with_muscle(shorter), gravity_torque=0.0, inertia=1e-4)
     assert gain(slack, 0) <= 0.0
-    assert pulse_of(slack, shorter).pressure == LARGEST
+    assert pulse_in(slack, shorter).pressure == LARGEST
 
 
 @pytest.mark.parametrize("temperature", [293.15, 340.0])
 def test_the_ramp_of_a_flow_valve_fills_the_muscle_in_time(elbow: Rig, temperature: float) -> None:
     """Choked flow into the volume: m = s C p_0 rho_0 sqrt(T_0/T), dp/dt = n R T m / V."""
     elbow = replace(elbow, gas=replace(elbow.gas, temperature=temperature))
-    one, pulse = elbow.muscles[0], pulse_of(elbow, elbow.muscles[0])
+    one, pulse = elbow.muscles[0], pulse_in(elbow, elbow.muscles[0])
     gas, valve = elbow.gas, one.valve
     assert elbow.supply_pressure * valve.critical_ratio > gas.ambient_pressure
     volume = float(elbow.force_model(one.name).volume(one.neutral_length)) + one.dead_volume
@@ -115,7 +121,7 @@ def test_the_ramp_of_a_flow_valve_fills_the_muscle_in_time(elbow: Rig, temperatu
 
 
 def test_emptying_may_take_three_times_as_long_as_physics_needs(elbow: Rig) -> None:
-    one, pulse = elbow.muscles[0], pulse_of(elbow, elbow.muscles[0])
+    one, pulse = elbow.muscles[0], pulse_in(elbow, elbow.muscles[0])
     small = replace(one, valve=replace(one.valve, sonic_conductance=1e-12))
     held = pulse.fall - 0.9 - 2.0 * one.valve.time_constant
     # the flow after ISO 6358 is below its critical ratio; T = p / (dp/dt), and 4 T is almost empty
@@ -127,21 +133,21 @@ def test_emptying_may_take_three_times_as_long_as_physics_needs(elbow: Rig) -> N
     volume = float(elbow.force_model(one.name).volume(one.neutral_length)) + one.dead_volume
     rate = gas.polytropic_exponent * GAS_CONSTANT * gas.temperature * flow / volume
     assert held == pytest.approx(3.0 * 4.0 * pulse.pressure / rate, rel=0.01)
-    tiny = pulse_of(elbow, small).fall - 0.9 - 2.0 * one.valve.time_constant
+    tiny = pulse_in(elbow, small).fall - 0.9 - 2.0 * one.valve.time_constant
     ratio = one.valve.sonic_conductance / 1e-12
     assert tiny == pytest.approx(held * ratio, rel=1e-6)
     slower = replace(one, valve=replace(one.valve, time_constant=one.valve.time_constant + 0.1))
-    assert pulse_of(elbow, slower).fall == pytest.approx(pulse.fall + 0.2, rel=1e-12)
+    assert pulse_in(elbow, slower).fall == pytest.approx(pulse.fall + 0.2, rel=1e-12)
 
 
 def test_a_regulator_gets_its_set_point_at_once_and_time_to_reach_it() -> None:
     rig = load_rig(TWO_JOINTS)
     one = rig.muscle("elbow_flexor")
-    pulse = pulse_of(rig, one)
+    pulse = pulse_in(rig, one)
     assert pulse.ramp == 0.0
     assert pulse.rise == pytest.approx(30.0 * one.valve.time_constant + 0.3, rel=1e-12)
     assert pulse.fall > pulse.rise
-    check = StartUpCheck(rig, [0.0] * len(rig.muscles))
+    check = StartUpCheck(compose(rig), [0.0] * len(rig.muscles))
     place = rig.muscle_names.index(one.name)
     desk = Desk(rig, check, answers=[lambda fraction: 0.0] * len(rig.muscles))
     told = {round(fractions[place], 9) for fractions in desk.run()}
@@ -300,10 +306,10 @@ def test_a_joint_that_turns_too_far_ends_the_check(elbow: Rig) -> None:
 
 def test_only_a_joint_that_nothing_holds_back_is_free(elbow: Rig) -> None:
     one = elbow.muscles[0]
-    assert not pulse_of(elbow, one).free
-    assert not pulse_of(with_joint(elbow, gravity_torque=0.0, inertia=0.5), one).free
-    assert pulse_of(with_joint(elbow, gravity_torque=0.0, inertia=1e-4), one).free
-    assert not pulse_of(replace(elbow, joints=()), one).free
+    assert not pulse_in(elbow, one).free
+    assert not pulse_in(with_joint(elbow, gravity_torque=0.0, inertia=0.5), one).free
+    assert pulse_in(with_joint(elbow, gravity_torque=0.0, inertia=1e-4), one).free
+    assert not pulse_in(replace(elbow, joints=()), one).free
 
 
 def test_a_free_joint_cuts_its_pulse_short_and_may_coast_on(elbow: Rig) -> None:
@@ -375,7 +381,7 @@ def test_a_joint_that_does_not_come_to_rest_is_not_tested(elbow: Rig) -> None:
 
 def test_which_of_several_joints_does_not_come_to_rest_is_not_said() -> None:
     rig = load_rig(TWO_JOINTS)
-    check = StartUpCheck(rig, [0.0] * len(rig.muscles))
+    check = StartUpCheck(compose(rig), [0.0] * len(rig.muscles))
     desk = Desk(rig, check, answers=[fills] * len(rig.muscles))
     desk.turns = lambda air: 0.01 * math.sin(20.0 * desk.now)
     desk.run()
@@ -431,7 +437,7 @@ def test_a_muscle_is_empty_below_half_of_its_pulse(elbow: Rig, left: float, empt
 
 
 def test_a_check_that_has_not_been_started_begins_at_time_zero(elbow: Rig) -> None:
-    check = StartUpCheck(elbow, (-1.0, -0.5))
+    check = StartUpCheck(compose(elbow), (-1.0, -0.5))
     assert check.findings == ()
     for now in (0.0, 10.0):
         assert check.setpoints([5e4, 0.0], [0.0], now) == (-1.0, -0.5)
@@ -563,7 +569,7 @@ def test_a_pressure_regulator_that_does_not_open_is_named() -> None:
 def test_a_sensor_on_another_board_is_named_there(elbow: Rig) -> None:
     flexor, extensor = elbow.muscles
     apart = replace(flexor, pressure_sensor=PressureSensor(7, 3))
-    check = StartUpCheck(replace(elbow, muscles=(apart, extensor)), (-1.0, -1.0))
+    check = StartUpCheck(compose(replace(elbow, muscles=(apart, extensor))), (-1.0, -1.0))
     check.start(0.0)
     now = 0.0
     while not check.findings:

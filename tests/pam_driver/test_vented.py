@@ -16,6 +16,7 @@ from pam_driver.safety.exhaust_watch import exhaust_timeout
 from pam_driver.safety.states import SafetyState
 from pam_driver.safety.stop_categories import STOP_CATEGORIES, can_lower
 from pam_model.rig import Rig
+from pam_model.robot import compose
 
 from .arm_bench import ArmBench
 from .exact_bench import GOOD, SETTLED, TICK, ExactBench
@@ -104,7 +105,7 @@ def test_an_unknown_pressure_is_not_empty(bench: ExactBench) -> None:
 def test_a_blocked_exhaust_is_latched_and_named(rig: Rig, codec: BoardCodec) -> None:
     bench = ExactBench(rig, codec)
     bench.pressures = (0.0, 64e3)
-    timeout = exhaust_timeout(rig, LIMIT)
+    timeout = exhaust_timeout(compose(rig), LIMIT)
     bench.step(round(timeout / TICK))
     assert bench.driver.state is SafetyState.VENTING
     bench.step(4)
@@ -130,7 +131,7 @@ def test_an_exhaust_that_blocks_after_a_fault_joins_its_faults(rig: Rig, codec: 
     bench.pressures = (9e5, 0.0)
     bench.step(1, GOOD)
     bench.pressures = (3e5, 0.0)
-    bench.step(round(exhaust_timeout(rig, LIMIT) / TICK) + 4)
+    bench.step(round(exhaust_timeout(compose(rig), LIMIT) / TICK) + 4)
     assert [fault.kind for fault in bench.driver.faults] == ["over_pressure", "exhaust_blocked"]
 
 
@@ -148,11 +149,11 @@ def test_the_arm_is_vented_when_its_muscles_are_empty_and_not_before(rig: Rig) -
 
 
 def test_the_time_limit_follows_volume_and_conductance(rig: Rig) -> None:
-    usual = exhaust_timeout(rig, LIMIT)
+    usual = exhaust_timeout(compose(rig), LIMIT)
     assert 3.0 < usual < 8.0
     flexor = rig.muscles[0]
     slow = replace(flexor.valve, sonic_conductance=flexor.valve.sonic_conductance / 10.0)
-    slower = exhaust_timeout(rig.with_muscle(replace(flexor, valve=slow)), LIMIT)
+    slower = exhaust_timeout(compose(rig.with_muscle(replace(flexor, valve=slow))), LIMIT)
     assert slower - 1.0 == pytest.approx(10.0 * (usual - 1.0), rel=1e-6)
 
 

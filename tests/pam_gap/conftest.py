@@ -36,7 +36,7 @@ def record(rig: Rig) -> Maker:
         pushed: Callable[[float], float] | None = None,
         arm: LeverArm | None = None,
     ) -> Recording:
-        parameters = PlantParameters.from_rig(rig).replaced(changes or {})
+        parameters = PlantParameters.from_rig(rig).forced(changes or {})
         plant = Plant(parameters, step=1e-3)
         if arm is not None:
             constants = np.array(plant._constants)[None]

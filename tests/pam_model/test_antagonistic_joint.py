@@ -208,7 +208,7 @@ def test_effects_of_the_joint_count() -> None:
     joint = RIG.joint("elbow")
     rig = RIG.with_joint(replace(joint, effects={"pulley_radius": {"scale": 1.1}}))
     assert AntagonisticJoint.from_rig(rig, "elbow").pulley_radius == pytest.approx(0.033)
-    nominal = AntagonisticJoint.from_rig(rig, "elbow", with_effects=False)
+    nominal = AntagonisticJoint.from_rig(rig.without_effects(), "elbow")
     assert nominal.pulley_radius == 0.03
 
 

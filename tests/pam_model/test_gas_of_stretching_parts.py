@@ -10,9 +10,10 @@ import pytest
 
 from pam_check.blind.truth_plant import length_and_volume_at_rest
 from pam_check.control.closed_loop import true_rig
-from pam_model.joints.effective_force_model import effective_force_model, gas_volume
 from pam_model.muscles.force_model import ForceModel
 from pam_model.rig import Muscle, load_rig
+from pam_model.robot import compose
+from pam_model.robot.static_force import gas_volume
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
 CABLE = {"cable_compliance": {"compliance": 8e-6}}
@@ -23,7 +24,7 @@ STATES = [(5e4, 0.215), (2e5, 0.225), (4.5e5, 0.24)]  # Pa, m
 def muscle_with(effects: dict[str, dict[str, float]]) -> tuple[ForceModel, Muscle]:
     rig = load_rig(ELBOW)
     muscle = replace(rig.muscles[0], effects=effects)
-    return effective_force_model(rig.with_muscle(muscle), muscle.name), muscle
+    return compose(rig.with_muscle(muscle)).muscle(muscle.name).force_model, muscle
 
 
 @pytest.mark.parametrize("effects", [CABLE, THREADS, CABLE | THREADS], ids="+".join)

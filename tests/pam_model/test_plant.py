@@ -236,7 +236,7 @@ def test_effects_of_the_rig_file_enter(make_rig, rig):
     assert parameters["agonist.leakage.conductance"] == 0.0
     assert parameters["antagonist.leakage.conductance"] == 2e-11
     assert parameters["supply_droop.conductance"] == 5e-9
-    plain = PlantParameters.from_rig(hidden, with_effects=False)
+    plain = PlantParameters.from_rig(hidden.without_effects())
     np.testing.assert_array_equal(plain.values, PlantParameters.from_rig(rig).values)
 
 
@@ -244,7 +244,7 @@ def test_effects_of_the_rig_file_enter(make_rig, rig):
     ("call", "message"),
     [
         (lambda p: p.replaced({"leek.conductance": 1.0}), "leek"),
-        (lambda p: p.replaced({"leakage.conductance": np.nan}), "finite"),
+        (lambda p: p.replaced({"leakage.conductance": np.nan}), "= nan m"),
         (lambda p: simulate(p, np.zeros((5, 3)), 2e-3), "commands has shape"),
         (lambda p: simulate(p, np.full((5, 2), np.nan), 2e-3), "not finite"),
         (lambda p: simulate(p, np.zeros((5, 2)), 0.0), "above 0"),

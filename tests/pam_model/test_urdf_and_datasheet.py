@@ -11,12 +11,13 @@ import pytest
 
 from pam_model.__main__ import main
 from pam_model.command_line import DONE, MISTAKE
-from pam_model.joints.urdf import STANDARD_GRAVITY, rig_as_urdf
 from pam_model.muscle_sizes import SIZES
 from pam_model.muscles.braid import ThinCylinder, braid_diameter, thread_angle
 from pam_model.rig import load_rig, rig_from_parameters
 from pam_model.rig.from_datasheet import BraidFromDatasheet
 from pam_model.rig.types import Rig
+from pam_model.robot import compose
+from pam_model.views.urdf import STANDARD_GRAVITY, robot_as_urdf
 from support.rigs import ELBOW
 
 
@@ -31,7 +32,7 @@ def numbers(element: ET.Element | None, name: str) -> np.ndarray:
 
 
 def link_of(rig: Rig) -> ET.Element:
-    link = ET.fromstring(rig_as_urdf(rig, "arm")).find("link[@name='elbow_link']")
+    link = ET.fromstring(robot_as_urdf(compose(rig), "arm")).find("link[@name='elbow_link']")
     assert link is not None
     return link
 
@@ -69,7 +70,7 @@ def test_the_link_has_the_joints_inertia_about_its_axis(gravity_torque: float) -
 
 def test_every_joint_of_the_rig_has_its_limits() -> None:
     rig = load_rig(ELBOW.with_name("two_joints.yaml"))
-    document = ET.fromstring(rig_as_urdf(rig, "arm"))
+    document = ET.fromstring(robot_as_urdf(compose(rig), "arm"))
     found = {joint.get("name"): joint.find("limit") for joint in document.iter("joint")}
     assert list(found) == list(rig.joint_names)
     for joint in rig.joints:

@@ -179,11 +179,12 @@ def test_effects_reach_those_they_name(two_joints):
 @pytest.mark.parametrize(
     ("effects", "message"),
     [
-        ({"friction.torque": 1.0}, "friction.torque"),
+        ({"friction.torque": 1.0}, "unknown effect 'friction'"),
         ({"coulomb_friction": 1.0}, "expected <effect>.<parameter>"),
         ({"coulomb_friction.torque": -1.0}, r"N m is outside \[0, 100\]"),
         ({"knee.coulomb_friction.torque": 1.0}, "unknown joint 'knee'"),
-        ({"knee.leakage.conductance": 1e-12}, "no joint or muscle called knee"),
+        ({"elbow.supply_droop.volume": 1e-3}, "an effect of the whole rig"),
+        ({"knee.leakage.conductance": 1e-12}, "unknown joint or muscle 'knee'"),
     ],
 )
 def test_bad_effects_are_named(rig, effects, message):
@@ -255,7 +256,7 @@ def test_program_serves_a_bus_and_ends_on_a_signal(number):
     [
         (["--rig", "/nowhere/rig.yaml"], "/nowhere/rig.yaml"),
         (["--rig", str(ELBOW), "--effect", "coulomb_friction.torque"], "--effect"),
-        (["--rig", str(ELBOW), "--effect", "wind.force=3"], "wind.force"),
+        (["--rig", str(ELBOW), "--effect", "wind.force=3"], "unknown effect 'wind'"),
         (["--rig", str(ELBOW), "--rate", "1e6"], "rate = 1e+06 Hz"),
         (["--rig", str(ELBOW), "--pressure-noise", "-3"], "--pressure-noise"),
         (["--rig", str(ELBOW), "--interface", "socketcan", "--channel", "can77"], "can77"),

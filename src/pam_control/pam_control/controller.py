@@ -64,7 +64,7 @@ class Controller(LoopDesign):
         self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
     ) -> None:
         super().__init__(rig, settings, designs)
-        self._limits = DrivableLimits(rig)
+        self._limits = DrivableLimits(self.robot)
         self.reduced_speed = rig.people.full_speed_topic
         self._slow = self.reduced_speed  # what the references keep
         self.references = ReferenceGenerator(
@@ -78,7 +78,7 @@ class Controller(LoopDesign):
             max_velocities={joint.name: joint.max_velocity for joint in rig.joints},
             start_margin=rig.plausibility.position_margin,
         )
-        self.correction = SensorCorrection(rig)
+        self.correction = SensorCorrection(self.robot)
         self.stiffness_commands = self._default_stiffness(settings)
         self.active = False
         self._time = math.nan
@@ -369,6 +369,7 @@ class Controller(LoopDesign):
         self.references.advance(time)
         if self._slow != self.reduced_speed:
             self._change_speed()
+        self.reservoir.advance(step)
         commands = [math.nan] * len(self.rig.muscles)
         for index in range(len(self.channels)):
             self._joint_step(index, time, step, measurement, commands)
@@ -404,6 +405,7 @@ class Controller(LoopDesign):
                 for channel, position in zip(self.channels, measurement.positions, strict=True)
             }
         )
+        self.reservoir.reset()
         for index, channel in enumerate(self.channels):
             channel.reset()
             a, b = (max(float(measurement.pressures[i]), 0.0) for i in channel.indices)
@@ -504,16 +506,15 @@ class Controller(LoopDesign):
             time + max(told) - measured_at + channel.pressure_lag,
         )
         channel.valve_clipped = False
-        channel.reservoir.advance(step)
         for side in (0, 1):
-            radius = (-1.0 if side == 0 else 1.0) * channel.model.pulley_radius
+            arm = channel.joint.arms[side]
             ahead = thens[side].position - seen.position
             demand = PressureDemand(
                 channel.desired[side],
                 plan.rate[side],
                 plan.ahead[side],
-                channel.muscles[side].neutral_length + radius * (position + ahead),
-                radius * plan.velocities[side],
+                channel.model.lengths(position + ahead)[side],
+                -arm.length * plan.velocities[side],
             )
             command, cut = channel.loops[side].command(demand, pressures[side], loop_settings, step)
             commands[channel.indices[side]] = command

@@ -9,7 +9,7 @@ from pam_control.joint_channel import JointChannel
 from pam_control.references.motion_limiter import REFERENCE_SHARE, MotionLimits
 from pam_control.valve_limits import JERK_SHARE, ValveDemand
 from pam_model.errors import PamError
-from pam_model.rig import Rig
+from pam_model.robot import Robot
 
 STIFFNESS_STEP = 0.05  # relative; the limits are computed for stiffnesses that are so far apart
 LEAST_STIFFNESS = 1e-3  # N m/rad
@@ -20,12 +20,12 @@ class DrivableLimits:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         What is controlled.
     """
 
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
         self._known: dict[tuple[str, int], MotionLimits] = {}
 
     def at(self, channel: JointChannel, stiffness: float, *, reduced: bool = False) -> MotionLimits:
@@ -50,7 +50,7 @@ class DrivableLimits:
         joint = channel.joint
         velocity = REFERENCE_SHARE * joint.max_velocity
         try:
-            demand = ValveDemand(self._rig, channel, stiffness)
+            demand = ValveDemand(self._robot, channel, stiffness)
         except PamError:  # the muscles cannot hold the joint, so that nothing is known
             return MotionLimits(velocity, joint.max_acceleration)
         own_velocity, own_acceleration, own_jerk = demand.everywhere()

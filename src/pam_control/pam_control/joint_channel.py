@@ -13,7 +13,7 @@ from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.feedback.disturbance_observer import AlignedPressures, DisturbanceObserver
 from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid
-from pam_control.feedback.pressure_loop import create_pressure_loop, valve_time_constant
+from pam_control.feedback.pressure_loop import create_pressure_loop
 from pam_control.feedback.stuck_integral import StuckIntegral
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_scale import JointScale
@@ -21,9 +21,8 @@ from pam_control.learning.motion_learner import MotionLearner
 from pam_control.limited import limited
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
-from pam_model.effects import adjusted
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
-from pam_model.rig import Joint, Rig
+from pam_model.robot import Robot, RobotJoint
 
 Pair = tuple[float, float]
 
@@ -96,45 +95,50 @@ class JointTelemetry:
 class JointChannel:
     """Models of one joint, and its state between control steps."""
 
-    def __init__(self, rig: Rig, joint: Joint, min_pressure: float) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        joint: RobotJoint,
+        min_pressure: float,
+        reservoir: SupplyReservoir | None = None,
+    ) -> None:
         self.joint = joint
-        self.model = AntagonisticJoint.from_rig(
-            rig, joint.name, min_pressure=min_pressure, pressure_share=PRESSURE_SHARE
+        self.model = AntagonisticJoint.from_robot(
+            robot, joint, min_pressure=min_pressure, pressure_share=PRESSURE_SHARE
         )
         self.dynamics = InverseDynamics.from_joint(joint)
-        self.muscles = tuple(rig.muscle(name) for name in joint.muscles)
-        self.indices = tuple(rig.muscle_names.index(name) for name in joint.muscles)
-        self.history = HistoryTorque(
-            self.muscles, self.model.pulley_radius, self.dynamics.dry_friction
-        )
-        self.valve_time_constants = tuple(valve_time_constant(m) for m in self.muscles)
-        self.command_delays = tuple(
-            adjusted("valve.command_delay", None, muscle.effects) for muscle in self.muscles
-        )
+        self.indices = joint.muscles
+        self.muscles = tuple(robot.muscles[place] for place in joint.muscles)
+        self.history = HistoryTorque(self.muscles, joint.arms[0].length, self.dynamics.dry_friction)
+        self.valve_time_constants = tuple(m.valve.time_constant for m in self.muscles)
+        self.command_delays = tuple(m.valve.command_delay for m in self.muscles)
         # a lag well above the pressure loop's crossover acts as a delay
-        self.pressure_lag = max(
-            adjusted("pressure_sensor.lag", None, muscle.effects) for muscle in self.muscles
-        )
-        self.position_delay = adjusted("position_sensor.delay", None, joint.effects)
+        self.pressure_lag = max(m.pressure_lag for m in self.muscles)
+        self.position_delay = joint.position_delay
         self.pid = Pid()
         self.observer = DisturbanceObserver(
             self.dynamics.inertia, self.dynamics.viscous_friction, self.pressure_lag
         )
         self.aligned = AlignedPressures(self.position_delay + KEPT_BEFORE_MEASUREMENT)
         self.scale = JointScale.of(joint, self.model)
-        turn = rig.joint_names.index(joint.name) / len(rig.joints)
+        turn = joint.place / len(robot.joints)
         self.adaptation = TorqueAdaptation(
             self.dynamics.inertia, self.dynamics.viscous_friction, self.scale.torque, turn
         )
         self.stiffness = StiffnessEstimate(
-            rig, joint, self.model, self.dynamics, self.scale.torque, turn + 0.5 / len(rig.joints)
+            robot.rig,
+            robot.rig.joints[joint.place],
+            self.model,
+            self.dynamics,
+            self.scale.torque,
+            turn + 0.5 / len(robot.joints),
         )
         self.stiffness_goal = self.stiffness_factor = 1.0
         self.corrected_at = -math.inf
         self.stuck = StuckIntegral()
-        self.reservoir = SupplyReservoir(rig, self.muscles[0])
+        reservoir = reservoir or SupplyReservoir(robot)
         self.loops = tuple(
-            create_pressure_loop(rig, muscle, gas_space, self.reservoir)
+            create_pressure_loop(robot, muscle, gas_space, reservoir)
             for muscle, gas_space in zip(
                 self.muscles, (self.model.agonist, self.model.antagonist), strict=True
             )
@@ -175,7 +179,6 @@ class JointChannel:
         self.velocity = 0.0
         self._lagging = (math.nan, math.nan)
         self.valve_clipped = False
-        self.reservoir.reset()
         for loop in self.loops:
             loop.reset()
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from pam_control.settings import BY_SIZE, ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
-from pam_model.rig import Joint
+from pam_model.robot import RobotJoint
 
 STIFFNESS_SHARES: Final = {"default_stiffness": 0.43, "stiffness_rate": 0.61}  # -, 1/s
 GRID_SHARES: Final = (0.18, 0.37, 0.61)
@@ -47,13 +47,13 @@ class JointScale:
     _complete: ControlSettings = field(default=ControlSettings(), init=False, repr=False)
 
     @classmethod
-    def of(cls, joint: Joint, model: AntagonisticJoint) -> JointScale:
+    def of(cls, joint: RobotJoint, model: AntagonisticJoint) -> JointScale:
         """The size of a joint.
 
         Parameters
         ----------
-        joint : Joint
-            Its range.
+        joint : RobotJoint
+            Its range and inertia.
         model : AntagonisticJoint
             Its muscles, with the pressures that the controller may ask for.
         """

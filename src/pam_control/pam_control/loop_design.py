@@ -19,12 +19,14 @@ from pam_control.feedback.margins import (
 )
 from pam_control.feedback.observer_design import ObserverCost
 from pam_control.feedback.pid import PidGains
+from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_channel import JointChannel
 from pam_control.learning.learning_filter import LearningFilter
 from pam_control.learning.learning_session import LearningSession
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
 from pam_model.rig import Rig
+from pam_model.robot import compose
 from pam_ros.valve_command import PRESSURE_REGULATOR
 
 WARM_UP = 2  # repetitions in which the adaptation learns the rig
@@ -91,7 +93,12 @@ class LoopDesign(ABC):
     ) -> None:
         self.rig = rig
         self.designs = designs or KeptDesigns()
-        self.channels = [JointChannel(rig, joint, settings.min_pressure) for joint in rig.joints]
+        self.robot = compose(rig)
+        self.reservoir = SupplyReservoir(self.robot)
+        self.channels = [
+            JointChannel(self.robot, joint, settings.min_pressure, self.reservoir)
+            for joint in self.robot.joints
+        ]
         self.prepared = self._with_learning(self._designed_and_checked(settings))
 
     has_observer = False

@@ -25,10 +25,9 @@ import numpy as np
 from pam_control.feedback.operating_points import operating_point
 from pam_control.joint_channel import JointChannel
 from pam_control.references.spline import Array
-from pam_model.effects import adjusted
 from pam_model.errors import PamError
 from pam_model.gas import mass_flow, pressure_rate
-from pam_model.rig import Muscle, Rig
+from pam_model.robot import Robot, RobotMuscle
 
 PLACES = 9  # over the joint's range
 RANGE_SHARES = (0.05, 0.95)  # the ends themselves are reached at rest
@@ -46,7 +45,7 @@ class _Side:
     per_torque: Array  # [Pa/(N m)]
     per_velocity: Array  # [Pa/rad]
     volume: Array  # [m^3]
-    muscle: Muscle
+    muscle: RobotMuscle
 
 
 class ValveDemand:
@@ -54,7 +53,7 @@ class ValveDemand:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Gas and supply.
     channel : JointChannel
         The joint.
@@ -67,8 +66,8 @@ class ValveDemand:
         When the muscles cannot hold the joint anywhere.
     """
 
-    def __init__(self, rig: Rig, channel: JointChannel, stiffness: float) -> None:
-        self._rig = rig
+    def __init__(self, robot: Robot, channel: JointChannel, stiffness: float) -> None:
+        self._robot = robot
         self._inertia = channel.dynamics.inertia
         self._damping = channel.dynamics.viscous_friction
         low, high = channel.joint.position_limits
@@ -111,9 +110,9 @@ class ValveDemand:
             found = np.maximum(found, np.where(needed > 0.0, needed / filling, -needed / emptying))
         return found
 
-    def _rates(self, muscle: Muscle, pressure: Array, volume: Array) -> tuple[Array, Array]:
+    def _rates(self, muscle: RobotMuscle, pressure: Array, volume: Array) -> tuple[Array, Array]:
         """Rates [Pa/s] of a fully open valve at a pressure [Pa absolute]; both above 0."""
-        gas, supply, valve = self._rig.gas, self._rig.supply_pressure, muscle.valve
+        gas, supply, valve = self._robot.gas, self._robot.supply.pressure, muscle.valve
         span = supply - gas.ambient_pressure
         flows = (
             (supply, np.minimum(pressure, gas.ambient_pressure + HIGHEST_SHARE * span)),
@@ -134,7 +133,7 @@ class ValveDemand:
             )
             for above, below in flows
         )
-        return filling, emptying * adjusted("valve.exhaust_ratio", None, muscle.effects)
+        return filling, emptying * valve.exhaust_ratio
 
     def everywhere(self) -> tuple[float, float, float]:
         """Speed, acceleration and jerk of a motion that the valves can drive anywhere.

@@ -21,6 +21,8 @@ from pam_gap.answer.user_units import told
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.gravity import gravity_torque
 
 LATE = 0.5  # of the period; a cycle that begins so much too late is a late one
 AVERAGED = 0.05  # s, averaging time of the stiffness
@@ -187,12 +189,12 @@ def _means(series: Series) -> Array:
 
 def _stiffness_figures(play: Play, rig: Rig, moved: str) -> tuple[list[Figure], list[str]]:
     """Worst deviation of the settled levels, and notes on levels that cannot be reached."""
-    joint = AntagonisticJoint.from_rig(rig, moved)
+    robot = compose(rig)
+    joint = AntagonisticJoint.from_robot(robot, robot.joint(moved))
     position = float(np.mean(play.measured))
-    spec = rig.joint(moved)
-    torque = spec.gravity_torque * float(np.sin(position - spec.gravity_angle))
+    torque = -gravity_torque(robot.joint(moved), position)
     worst, notes = 0.0, []
-    rate = JointScale.of(spec, joint).complete(ControlSettings()).stiffness_rate
+    rate = JointScale.of(robot.joint(moved), joint).complete(ControlSettings()).stiffness_rate
     ends = [entry[0] for entry in play.motion.stiffness[1:]] + [play.motion.duration]
     before = play.motion.stiffness[0][1]
     for (start, level), end in zip(play.motion.stiffness, ends, strict=True):

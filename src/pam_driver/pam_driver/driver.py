@@ -31,6 +31,7 @@ from pam_driver.safety.stop_categories import can_lower, longest_lowering
 from pam_driver.snapshot import Snapshot, take_snapshot
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_model.robot import compose
 
 _PHYSICS: Final = frozenset({"pressure_implausible", "torque_implausible"})
 _VENTS: Final = frozenset({SafetyState.VENTED, SafetyState.VENTING})
@@ -89,6 +90,7 @@ class Driver:
         wiring: RigWiring | None = None,
     ) -> None:
         self.rig = rig
+        robot = compose(rig)
         self.state = SafetyState.UNCONFIGURED
         self.faults: tuple[Condition, ...] = ()
         self.conditions: tuple[Condition, ...] = ()
@@ -103,14 +105,14 @@ class Driver:
         self.people = PeopleInputs(rig.people, self._boards.boards)
         self.vent_reason = ""
         self.broken: Condition | None = None
-        self._judge = FaultJudge(rig, self._boards, settings, self._vents, plausibility)
+        self._judge = FaultJudge(robot, self._boards, settings, self._vents, plausibility)
         self._exhausts = ExhaustWatch(
-            rig,
+            robot,
             settings.vented_pressure,
-            settings.exhaust_timeout or exhaust_timeout(rig, settings.vented_pressure),
+            settings.exhaust_timeout or exhaust_timeout(robot, settings.vented_pressure),
         )
-        self._lowering = Lowering(rig, settings.lowering_speed)
-        self._check = StartUpCheck(rig, self._vents) if settings.start_up_check else None
+        self._lowering = Lowering(robot, settings.lowering_speed)
+        self._check = StartUpCheck(robot, self._vents) if settings.start_up_check else None
         self._lock = threading.Lock()
         self._fractions: tuple[float, ...] | None = None
         self._command_time = NEVER

@@ -13,6 +13,7 @@ from pam_driver.driver_parameters import bus_options, settings_of
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_model.robot import compose
 from pam_ros.parameters import NodeParameters
 
 
@@ -46,7 +47,7 @@ def assemble_driver(rig: Rig, values: NodeParameters[Rig]) -> DriverParts:
     try:
         plausibility = None
         if values["plausibility"]:
-            plausibility = PressurePlausibility(rig, 1.0 / values.number("rate"))
+            plausibility = PressurePlausibility(compose(rig), 1.0 / values.number("rate"))
         driver = Driver(rig, ports, settings_of(values), plausibility, wiring)
     except PamError:
         for port in ports.values():

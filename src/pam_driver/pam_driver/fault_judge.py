@@ -16,7 +16,7 @@ from pam_driver.safety.loop_watch import LoopWatch
 from pam_driver.safety.pressure_plausibility import LONGEST_GAP, Deviation
 from pam_driver.safety.sensor_checks import SensorChecks
 from pam_driver.safety.since_judged import SinceJudged
-from pam_model.rig import Rig
+from pam_model.robot import Robot
 
 # A command of another driver is a fault for this long after it was received [s].
 _FOREIGN_MEMORY: Final = 1.0
@@ -94,8 +94,8 @@ class FaultJudge:
 
     Parameters
     ----------
-    rig : Rig
-        Gives the limits.
+    robot : Robot
+        Gives the limits and the physics.
     boards : BoardSet
         The boards with their last measurements.
     settings : DriverSettings
@@ -115,7 +115,7 @@ class FaultJudge:
 
     def __init__(
         self,
-        rig: Rig,
+        robot: Robot,
         boards: BoardSet,
         settings: DriverSettings,
         vents: Sequence[float],
@@ -123,7 +123,8 @@ class FaultJudge:
     ) -> None:
         self.suspicions: tuple[Condition, ...] = ()
         self.loop = LoopWatch(settings.loop_delay_limit, settings.period)
-        self._speeds = JointSpeedWatch(rig)
+        rig = robot.rig
+        self._speeds = JointSpeedWatch(robot)
         self._kept = SinceJudged()
         self._sensor_names = (*rig.muscle_names, *rig.joint_names)
         self._all_sensors = _Sensors(range(len(boards.pressures)), range(len(boards.angles)))
@@ -138,7 +139,7 @@ class FaultJudge:
         self._boards = boards
         self._settings = settings
         self._plausibility = plausibility
-        self._checks = None if plausibility is None else SensorChecks(rig)
+        self._checks = None if plausibility is None else SensorChecks(robot)
         self._implausible: tuple[Condition, ...] = ()
         self._judged_at = self._paused_at = NEVER
         self._pause = 0.0

@@ -22,6 +22,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import JointEstimator
 from pam_model.rig import described_key, rig_of_node
+from pam_model.robot import compose
 from pam_ros.diagnostics import OK, STALE, WARN, diagnostic_array, diagnostic_status
 from pam_ros.joint_state_bytes import JointStateFields, JointStateReader
 from pam_ros.joint_state_publisher import Audience, JointStatePublisher, nanoseconds_of
@@ -53,7 +54,7 @@ class ModelNode(Node):  # type: ignore[misc]
         )
         self._rig = self._declared.described
         self._estimator = JointEstimator(
-            self._rig,
+            compose(self._rig),
             self._declared.number("max_age"),
             closed_chambers=bool(self._declared["closed_chambers"]),
         )

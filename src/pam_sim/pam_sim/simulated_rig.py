@@ -10,9 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from zlib import crc32
 
-import numpy as np
-import numpy.typing as npt
-
 from pam_driver.boards.protocol import Address, Frame, KindOptions, WiredBoard
 from pam_driver.boards.wiring import RigWiring, kind_name
 from pam_model.bounds import within
@@ -21,15 +18,14 @@ from pam_model.errors import PamError, RigError
 from pam_model.names import unknown
 from pam_model.plant.layout import MUSCLES
 from pam_model.plant.parameters import PlantParameters
-from pam_model.plant.simulate import DEFAULT_STEP, Plant, initial_state
+from pam_model.plant.robot_plant import RobotPlant
+from pam_model.plant.simulate import DEFAULT_STEP, vented_state
 from pam_model.rig import Rig
 from pam_ros.foreign_text import shown
 from pam_sim.boards.protocol import BoardSettings, SimulatedBoard, TwinKind
 from pam_sim.boards.register import twin_called
 from pam_sim.boards.sensors import BoardSensors, SensorQuality
 from pam_sim.faults.rig_faults import RigFaults
-
-Array = npt.NDArray[np.float64]
 
 FULLEST_CATCH_UP = 1.0  # s; after a longer pause of the host, the rest of the time is dropped
 
@@ -45,7 +41,7 @@ class GroundTruth:
     pressures, lengths, speeds, forces : lists of float
         By muscle [Pa gauge], [m], [m/s], [N].
     supply_pressure : float
-        Supply pressure at the valves of the first joint [Pa absolute].
+        Supply pressure at the valves [Pa absolute].
     """
 
     positions: list[float]
@@ -122,7 +118,8 @@ class SimulatedRig:
         self.wired: Mapping[Address, WiredBoard] = wiring.boards
         self.wiring = wiring
         self.parameters = apply_effects(rig, truth or rig, effects or {})
-        self._plants = [Plant(p, step, _at_rest(p)) for p in self.parameters]
+        self._plant = RobotPlant(self.parameters, step, [vented_state(p) for p in self.parameters])
+        self._plants = self._plant.joints
         self._period = 1.0 / rate
         self._now = now
         self.lost_time = 0.0
@@ -236,7 +233,7 @@ class SimulatedRig:
     def ground_truth(self) -> GroundTruth:
         """The true state, without sensor errors."""
         count = len(self.rig.muscles)
-        supply = self._plants[0].reservoir_pressure
+        supply = self._plant.reservoir_pressure
         zeros = [[0.0] * count for _ in range(4)]
         result = GroundTruth([], [], [], zeros[0], zeros[1], zeros[2], zeros[3], supply)
         for joint, plant in enumerate(self._plants):
@@ -244,12 +241,12 @@ class SimulatedRig:
             result.positions.append(output["position"])
             result.velocities.append(output["velocity"])
             result.torques.append(output["torque"])
-            speed = plant.parameters["joint.pulley_radius"] * output["velocity"]
-            for side, index, sign in zip(MUSCLES, self._muscles_of[joint], (-1, 1), strict=True):
+            places = self._muscles_of[joint]
+            for side, index, speed in zip(MUSCLES, places, plant.path_speeds, strict=True):
                 result.pressures[index] = output[f"{side}.pressure"]
                 result.lengths[index] = output[f"{side}.length"]
                 result.forces[index] = output[f"{side}.force"]
-                result.speeds[index] = sign * speed * plant.parameters["pulley_radius.scale"]
+                result.speeds[index] = speed
         return result
 
     def _whole_steps(self, now: float) -> int:
@@ -272,20 +269,16 @@ class SimulatedRig:
                 valves = self.faults.spools(address, valves, board.valves)
             for wire, command in zip(self.wired[address].valves, valves, strict=True):
                 commands[wire.place] = command
-        for joint, plant in enumerate(self._plants):
-            first, second = self._muscles_of[joint]
-            pair = (commands[first], commands[second])
-            for _ in range(steps):
-                position, agonist, antagonist = plant.step(pair, self._period)
+        pairs = [[commands[place] for place in muscles] for muscles in self._muscles_of]
+        for _ in range(steps):
+            readings = self._plant.step(pairs, self._period)
+        for joint, (position, *pressures) in enumerate(readings):
             self._positions[joint] = position
-            self._pressures[first], self._pressures[second] = agonist, antagonist
+            for place, pressure in zip(self._muscles_of[joint], pressures, strict=True):
+                self._pressures[place] = pressure
 
     def _supply(self, wired: WiredBoard) -> float:
-        for wire in wired.valves:
-            for joint, muscles in enumerate(self._muscles_of):
-                if wire.place in muscles:
-                    return self._plants[joint].reservoir_pressure
-        return self.rig.supply_pressure
+        return self._plant.reservoir_pressure if wired.valves else self.rig.supply_pressure
 
 
 def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[PlantParameters]:
@@ -326,6 +319,11 @@ def apply_effects(rig: Rig, truth: Rig, effects: Mapping[str, float]) -> list[Pl
                 f"effect {name} = {value:g} {entry.unit} is outside "
                 f"[{entry.low:g}, {entry.high:g}] {entry.unit}"
             )
+        if owner and effect.scope == "rig":
+            raise PamError(
+                f"effect {name}: {effect.name} is an effect of the whole rig; expected "
+                f"{key[0]}.{key[1]} without {owner}"
+            )
         hit = False
         for index, joint in enumerate(rig.joints):
             plain = f"{key[0]}.{key[1]}"
@@ -359,13 +357,3 @@ def _check_same(rig: Rig, truth: Rig | None) -> None:
 def _seed_of(address: Address) -> int:
     """A seed for the noise of one board."""
     return address if isinstance(address, int) else crc32(address.encode())
-
-
-def _at_rest(parameters: PlantParameters) -> Array:
-    """The state at rest: muscles vented, valves at exhaust, joint where gravity holds it."""
-    position = min(
-        max(parameters["joint.gravity_angle"], parameters["joint.lower_limit"]),
-        parameters["joint.upper_limit"],
-    )
-    commands = [0.0 if parameters[f"{side}.valve.kind"] > 0.0 else -1.0 for side in MUSCLES]
-    return initial_state(parameters, position=position, commands=commands)

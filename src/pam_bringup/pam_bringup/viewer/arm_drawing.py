@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pam_model.joints.urdf import EquivalentRod
-from pam_model.rig import Rig
+from pam_model.robot import Robot
+from pam_model.views.gravity import hanging_position
+from pam_model.views.muscle_path import path_length
+from pam_model.views.urdf import EquivalentRod
 
 Point = tuple[float, float, float]
 
@@ -43,14 +45,16 @@ class Stroke:
     colour: tuple[int, int, int]
 
 
-def eye_of(rig: Rig) -> tuple[Point, Point]:
+def eye_of(robot: Robot) -> tuple[Point, Point]:
     """Where the eye stands so that it sees the whole robot, and the point at which it looks [m]."""
-    places = range(len(rig.joints))
-    points = [p for k in places for s in arm_strokes(rig, k, 0.0, {}) for p in s.points]
+    places = range(len(robot.joints))
+    points = [p for k in places for s in arm_strokes(robot, k, 0.0, {}) for p in s.points]
     low, high = ([choose(axis) for axis in zip(*points, strict=True)] for choose in (min, max))
     middle = (0.0, 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2]))
     distance = 1.2 * max(high[2] - low[2], high[1] - low[1])
-    side = 0.3 if len(rig.joints) == 1 else 1.0  # joints one behind the other are seen from a side
+    side = (
+        0.3 if len(robot.joints) == 1 else 1.0
+    )  # joints one behind the other are seen from a side
     return (side * distance, low[1] - distance, middle[2] + 0.2 * distance), middle
 
 
@@ -63,12 +67,14 @@ def pressure_colour(share: float) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def arm_strokes(rig: Rig, joint: int, position: float, pressures: dict[str, float]) -> list[Stroke]:
+def arm_strokes(
+    robot: Robot, joint: int, position: float, pressures: dict[str, float]
+) -> list[Stroke]:
     """The rod, the tendons and the muscles of a joint.
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         The robot.
     joint : int
         Place of the joint in the rig file.
@@ -77,21 +83,23 @@ def arm_strokes(rig: Rig, joint: int, position: float, pressures: dict[str, floa
     pressures : mapping of str to float
         Gauge pressure by muscle [Pa]; a missing one is drawn as empty.
     """
-    entry = rig.joints[joint]
-    y, radius = SPACING * joint, entry.pulley_radius
+    entry, y = robot.joints[joint], SPACING * joint
     rod = EquivalentRod.of(entry)
-    angle = position - entry.gravity_angle + (math.pi if entry.gravity_torque < 0.0 else 0.0)
+    angle = position - hanging_position(entry)
     down = (-math.sin(angle), 0.0, -math.cos(angle))
     reach = max(rod.length, 0.15)
     end = (reach * down[0], y, reach * down[2])
     strokes = [Stroke(f"{entry.name}/link", ((0.0, y, 0.0), end), 0.012, (70, 90, 160))]
-    top = TENDON + max(rig.muscle(name).neutral_length for name in entry.muscles)
-    for name, side in zip(entry.muscles, (-1.0, 1.0), strict=True):
-        muscle = rig.muscle(name)
-        length = muscle.neutral_length + side * radius * position
-        inside = max(muscle.thread_length**2 - length**2, 0.0)
-        half_width = 0.5 * math.sqrt(inside) / (muscle.turns * math.pi)
-        x = side * radius
+    positions = [0.0] * len(robot.joints)
+    top = TENDON + max(path_length(robot.muscles[place], positions) for place in entry.muscles)
+    positions[joint] = position
+    for arm in entry.arms:
+        muscle = robot.muscles[arm.muscle]
+        name, braid = muscle.name, muscle.geometry
+        length = path_length(muscle, positions)
+        inside = max(braid.thread_length**2 - length**2, 0.0)
+        half_width = 0.5 * math.sqrt(inside) / (braid.turns * math.pi)
+        x = -arm.length
         share = pressures.get(name, math.nan) / muscle.max_pressure
         lower = (x, y, top - length)
         strokes.append(

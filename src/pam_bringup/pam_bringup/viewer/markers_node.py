@@ -22,6 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from pam_bringup.viewer.arm_drawing import Stroke, arm_strokes
 from pam_model.errors import PamError
 from pam_model.rig import described_key, rig_of_node
+from pam_model.robot import compose
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import NodeParameters, Parameter
 from pam_ros.program_name import PROGRAM
@@ -61,7 +62,7 @@ class MarkersNode(Node):  # type: ignore[misc]
         self._declared = NodeParameters(
             self, PARAMETERS, rig_of_node, describe=described_key, usual_name=NAME
         )
-        self._rig = self._declared.described
+        self._robot = compose(self._declared.described)
         self._frame = str(self._declared["frame"])
         self._positions: dict[str, float] = {}
         self._pressures: dict[str, float] = {}
@@ -78,10 +79,10 @@ class MarkersNode(Node):  # type: ignore[misc]
 
     def _publish(self) -> None:
         markers = []
-        for place, name in enumerate(self._rig.joint_names):
+        for place, name in enumerate(self._robot.joint_names):
             position = self._positions.get(name, math.nan)
             if math.isfinite(position):
-                strokes = arm_strokes(self._rig, place, position, self._pressures)
+                strokes = arm_strokes(self._robot, place, position, self._pressures)
                 shown = [stroke for stroke in strokes if not stroke.name.endswith(f"/{LINK}")]
                 markers += [cylinder(stroke, 0, self._frame) for stroke in shown]
         if markers:

@@ -23,6 +23,7 @@ from typing import Any
 from pam_bringup.viewer.arm_drawing import Stroke, eye_of
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_model.robot import compose
 
 HOST = "127.0.0.1"  # nobody else may see the robot
 START_TIME = 30.0  # s; of the viewer's server
@@ -72,7 +73,7 @@ def layout(rig: Rig, *, live: bool, narrow: bool) -> Any:
         name: rrb.TimeSeriesView(origin=f"/{name}", name=title, time_ranges=ranges)
         for name, title in CURVES
     }
-    eye, target = eye_of(rig)
+    eye, target = eye_of(compose(rig))
     look = rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0))
     arm = rrb.Spatial3DView(origin="/arm", name="Arm and muscles", eye_controls=look)
     driver = rrb.TextDocumentView(origin="/driver", name="Driver and faults")

@@ -14,6 +14,7 @@ from pam_bringup.viewer.arm_drawing import Stroke, arm_strokes
 from pam_gap.live.live_gap import LiveWindow
 from pam_gap.recordings.recording import COMMANDS, JOINTS, PRESSURES
 from pam_model.rig import Rig
+from pam_model.robot import compose
 from pam_ros.foreign_text import SENTENCE, plain
 
 TOPICS = {
@@ -64,6 +65,7 @@ class RobotView:
 
     def __init__(self, rig: Rig, sink: Sink) -> None:
         self._rig, self._sink = rig, sink
+        self._robot = compose(rig)
         self._window = LiveWindow(rig, GAP_WINDOW)
         self._shown: dict[str, float] = {}
         self._gap_at = math.inf
@@ -143,7 +145,7 @@ class RobotView:
             if name in self._rig.joint_names and math.isfinite(position):
                 self._number(f"angle/{name}/measured", time, float(position))
                 place = self._rig.joint_names.index(name)
-                strokes += arm_strokes(self._rig, place, float(position), self._pressures)
+                strokes += arm_strokes(self._robot, place, float(position), self._pressures)
         if strokes and not 0.0 <= time - self._shown.get("arm", -math.inf) < DRAW_EVERY:
             self._shown["arm"] = time
             self._sink.lines(time, strokes)

@@ -32,6 +32,7 @@ from pam_driver.start_up import StartUp
 from pam_model.errors import PamError
 from pam_model.joints.joint_estimator import Estimate, JointEstimator
 from pam_model.rig import Rig
+from pam_model.robot import compose
 from pam_ros.message_sources import MessageSources
 from pam_ros.valve_command import ValveCommandFormat
 from pam_sim.faults.frame_faults import FrameFaults
@@ -150,7 +151,7 @@ class FaultChain:
         self.reference = 0.0
         self.published: Snapshot | None = None
         self.snapshot: Snapshot | None = None
-        self.model = JointEstimator(rig)
+        self.model = JointEstimator(compose(rig))
         self.command_format = ValveCommandFormat(rig.valve_kinds)
         self.estimate = Estimate(None)
         self.estimate_age = math.inf
@@ -158,7 +159,7 @@ class FaultChain:
 
     def make_driver(self, port: CanPort | None = None) -> Driver:
         """Make another driver on the same bus."""
-        plausibility = PressurePlausibility(self.rig, 1.0 / 500.0)
+        plausibility = PressurePlausibility(compose(self.rig), 1.0 / 500.0)
         return Driver(self.rig, port or self.port, self.settings, plausibility)
 
     def open_port(self, channel: str, bus: can.BusABC) -> CanPort:

@@ -9,7 +9,6 @@ valve, or one that shuts off the supply, makes the joint slower.
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from pam_control.joint_channel import JointChannel
@@ -18,6 +17,8 @@ from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import Plant, initial_state
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.gravity import gravity_torque
 
 HELD_ANGLE: Final = 0.8  # rad; joints are held at most so far away
 RECOGNISED: Final = 1.1
@@ -36,18 +37,18 @@ def stuck_valve_speed(rig: Rig, held_at: float = HELD_ANGLE) -> float:
     held_at : float, optional
         How far from the middle, either way [rad].
     """
-    joint = rig.joints[0]
+    robot, ideal = compose(rig), compose(rig.without_effects())
+    joint = ideal.joints[0]
     stiffness = (
-        JointChannel(rig, joint, ControlSettings().min_pressure)
+        JointChannel(robot, robot.joints[0], ControlSettings().min_pressure)
         .scale.complete(ControlSettings())
         .default_stiffness
     )
-    pair = AntagonisticJoint.from_rig(rig, joint.name, with_effects=False)
-    parameters = PlantParameters.from_rig(rig, with_effects=False)
+    pair = AntagonisticJoint.from_robot(ideal, joint)
+    parameters = PlantParameters.from_rig(ideal.rig)
     fastest = 0.0
     for angle in (-held_at, held_at):
-        load = joint.gravity_torque * math.sin(angle - joint.gravity_angle)
-        held = pair.pressures_for(load, stiffness, angle)
+        held = pair.pressures_for(-gravity_torque(joint, angle), stiffness, angle)
         pressures = (held.agonist, held.antagonist)
         for commands in ((1.0, 0.0), (0.0, 1.0)):
             plant = Plant(

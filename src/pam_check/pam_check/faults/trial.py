@@ -14,6 +14,8 @@ from pam_check.faults.rig_bounds import EMPTY, RigBounds, bounds_of
 from pam_check.faults.stuck_valve import HELD_ANGLE, RECOGNISED, stuck_valve_speed
 from pam_driver.safety.states import SafetyState
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.gravity import hanging_position
 from pam_sim.faults.fault_kind import LOWERING, STOPS, FaultKind, Reaction, Stays
 from pam_sim.faults.operator_kinds import HELD_LAYER
 from pam_sim.faults.size_of_faults import ranges_on
@@ -116,7 +118,7 @@ def run_trial(chain: FaultChain, kind: FaultKind, values: dict[str, float], seed
     INJECTIONS[kind.name](chain, values, draw)
     start = last_air = chain.now  # some faults take acts before they happen
     origin = chain.truth.positions[0]
-    hangs = chain.rig.joints[0].gravity_angle
+    hangs = hanging_position(compose(chain.rig).joints[0])
     bounds = bounds_of(chain.rig)
     vents = kind.reaction in STOPS
     lowering = LOWERING if kind.reaction is Reaction.LOWER else 0.0

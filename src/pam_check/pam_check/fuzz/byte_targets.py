@@ -35,6 +35,7 @@ from pam_driver.safety.command_intake import CommandError, CommandIntake, NamedC
 from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import OUTPUTS, SafetyState
 from pam_model.rig import Rig, load_rig
+from pam_model.robot import compose
 
 ELBOW: Final = Path(__file__).parents[4] / "config/elbow.yaml"
 PERIOD: Final = 0.002
@@ -165,7 +166,7 @@ class _DriverRun:
         self.port = _Watched()
         self.port.allowed = self._may_move
         self.settings = DriverSettings()
-        plausibility = PressurePlausibility(_rig(), PERIOD)
+        plausibility = PressurePlausibility(compose(_rig()), PERIOD)
         self.driver = Driver(_rig(), self.port, self.settings, plausibility)
         self.now = 100.0
         self.port.lowering = lambda: OUTPUTS[self.driver.state].lower

@@ -31,6 +31,7 @@ from pam_driver.safety.pressure_plausibility import PressurePlausibility
 from pam_driver.safety.states import SafetyState
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_model.robot import compose
 from pam_sim.boards.pam_board_twin import SimulatedPamBoard
 from pam_sim.fault_injection import parse_injection
 
@@ -141,7 +142,7 @@ def driver_target(rig: Rig) -> Target:
     """A driver that receives random input, vented or before activation, never allows air flow."""
     codec = BoardCodec.from_dbc()
     port = _Port(codec)
-    driver = Driver(rig, port, DriverSettings(), PressurePlausibility(rig, 0.002))
+    driver = Driver(rig, port, DriverSettings(), PressurePlausibility(compose(rig), 0.002))
     clock = [100.0]
 
     def target(draw: random.Random) -> None:

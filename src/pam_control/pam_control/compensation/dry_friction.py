@@ -28,10 +28,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pam_control.references.spline import JointReference
-from pam_model.effects import TorqueFeedforward, bound, switched_on
+from pam_model.effects import TorqueFeedforward, bound
 from pam_model.effects import slots as slot_kinds
 from pam_model.physics.dahl import dahl_step
-from pam_model.rig import Joint
+from pam_model.robot import RobotJoint
 
 SMOOTHING_SPEED = 0.03  # rad/s
 LEAST_PRESLIDING = 5e-4  # rad; the pressures cannot jump as a rigid contact does
@@ -53,10 +53,13 @@ class DryFriction:
     presliding: float = LEAST_PRESLIDING
 
     @classmethod
-    def from_joint(cls, joint: Joint) -> DryFriction:
+    def from_joint(cls, joint: RobotJoint) -> DryFriction:
         """Create it from the effects that the rig file names."""
-        found = switched_on(slot_kinds.DryFriction, joint.effects, TorqueFeedforward)
-        yields = [joint.effects[effect.name].get(slot.presliding, 0.0) for effect, slot, _ in found]
+        found = joint.laws(slot_kinds.DryFriction, TorqueFeedforward)
+        yields = [
+            dict(zip(effect.parameters, values, strict=True))[slot.presliding]
+            for effect, slot, values in found
+        ]
         return cls(
             tuple(bound(slot.law, values) for _, slot, values in found),
             max(yields, default=0.0) or LEAST_PRESLIDING,

@@ -10,7 +10,7 @@ import math
 from pam_control.compensation.dry_friction import DryFriction
 from pam_control.compensation.muscle_memory import MuscleMemory
 from pam_control.references.spline import JointReference
-from pam_model.rig import Muscle
+from pam_model.robot import RobotMuscle
 
 Pair = tuple[float, float]
 
@@ -20,16 +20,16 @@ class HistoryTorque:
 
     Parameters
     ----------
-    muscles : (Muscle, Muscle)
+    muscles : (RobotMuscle, RobotMuscle)
         Agonist, antagonist.
     pulley_radius : float
-        Radius after the effects that the rig file names [m].
+        Of the joint [m].
     friction : DryFriction
         Of the joint.
     """
 
     def __init__(
-        self, muscles: tuple[Muscle, ...], pulley_radius: float, friction: DryFriction
+        self, muscles: tuple[RobotMuscle, ...], pulley_radius: float, friction: DryFriction
     ) -> None:
         self._radius, self._friction = pulley_radius, friction
         self._agonist, self._antagonist = (MuscleMemory.from_muscle(m) for m in muscles)

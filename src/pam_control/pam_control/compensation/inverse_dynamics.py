@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 
 from pam_control.compensation.dry_friction import DryFriction
 from pam_control.references.spline import JointReference
-from pam_model.effects import TorqueFeedforward, adjusted, bound, switched_on
+from pam_model.effects import TorqueFeedforward, bound
 from pam_model.effects.slots import JointTorque
-from pam_model.rig import Joint
+from pam_model.robot import RobotJoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,18 +49,17 @@ class InverseDynamics:
     smooth_torques: tuple[Callable[[float, float], float], ...] = ()
 
     @classmethod
-    def from_joint(cls, joint: Joint) -> InverseDynamics:
-        """Create it from the parameters of the rig file and the effects that it names."""
-        effects = joint.effects
+    def from_joint(cls, joint: RobotJoint) -> InverseDynamics:
+        """Create it from a joint of a robot."""
         return cls(
-            adjusted("joint.inertia", joint.inertia, effects),
-            adjusted("joint.viscous_friction", joint.viscous_friction, effects),
-            adjusted("joint.gravity_torque", joint.gravity_torque, effects),
+            joint.inertia,
+            joint.viscous_friction,
+            joint.gravity_torque,
             joint.gravity_angle,
             DryFriction.from_joint(joint),
             tuple(
                 bound(slot.law, values)
-                for _, slot, values in switched_on(JointTorque, effects, TorqueFeedforward)
+                for _, slot, values in joint.laws(JointTorque, TorqueFeedforward)
             ),
         )
 

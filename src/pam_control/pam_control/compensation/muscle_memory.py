@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from pam_model.effects import TorqueFeedforward, switched_on
+from pam_model.effects import TorqueFeedforward
 from pam_model.effects.slots import PullState
-from pam_model.rig import Muscle
+from pam_model.robot import RobotMuscle
 
 
 @dataclass(slots=True)
@@ -43,15 +43,16 @@ class MuscleMemory:
     _states: list[_State] = field(default_factory=list)
 
     @classmethod
-    def from_muscle(cls, muscle: Muscle) -> MuscleMemory:
+    def from_muscle(cls, muscle: RobotMuscle) -> MuscleMemory:
         """Create it from the effects that the rig file names."""
-        scale = 1.0 / (4.0 * math.pi * muscle.turns**2)
+        braid = muscle.geometry
+        scale = 1.0 / (4.0 * math.pi * braid.turns**2)
         return cls(
-            muscle.thread_length**2 * scale,
-            6.0 * muscle.rest_length * scale,
+            braid.thread_length**2 * scale,
+            6.0 * braid.rest_length * scale,
             [
                 _State(slot, effect.control, values)
-                for effect, slot, values in switched_on(PullState, muscle.effects)
+                for effect, slot, values in muscle.laws(PullState)
                 if isinstance(effect.control, TorqueFeedforward)
             ],
         )

@@ -16,7 +16,7 @@ from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.feedback.linear_joint import OperatingPoint
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
-from pam_model.rig import Joint
+from pam_model.robot import RobotJoint
 
 POSITION_SHARES = (0.05, 0.5, 0.95)
 PRESSURE_STEP = 10.0  # Pa
@@ -24,13 +24,13 @@ POSITION_STEP = 1e-5  # rad
 
 
 def operating_point(
-    joint: Joint, model: AntagonisticJoint, position: float, pressures: tuple[float, float]
+    joint: RobotJoint, model: AntagonisticJoint, position: float, pressures: tuple[float, float]
 ) -> OperatingPoint:
     """Linearise one joint at rest.
 
     Parameters
     ----------
-    joint : Joint
+    joint : RobotJoint
         Inertia, friction and gravity.
     model : AntagonisticJoint
         Its muscles.
@@ -77,13 +77,13 @@ def _slope(high: Sequence[float], low: Sequence[float], step: float) -> list[flo
 
 
 def operating_grid(
-    joint: Joint, model: AntagonisticJoint, stiffnesses: Sequence[float]
+    joint: RobotJoint, model: AntagonisticJoint, stiffnesses: Sequence[float]
 ) -> list[OperatingPoint]:
     """Equilibria over the joint's range and these stiffnesses.
 
     Parameters
     ----------
-    joint : Joint
+    joint : RobotJoint
         Range and gravity.
     model : AntagonisticJoint
         Inverse model of the joint.

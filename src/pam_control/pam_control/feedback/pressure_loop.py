@@ -21,7 +21,6 @@ from pam_control.feedback.pressure_watch import PressureWatch
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.feedback.valve_lead import ValveLead
 from pam_control.limited import limited
-from pam_model.effects import adjusted, switched_on
 from pam_model.effects.slots import Leak
 from pam_model.gas import (
     GAS_CONSTANT,
@@ -30,9 +29,9 @@ from pam_model.gas import (
     reference_density,
     reference_flow,
 )
-from pam_model.joints.effective_force_model import gas_volume
 from pam_model.joints.joint_muscle import JointMuscle
-from pam_model.rig import Muscle, Rig
+from pam_model.robot import Robot, RobotMuscle
+from pam_model.robot.static_force import gas_volume
 
 LEAST_CAPACITY = 0.01  # of the full flow
 TOLD_TUBE = 0.5
@@ -89,11 +88,6 @@ class PressureLoopSettings:
     spool_limit: float = 1.0
     adaptation: bool = False
     acting_delay: float = 0.0
-
-
-def valve_time_constant(muscle: Muscle) -> float:
-    """The valve's lag [s] after the effects that the rig file names."""
-    return adjusted("valve.time_constant", muscle.valve.time_constant, muscle.effects)
 
 
 class PressureLoop(Protocol):
@@ -158,18 +152,18 @@ class FlowValveLoop:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Gives gas and supply.
-    muscle : Muscle
+    muscle : RobotMuscle
         Gives the valve.
     gas_space : JointMuscle
         Gives the gas volume.
     reservoir : SupplyReservoir
-        From which the valves of the joint draw.
+        From which all valves of the robot draw.
     """
 
     def __init__(
-        self, rig: Rig, muscle: Muscle, gas_space: JointMuscle, reservoir: SupplyReservoir
+        self, robot: Robot, muscle: RobotMuscle, gas_space: JointMuscle, reservoir: SupplyReservoir
     ) -> None:
         self._reservoir = reservoir
         self._model = gas_space.model
@@ -177,23 +171,20 @@ class FlowValveLoop:
         self._lengths = (low + LENGTH_EDGE, high - LENGTH_EDGE)
         self._valve = muscle.valve
         self._watch = PressureWatch(muscle.max_pressure)
-        self._inverse = ValveInverse.from_muscle(muscle)
-        self._leaks = tuple(
-            (slot.law, values) for _, slot, values in switched_on(Leak, muscle.effects)
-        )
-        self._lead = ValveLead(valve_time_constant(muscle))
+        self._inverse = ValveInverse.from_muscle(robot.rig.muscles[muscle.place])
+        self._leaks = tuple((slot.law, values) for _, slot, values in muscle.laws(Leak))
+        self._lead = ValveLead(muscle.valve.time_constant)
         self._dead_volume = gas_space.dead_volume
-        self._ambient = rig.gas.ambient_pressure
-        self._temperature = rig.gas.temperature
-        self._density = reference_density(rig.gas.temperature)
-        self._exponent = rig.gas.polytropic_exponent
+        self._ambient = robot.gas.ambient_pressure
+        self._temperature = robot.gas.temperature
+        self._density = reference_density(robot.gas.temperature)
+        self._exponent = robot.gas.polytropic_exponent
         self._full = self._full_flow(True, self._ambient)
-        turn = (rig.muscle_names.index(muscle.name) + 0.5) / len(rig.muscles)
-        conductance = adjusted("tube.conductance", None, muscle.effects)
-        tube = 0.0
-        if conductance > 0.0:
-            tube = TOLD_TUBE * (muscle.valve.sonic_conductance / conductance) ** 2
-        self.adaptation = FlowAdaptation(self._full, rig.supply_pressure, turn, tube)
+        turn = (muscle.place + 0.5) / len(robot.muscles)
+        valve, loss = muscle.valve, 0.0
+        if valve.tube is not None:
+            loss = TOLD_TUBE * (valve.sonic_conductance / valve.tube.conductance) ** 2
+        self.adaptation = FlowAdaptation(self._full, robot.supply.pressure, turn, loss)
         self._tube = TubePressure()
         self._flow = self._rate = self._shown = self._loss = 0.0
 
@@ -333,15 +324,15 @@ class RegulatorLoop:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Its supply bounds the command.
-    muscle : Muscle
+    muscle : RobotMuscle
         Gives the valve and the maximum pressure.
     """
 
-    def __init__(self, rig: Rig, muscle: Muscle) -> None:
+    def __init__(self, robot: Robot, muscle: RobotMuscle) -> None:
         full_scale = muscle.valve.full_scale or math.inf
-        self._limit = min(full_scale, muscle.max_pressure, rig.supply_gauge_pressure)
+        self._limit = min(full_scale, muscle.max_pressure, robot.supply_gauge_pressure)
 
     @property
     def gain_factor(self) -> float:
@@ -378,9 +369,9 @@ class RegulatorLoop:
 
 
 def create_pressure_loop(
-    rig: Rig, muscle: Muscle, gas_space: JointMuscle, reservoir: SupplyReservoir
+    robot: Robot, muscle: RobotMuscle, gas_space: JointMuscle, reservoir: SupplyReservoir
 ) -> PressureLoop:
     """The loop for the muscle's kind of valve."""
     if muscle.valve.kind == "pressure_regulator":
-        return RegulatorLoop(rig, muscle)
-    return FlowValveLoop(rig, muscle, gas_space, reservoir)
+        return RegulatorLoop(robot, muscle)
+    return FlowValveLoop(robot, muscle, gas_space, reservoir)

@@ -1,26 +1,25 @@
-"""The pressure from which the valves of a joint draw, where the rig file names a reservoir.
+"""The pressure from which all valves of a robot draw, where the rig file names a reservoir.
 
 The supply refills the reservoir through an ISO 6358 restriction; what the valves take is known from
-the controller's own commands: dP/dt = k R T (m_in - m_drawn)/V (`pam_model.effects.supply_droop`).
-No feedback is closed by it.
+the controller's own commands: dP/dt = k R T (m_in - sum of m_drawn)/V
+(`pam_model.effects.supply_droop`). The joints share it: if one draws, the others have less. No
+feedback is closed by it.
 """
 
 from __future__ import annotations
 
-from pam_model.effects import adjusted
 from pam_model.gas import GAS_CONSTANT, reference_density, reference_flow
-from pam_model.rig import Muscle, Rig
+from pam_model.robot import Robot
 
 
 class SupplyReservoir:
-    """The supply of the valves of one joint.
+    """The supply of all valves of a robot.
 
     Parameters
     ----------
-    rig : Rig
-        Gas, supply, and the reservoir if there is one.
-    muscle : Muscle
-        One of the joint; the critical ratio of its valve counts for the restriction.
+    robot : Robot
+        Gas, supply, and its reservoir; the critical ratio of the first valve counts for the
+        restriction.
 
     Attributes
     ----------
@@ -28,13 +27,14 @@ class SupplyReservoir:
         Before the valves [Pa absolute].
     """
 
-    def __init__(self, rig: Rig, muscle: Muscle) -> None:
-        self._supply, self._ambient = rig.supply_pressure, rig.gas.ambient_pressure
-        self._conductance = adjusted("reservoir.conductance", None, rig.effects)
-        self._critical = muscle.valve.critical_ratio
-        self._density = reference_density(rig.gas.temperature)
-        per_mass = rig.gas.polytropic_exponent * GAS_CONSTANT * rig.gas.temperature
-        self._per_flow = per_mass / adjusted("reservoir.volume", None, rig.effects)
+    def __init__(self, robot: Robot) -> None:
+        gas, supply = robot.gas, robot.supply
+        self._supply, self._ambient = supply.pressure, gas.ambient_pressure
+        self._conductance = supply.refill_conductance
+        self._critical = robot.muscles[0].valve.critical_ratio
+        self._density = reference_density(gas.temperature)
+        per_mass = gas.polytropic_exponent * GAS_CONSTANT * gas.temperature
+        self._per_flow = per_mass / supply.reservoir_volume
         self.reset()
 
     def reset(self) -> None:

@@ -12,15 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from typing import Final
 
-import numpy as np
-
 from pam_driver.boards.protocol import Condition
-from pam_model.effects import adjusted
-from pam_model.gas import pressure_rate, valve_flow
-from pam_model.rig import Muscle, Rig
+from pam_model.robot import Robot
+from pam_model.views.time_to_empty import time_to_empty
 
 # A muscle that was empty counts as filled again above this multiple of the limit.
 _FILLED_AGAIN: Final = 1.25
@@ -32,8 +28,6 @@ _AGREED: Final = 0.02
 # rig file says (silencers, tubes), plus a second.
 _NARROWER: Final = 4.0
 _ADDED: Final = 1.0  # s
-_STEPS: Final = 200  # of the integration
-_PLACES: Final = 9  # joint positions, to find the largest volume
 
 
 class ExhaustWatch:
@@ -41,7 +35,7 @@ class ExhaustWatch:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Names the muscles.
     vented_pressure : float
         A muscle is empty below this pressure [Pa gauge].
@@ -58,11 +52,11 @@ class ExhaustWatch:
         Whether all muscles count as empty.
     """
 
-    def __init__(self, rig: Rig, vented_pressure: float, timeout: float) -> None:
+    def __init__(self, robot: Robot, vented_pressure: float, timeout: float) -> None:
         self.timeout = timeout
-        self._names = rig.muscle_names
+        self._names = robot.muscle_names
         self._limit = vented_pressure
-        self._pressures: Sequence[float] = (math.nan,) * len(rig.muscles)
+        self._pressures: Sequence[float] = (math.nan,) * len(robot.muscles)
         self._since = math.inf
         self._changing_since = math.inf
         self.below = self.empty = False
@@ -131,12 +125,12 @@ class ExhaustWatch:
                 yield Condition("exhaust_blocked", name, text)
 
 
-def exhaust_timeout(rig: Rig, vented_pressure: float) -> float:
+def exhaust_timeout(robot: Robot, vented_pressure: float) -> float:
     """A time limit for emptying the muscles, from their volumes and conductances [s].
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Gives volumes, conductances and highest pressures.
     vented_pressure : float
         A muscle is empty below this pressure [Pa gauge].
@@ -146,42 +140,8 @@ def exhaust_timeout(rig: Rig, vented_pressure: float) -> float:
     float
         Four times the ideal time of the slowest muscle from its highest pressure, plus a second.
     """
-    slowest = max(_ideal_time(rig, muscle, vented_pressure) for muscle in rig.muscles)
+    slowest = max(
+        time_to_empty(robot, muscle, max(muscle.max_pressure, vented_pressure), vented_pressure)
+        for muscle in robot.muscles
+    )
     return _NARROWER * slowest + _ADDED
-
-
-def _ideal_time(rig: Rig, muscle: Muscle, vented_pressure: float) -> float:
-    """Time to empty the muscle at its largest volume through its fully open exhaust [s]."""
-    joint = rig.joint_of(muscle.name)
-    model = rig.force_model(muscle.name)
-    lengths = [muscle.neutral_length]
-    if joint is not None:
-        sign = -1.0 if joint.agonist == muscle.name else 1.0
-        places = np.linspace(*joint.position_limits, _PLACES)
-        lengths = [muscle.neutral_length + sign * joint.pulley_radius * float(q) for q in places]
-    volume = max(float(model.volume(length)) for length in lengths) + muscle.dead_volume
-    ambient, valve = rig.gas.ambient_pressure, muscle.valve
-    ratio = adjusted("valve.exhaust_ratio", None, muscle.effects)
-    high = max(muscle.max_pressure, vented_pressure) + ambient
-    grid = (np.geomspace(high - ambient, vented_pressure, _STEPS + 1) + ambient).tolist()
-    time = 0.0
-    for above, below in pairwise(grid):
-        inside = 0.5 * (above + below)
-        flow = valve_flow(
-            -1.0,
-            inside,
-            supply_pressure=rig.supply_pressure,
-            ambient_pressure=ambient,
-            conductance=valve.sonic_conductance * ratio,
-            critical_ratio=valve.critical_ratio,
-            temperature=rig.gas.temperature,
-        )
-        rate = pressure_rate(
-            flow,
-            inside,
-            volume,
-            temperature=rig.gas.temperature,
-            exponent=rig.gas.polytropic_exponent,
-        )
-        time += (above - below) / -float(rate)
-    return time

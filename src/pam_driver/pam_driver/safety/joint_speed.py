@@ -4,13 +4,11 @@ The air in the muscles is a spring: it drives the joint on when the valves have 
 the speed v and the acceleration a, on a spring with the natural frequency w, is fastest where the
 acceleration vanishes; its energy there gives the peak speed
 
-    v_peak = sqrt(v^2 + (a/w)^2),    w^2 = K/J
+    v_peak = sqrt(v^2 + (a/w)^2)
 
-which friction only makes smaller. Until a stop acts, a may grow by the factor `_GROWTH`. K is the
-stiffness of joint and gravity with shut valves: the muscle models give it at the measured
-pressures, with the gas compressed polytropically. A valve that is a pressure regulator holds its
-pressure, so that only the muscle's own stiffness counts. The acceleration is measured, so that
-payloads and friction are contained in it.
+which friction only makes smaller; `pam_model.views.shut_spring` gives a/w. Until a stop acts, a may
+grow by the factor `_GROWTH`. The acceleration is measured, so that payloads and friction are
+contained in it.
 
 Close to its position limits a joint may meet an end stop, which is no spring: there only the
 measured speed counts.
@@ -24,11 +22,10 @@ from typing import Final
 
 from pam_driver.boards.protocol import Condition
 from pam_driver.joint_velocity import JointVelocity
-from pam_model.effects import adjusted
 from pam_model.errors import PamError
-from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.sensor_correction import SensorCorrection
-from pam_model.rig import Joint, Muscle, Rig
+from pam_model.robot import Robot, RobotJoint
+from pam_model.views.shut_spring import driven_speed
 
 # The speed must stay above the limit for so long, in one direction: a single outlier of the encoder
 # that is too small to be a fault of its own (`position_jump`) leaves the low pass after 8 ms.
@@ -38,47 +35,13 @@ END_STOP: Final = 0.03  # rad; closer to a limit, the end stop may carry torque
 _GROWTH: Final = 1.25
 _BANDWIDTH: Final = 40.0  # Hz, of the measured acceleration
 _LONGEST_GAP: Final = 0.05  # s between samples; after a longer one the acceleration is unknown
-_STRETCH: Final = 1e-5  # m, of the difference quotient of force and length
-
-
-class _Spring:
-    """One muscle whose valve is shut, as a spring."""
-
-    def __init__(self, rig: Rig, muscle: Muscle) -> None:
-        self._model = effective_force_model(rig, muscle.name)
-        self._dead_volume = max(0.0, adjusted("dead_volume", muscle.dead_volume, muscle.effects))
-        self._ambient = rig.gas.ambient_pressure
-        holds_pressure = muscle.valve.kind != "flow"
-        self._exponent = 0.0 if holds_pressure else rig.gas.polytropic_exponent
-
-    def stiffness(self, pressure: float, length: float) -> float:
-        """Change of the force with the length [N/m].
-
-        Raises
-        ------
-        PamError
-            If the force model is not defined at this length.
-        """
-        pressure, longer = max(pressure, 0.0), length + _STRETCH
-        volume = float(self._model.volume(length)) + self._dead_volume
-        change = float(self._model.volume(longer)) + self._dead_volume - volume
-        after = pressure - self._exponent * (pressure + self._ambient) * change / volume
-        force = float(self._model.force(pressure, length))
-        return (float(self._model.force(max(after, 0.0), longer)) - force) / _STRETCH
 
 
 class _JointOnAir:
     """One joint: the speed to which its air can drive it."""
 
-    def __init__(self, rig: Rig, joint: Joint) -> None:
-        self.joint = joint
-        self.muscles = tuple(rig.muscle_names.index(name) for name in joint.muscles)
-        self._springs = tuple(_Spring(rig, rig.muscle(name)) for name in joint.muscles)
-        self._neutral = tuple(rig.muscle(name).neutral_length for name in joint.muscles)
-        effects = joint.effects
-        self._radius = adjusted("joint.pulley_radius", joint.pulley_radius, effects)
-        self._inertia = adjusted("joint.inertia", joint.inertia, effects)
-        self._gravity = adjusted("joint.gravity_torque", joint.gravity_torque, effects)
+    def __init__(self, robot: Robot, joint: RobotJoint) -> None:
+        self.robot, self.joint = robot, joint
         self._acceleration = JointVelocity(_BANDWIDTH, _LONGEST_GAP)
 
     def accelerates(self, velocity: float, time: float) -> float:
@@ -88,23 +51,19 @@ class _JointOnAir:
             return 0.0
         return self._acceleration.update(velocity, time)
 
-    def driven_speed(self, acceleration: float, pressures: Sequence[float], q: float) -> float:
+    def driven_speed(
+        self, acceleration: float, pressures: Sequence[float], positions: Sequence[float]
+    ) -> float:
         """The speed that the present torque can add [rad/s]; 0 where there is no spring."""
         low, high = self.joint.position_limits
-        if not low + END_STOP < q < high - END_STOP:
+        if not low + END_STOP < positions[self.joint.place] < high - END_STOP:
             return 0.0
-        first, second = (pressures[place] for place in self.muscles)
-        lengths = self._neutral[0] - self._radius * q, self._neutral[1] + self._radius * q
         try:
-            muscles = self._springs[0].stiffness(first, lengths[0])
-            muscles += self._springs[1].stiffness(second, lengths[1])
+            return _GROWTH * driven_speed(
+                self.robot, self.joint, acceleration, pressures, positions
+            )
         except PamError:
             return 0.0
-        gravity = self._gravity * math.cos(q - self.joint.gravity_angle)
-        stiffness = self._radius**2 * muscles + gravity
-        if not stiffness > 0.0:  # also if a measurement is missing
-            return 0.0
-        return _GROWTH * abs(acceleration) * math.sqrt(self._inertia / stiffness)
 
 
 class JointSpeedWatch:
@@ -112,16 +71,16 @@ class JointSpeedWatch:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Gives the limits, and the models of muscles and joints.
     """
 
-    def __init__(self, rig: Rig) -> None:
-        self._correction = SensorCorrection(rig)
-        self._joints = tuple(_JointOnAir(rig, joint) for joint in rig.joints)
-        self._since = [math.inf] * len(rig.joints)
-        self._signs = [0.0] * len(rig.joints)
-        self._texts = [""] * len(rig.joints)
+    def __init__(self, robot: Robot) -> None:
+        self._correction = SensorCorrection(robot)
+        self._joints = tuple(_JointOnAir(robot, joint) for joint in robot.joints)
+        self._since = [math.inf] * len(robot.joints)
+        self._signs = [0.0] * len(robot.joints)
+        self._texts = [""] * len(robot.joints)
 
     def update(
         self,
@@ -150,7 +109,7 @@ class JointSpeedWatch:
         positions = self._correction.positions(positions)
         for index, (joint, velocity) in enumerate(zip(self._joints, velocities, strict=True)):
             acceleration = joint.accelerates(velocity, times[index])
-            driven = joint.driven_speed(acceleration, pressures, positions[index])
+            driven = joint.driven_speed(acceleration, pressures, positions)
             limit = joint.joint.max_velocity
             reduced = min(joint.joint.reduced_velocity, limit) if slow else limit
             if abs(velocity) > reduced:

@@ -13,15 +13,15 @@ from typing import Final
 
 import numpy as np
 
-from pam_model.gas import pressure_rate, valve_flow
-from pam_model.rig import Joint, Muscle, Rig
+from pam_model.robot import Robot, RobotJoint, RobotMuscle
+from pam_model.views.pressure_rate import fastest_sensor_rate, filling_rate
 
 OBSERVER_GAIN: Final = 5.0  # 1/s
 _OF_FILLING: Final = 0.3  # of r/L
 _OF_PRESSURE: Final = 1.0 / 6.0  # of the highest pressure, if that is less
 _LEAST_OF_PRESSURE: Final = 0.05  # of the highest pressure, for slow valves: errors of sensors
 _NOISE: Final = 1.0 / 60.0  # of the highest pressure
-_FASTEST: Final = 2.7  # of r, at the volume at joint position 0
+_FASTEST: Final = 2.7  # of r at the sensor, at the volume at joint position 0
 _NOISE_STEPS: Final = 5.0  # standard deviations of noise that are no step of the pressure
 _STEP_TIME: Final = 0.01  # s, over which a rate is taken
 _JUMP: Final = 10.0 / 3.0  # of the way at the largest speed in that time
@@ -33,54 +33,32 @@ def _given(value: float | None, by_size: float) -> float:
     return by_size if value is None else value
 
 
-def filling_rate(rig: Rig, muscle: Muscle) -> float:
-    """How fast the open valve raises the pressure of an empty muscle at joint position 0 [Pa/s]."""
-    gas, valve = rig.gas, muscle.valve
-    volume = float(rig.force_model(muscle.name).volume(muscle.neutral_length)) + muscle.dead_volume
-    flow = valve_flow(
-        1.0,
-        gas.ambient_pressure,
-        supply_pressure=rig.supply_pressure,
-        ambient_pressure=gas.ambient_pressure,
-        conductance=valve.sonic_conductance,
-        critical_ratio=valve.critical_ratio,
-        temperature=gas.temperature,
-    )
-    rate = pressure_rate(
-        flow,
-        gas.ambient_pressure,
-        volume,
-        temperature=gas.temperature,
-        exponent=gas.polytropic_exponent,
-    )
-    return float(rate)
-
-
-def pressure_residual(rig: Rig, muscle: Muscle) -> float:
+def pressure_residual(robot: Robot, muscle: RobotMuscle) -> float:
     """Deviation of a pressure from what valve and gas should give that is a fault [Pa]."""
-    filling = _OF_FILLING * filling_rate(rig, muscle) / OBSERVER_GAIN
+    filling = _OF_FILLING * filling_rate(robot, muscle) / OBSERVER_GAIN
     share = float(np.clip(filling / muscle.max_pressure, _LEAST_OF_PRESSURE, _OF_PRESSURE))
-    return _given(rig.plausibility.pressure_residual, share * muscle.max_pressure)
+    return _given(robot.plausibility.pressure_residual, share * muscle.max_pressure)
 
 
-def pressure_noise(rig: Rig, muscle: Muscle) -> float:
+def pressure_noise(robot: Robot, muscle: RobotMuscle) -> float:
     """Noise of a pressure sensor that is a fault [Pa]."""
-    return _given(rig.plausibility.pressure_noise, _NOISE * muscle.max_pressure)
+    return _given(robot.plausibility.pressure_noise, _NOISE * muscle.max_pressure)
 
 
-def pressure_rate_limit(rig: Rig, muscle: Muscle) -> float:
+def pressure_rate_limit(robot: Robot, muscle: RobotMuscle) -> float:
     """Rate of a pressure, over 10 ms, that no valve gives [Pa/s]."""
     noise = _NOISE_STEPS * _NOISE * muscle.max_pressure / _STEP_TIME
-    return _given(rig.plausibility.pressure_rate, max(_FASTEST * filling_rate(rig, muscle), noise))
+    rate = max(_FASTEST * fastest_sensor_rate(robot, muscle), noise)
+    return _given(robot.plausibility.pressure_rate, rate)
 
 
-def position_jump(rig: Rig, joint: Joint) -> float:
+def position_jump(robot: Robot, joint: RobotJoint) -> float:
     """Change of an angle within 10 ms that no joint makes [rad]."""
-    return _given(rig.plausibility.position_jump, _JUMP * joint.max_velocity * _STEP_TIME)
+    return _given(robot.plausibility.position_jump, _JUMP * joint.max_velocity * _STEP_TIME)
 
 
-def position_noise(rig: Rig, joint: Joint) -> float:
+def position_noise(robot: Robot, joint: RobotJoint) -> float:
     """Noise of an encoder that is a fault [rad]."""
     low, high = joint.position_limits
     by_size = min(_POSITION_NOISE * (high - low), _MOST_POSITION_NOISE)
-    return _given(rig.plausibility.position_noise, by_size)
+    return _given(robot.plausibility.position_noise, by_size)

@@ -31,12 +31,12 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from pam_model.effects import adjusted
 from pam_model.errors import PamError
-from pam_model.gas import pressure_rate, valve_flow
-from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.sensor_correction import SensorCorrection
-from pam_model.rig import Joint, Muscle, Rig
+from pam_model.robot import Robot, RobotJoint
+from pam_model.views.exhaust_torque import exhaust_pressure_rate, exhaust_torque_rate
+from pam_model.views.gravity import gravity_torque, largest_gravity_torque
+from pam_model.views.torque_balance import inertia_torque, muscle_torque
 
 MOST_OPEN: Final = 0.5  # of full opening; leaves room to be wrong about the other exhaust
 _VELOCITY_RATE: Final = 20.0  # 1/s, Kp over the inertia at most
@@ -49,77 +49,19 @@ _AT_REST: Final = 0.3  # rad/s; the initial sum counts fully at rest and not at 
 # The wanted speed falls to zero where gravity's torque is below this share of its largest value.
 _REST_SHARE: Final = 0.1
 _LONGEST_STEP: Final = 0.02  # s; after a pause of the host, the set points do not jump
-_PRESSURE_STEP: Final = 1e3  # Pa, of the difference quotient of force and pressure
 _LOWEST_RATE: Final = 1e-6  # N m/s, of a muscle that is empty already
-
-
-class _Exhaust:
-    """One muscle: the torque that it gives, and how fast its exhaust takes it away."""
-
-    def __init__(self, rig: Rig, muscle: Muscle, lever: float) -> None:
-        self._rig, self._muscle, self._lever = rig, muscle, lever
-        self._model = effective_force_model(rig, muscle.name)
-        self._ratio = adjusted("valve.exhaust_ratio", None, muscle.effects)
-        self._dead_volume = max(0.0, adjusted("dead_volume", muscle.dead_volume, muscle.effects))
-
-    def length(self, position: float) -> float:
-        return self._muscle.neutral_length + self._lever * position
-
-    def torque(self, pressure: float, position: float) -> float:
-        """Magnitude [N m]."""
-        force = self._model.force(max(pressure, 0.0), self.length(position))
-        return abs(self._lever) * float(force)
-
-    def pressure_rate(self, pressure: float, position: float) -> float:
-        """How fast the pressure falls with the exhaust fully open [Pa/s], at least 0."""
-        gas, valve = self._rig.gas, self._muscle.valve
-        inside = max(pressure, 0.0) + gas.ambient_pressure
-        flow = valve_flow(
-            -1.0,
-            inside,
-            supply_pressure=self._rig.supply_pressure,
-            ambient_pressure=gas.ambient_pressure,
-            conductance=valve.sonic_conductance * self._ratio,
-            critical_ratio=valve.critical_ratio,
-            temperature=gas.temperature,
-        )
-        volume = float(self._model.volume(self.length(position))) + self._dead_volume
-        rate = pressure_rate(
-            flow,
-            inside,
-            volume,
-            temperature=gas.temperature,
-            exponent=gas.polytropic_exponent,
-        )
-        return max(-float(rate), 0.0)
-
-    def torque_rate(self, pressure: float, position: float) -> float:
-        """How fast its torque falls with the exhaust fully open [N m/s], at least 0."""
-        more = self.torque(pressure + _PRESSURE_STEP, position)
-        slope = (more - self.torque(pressure, position)) / _PRESSURE_STEP
-        return max(slope, 0.0) * self.pressure_rate(pressure, position)
 
 
 class _JointLowering:
     """The law of one joint."""
 
-    def __init__(self, rig: Rig, joint: Joint, speed: float) -> None:
-        effects = joint.effects
-        radius = adjusted("joint.pulley_radius", joint.pulley_radius, effects)
-        self.places = tuple(rig.muscle_names.index(name) for name in joint.muscles)
-        self.exhausts = tuple(
-            _Exhaust(rig, rig.muscle(name), lever)
-            for name, lever in zip(joint.muscles, (-radius, radius), strict=True)
-        )
-        self._gravity = adjusted("joint.gravity_torque", joint.gravity_torque, effects)
-        self._gravity_angle = joint.gravity_angle
-        slowest = max(
-            adjusted("valve.time_constant", muscle.valve.time_constant, muscle.effects)
-            for muscle in map(rig.muscle, joint.muscles)
-        )
+    def __init__(self, robot: Robot, joint: RobotJoint, speed: float) -> None:
+        self.places = joint.muscles
+        self._robot, self._joint = robot, joint
+        slowest = max(robot.muscles[place].valve.time_constant for place in joint.muscles)
         self._torque_rate = min(_TORQUE_RATE, _TORQUE_LAG / slowest)
-        inertia = adjusted("joint.inertia", joint.inertia, effects)
-        self._gain = min(_VELOCITY_RATE, _VELOCITY_LAG / slowest) * inertia
+        self._gain = inertia_torque(joint, min(_VELOCITY_RATE, _VELOCITY_LAG / slowest))
+        self._most_load = largest_gravity_torque(joint)
         self._speed = speed
         self._integral = math.nan
 
@@ -128,7 +70,11 @@ class _JointLowering:
         self._integral = math.nan
 
     def openings(
-        self, pressures: tuple[float, float], position: float, velocity: float, period: float
+        self,
+        pressures: Sequence[float],
+        positions: Sequence[float],
+        velocity: float,
+        period: float,
     ) -> tuple[float, float]:
         """Openings of the exhausts of agonist and antagonist, 0 to 1.
 
@@ -137,12 +83,11 @@ class _JointLowering:
         PamError
             If a force model is not defined at this position.
         """
-        first, second = self.exhausts
-        load = -self._gravity * math.sin(position - self._gravity_angle)
-        pull = first.torque(pressures[0], position) - second.torque(pressures[1], position)
-        total = pull + load
+        robot, joint = self._robot, self._joint
+        load = gravity_torque(joint, positions[joint.place])
+        total = muscle_torque(robot, joint, pressures, positions) + load
         down = math.copysign(1.0, load)
-        share = min(abs(load) / max(_REST_SHARE * abs(self._gravity), 1e-9), 1.0)
+        share = min(abs(load) / max(_REST_SHARE * self._most_load, 1e-9), 1.0)
         if math.isnan(self._integral):
             self._integral = total * max(0.0, 1.0 - abs(velocity) / _AT_REST)
         miss = down * share * self._speed - velocity
@@ -153,8 +98,9 @@ class _JointLowering:
             self._integral += _INTEGRAL_RATE * self._gain * miss * period
         wanted = down * min(down * wanted, most)
         rate = self._torque_rate * (wanted - total)
-        falls = first.torque_rate(pressures[0], position)
-        rises = second.torque_rate(pressures[1], position)
+        falls, rises = (
+            exhaust_torque_rate(robot, arm, pressures[arm.muscle], positions) for arm in joint.arms
+        )
         return _share(rate, falls, rises)
 
 
@@ -178,18 +124,19 @@ class Lowering:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Its models say which exhaust moves a joint in which direction.
     speed : float
         Speed with which a loaded joint sinks [rad/s].
     """
 
-    def __init__(self, rig: Rig, speed: float) -> None:
-        self._joints = tuple(_JointLowering(rig, joint, speed) for joint in rig.joints)
-        self._correction = SensorCorrection(rig)
+    def __init__(self, robot: Robot, speed: float) -> None:
+        self._robot = robot
+        self._joints = tuple(_JointLowering(robot, joint, speed) for joint in robot.joints)
+        self._correction = SensorCorrection(robot)
         self._scales = tuple(
             (muscle.valve.full_scale or 1.0) if muscle.valve.kind != "flow" else None
-            for muscle in rig.muscles
+            for muscle in robot.muscles
         )
         self._setpoints: list[float] = []
         self._time = 0.0
@@ -232,27 +179,28 @@ class Lowering:
         true_pressures = self._correction.pressures(pressures)
         true_positions = self._correction.positions(positions)
         found = [-1.0 if scale is None else 0.0 for scale in self._scales]
-        for joint, position, velocity in zip(self._joints, true_positions, velocities, strict=True):
-            first, second = joint.places
-            pair = (
-                self._acting(first, true_pressures[first]),
-                self._acting(second, true_pressures[second]),
-            )
-            if not math.isfinite(sum(pair) + position + velocity):
+        acting = [self._acting(place, measured) for place, measured in enumerate(true_pressures)]
+        for place, (joint, velocity) in enumerate(zip(self._joints, velocities, strict=True)):
+            known = [acting[muscle] for muscle in joint.places]
+            if not math.isfinite(sum(known) + true_positions[place] + velocity):
                 continue
             try:
-                openings = joint.openings(pair, position, velocity, period)
+                openings = joint.openings(acting, true_positions, velocity, period)
             except PamError:  # the force model is not defined at this length
                 continue
-            for place, exhaust, opening, pressure in zip(
-                joint.places, joint.exhausts, openings, pair, strict=True
-            ):
-                scale = self._scales[place]
+            for muscle, opening in zip(joint.places, openings, strict=True):
+                scale = self._scales[muscle]
                 if scale is None:
-                    found[place] = -opening
+                    found[muscle] = -opening
                 else:
-                    fall = opening * exhaust.pressure_rate(pressure, position) * period
-                    found[place] = max(self._setpoints[place] - fall / scale, 0.0)
+                    fall = (
+                        opening
+                        * period
+                        * exhaust_pressure_rate(
+                            self._robot, self._robot.muscles[muscle], acting[muscle], true_positions
+                        )
+                    )
+                    found[muscle] = max(self._setpoints[muscle] - fall / scale, 0.0)
         self._setpoints = found
         return tuple(found)
 

@@ -29,21 +29,21 @@ Diagnosis in Dynamic Systems, 1989.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from pam_driver.safety.limits_by_size import OBSERVER_GAIN, pressure_residual
-from pam_driver.safety.tube_gas import LOWEST, TubeGas
-from pam_model.effects import adjusted, switched_on
-from pam_model.effects.slots import DryFriction, JointTorque, Leak, Opening
 from pam_model.errors import PamError
-from pam_model.gas import pressure_rate, reference_density, valve_flow
-from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.sensor_correction import SensorCorrection
-from pam_model.rig import Joint, Muscle, Rig
+from pam_model.robot import Robot, RobotJoint, RobotMuscle
+from pam_model.views.expected_pressure import ExpectedPressure
+from pam_model.views.torque_balance import (
+    dry_friction_at_rest,
+    inertia_torque,
+    muscle_torque,
+    torque_scale,
+    unbalanced_torque,
+)
 
 TORQUE_MEMORY: Final = 0.15  # s
 PAIR_SHARE: Final = 0.5  # of the limit of one muscle, for both muscles in opposite directions
@@ -51,7 +51,6 @@ LONGEST_GAP: Final = 0.05  # s; at the largest flow the model's error of a few p
 # The torques are balanced with measurements that are not older than this [s].
 _FRESH: Final = 0.02
 _END_STOP: Final = 0.03  # rad; closer to a limit, the end stop may carry torque
-_VOLUME_POINTS: Final = 16
 _TORQUE_EVERY: Final = 5  # updates of the gas per update of the torques
 
 
@@ -76,175 +75,77 @@ class Deviation(NamedTuple):
     text: str
 
 
-def _radius(joint: Joint) -> float:
-    return adjusted("joint.pulley_radius", joint.pulley_radius, joint.effects)
-
-
 class _MuscleObserver:
     """Observer of the gas in one muscle."""
 
-    def __init__(self, rig: Rig, muscle: Muscle, period: float) -> None:
+    def __init__(self, robot: Robot, muscle: RobotMuscle, period: float) -> None:
         self.muscle = muscle
         self.residual = 0.0
-        self.limit = pressure_residual(rig, muscle)
-        joint = rig.joint_of(muscle.name)
-        self.joint = None if joint is None else rig.joints.index(joint)
-        sign = 0.0 if joint is None else -1.0 if joint.agonist == muscle.name else 1.0
-        self._lever = 0.0 if joint is None else sign * _radius(joint)
-        self._limits = (0.0, 0.0) if joint is None else joint.position_limits
-        model = rig.force_model(muscle.name)
-        spread = np.linspace(*self._limits, _VOLUME_POINTS) if joint else np.zeros(1)
-        lengths = muscle.neutral_length + self._lever * spread
-        volumes = [float(model.volume(float(length))) for length in lengths]
-        # A cubic polynomial is exact for a cylindrical braid and accurate enough for other models.
-        # It is fitted in the stroke: powers of the length alone are nearly dependent.
-        fit = np.polyfit(self._lever * spread, volumes, 3 if joint else 0)
-        self._volume = tuple(float(c) for c in np.concatenate([np.zeros(4 - len(fit)), fit]))
-        valve, effects = muscle.valve, muscle.effects
-        self._dead_volume = max(0.0, adjusted("dead_volume", muscle.dead_volume, effects))
-        self._openings = [(slot.law, values) for _, slot, values in switched_on(Opening, effects)]
-        self._leaks = [(slot.law, values) for _, slot, values in switched_on(Leak, effects)]
-        self._exhaust_ratio = adjusted("valve.exhaust_ratio", None, effects)
-        self._density = reference_density(rig.gas.temperature)
-        time_constant = adjusted("valve.time_constant", valve.time_constant, effects)
-        self._is_flow = valve.kind == "flow"
-        self._ambient = rig.gas.ambient_pressure
-        self._supply = rig.supply_pressure
-        self._exponent, self._temperature = rig.gas.polytropic_exponent, rig.gas.temperature
-        self._keep = math.exp(-period / time_constant)
-        self._period = period
-        self._command = -1.0 if self._is_flow else 0.0
-        delay = round(adjusted("valve.command_delay", None, effects) / period)
-        # the oldest entry is the command that acts now
-        self._commands = deque([self._command], maxlen=delay + 1)
-        conductance = adjusted("tube.conductance", None, effects)
-        tube = (conductance, adjusted("tube.volume", None, effects), valve, rig.gas, period)
-        self._tube = TubeGas(*tube) if conductance > 0.0 else None
-        self._pressure = math.nan
-        self._gap = 0.0
+        self.limit = pressure_residual(robot, muscle)
         self.restarts = 0
+        self._gas = ExpectedPressure(robot, muscle, period)
+        self._state = self._gas.init()
+        self._ambient = robot.gas.ambient_pressure
+        self._period = period
+        self._gap = 0.0
 
     def restart(self) -> None:
         """Forget the pressure; the next measurement is the first."""
-        self.restarts += not math.isnan(self._pressure)
-        self._pressure = math.nan
+        self.restarts += not math.isnan(self._state.at_sensor)
+        self._state = self._state.known(math.nan)
         self.residual = 0.0
 
     def update(
-        self, command: float, pressure: float, position: float, velocity: float, supply: float
+        self,
+        command: float,
+        pressure: float,
+        positions: Sequence[float],
+        velocities: Sequence[float],
+        supply: float,
     ) -> None:
-        self._commands.append(command)
-        command = self._commands[0]
+        state, acting = self._gas.delayed(self._state, command)
+        self._state = state
         measured = pressure + self._ambient
         known = math.isfinite(measured)
         if not known and self._gap + self._period > LONGEST_GAP + 1e-9:
             self.restart()
-        if not self._pressure > 0.0:
+            state = self._state
+        if not state.at_sensor > 0.0:
             if not known:
                 return
-            self._pressure = max(measured, 1.0)
-            if self._tube is not None:
-                self._tube.inside = self._pressure
+            state = state.known(max(measured, 1.0))
             self._gap = 0.0
-        low, high = self._limits
-        length_rate = self._lever * velocity if low < position < high else 0.0
-        stroke = self._lever * min(max(position, low), high)
-        a, b, c, d = self._volume
-        volume = ((a * stroke + b) * stroke + c) * stroke + d + self._dead_volume
-        volume_rate = ((3.0 * a * stroke + 2.0 * b) * stroke + c) * length_rate
-        self._command = command + self._keep * (self._command - command)
-        supply = self._supply if math.isnan(supply) else supply
-        inside = self._pressure
-        if self._tube is None:
-            rate = pressure_rate(
-                self._entering(inside, supply) - self._leaving(inside),
-                inside,
-                volume,
-                volume_rate,
-                temperature=self._temperature,
-                exponent=self._exponent,
-            )
-            inside_next = inside + self._period * float(rate)
-        else:
-            inside_next = self._tube.advance(
-                inside, lambda at: self._entering(at, supply), self._leaving, volume, volume_rate
-            )
+        before = state.at_sensor
+        state = self._gas.step(state, acting, positions, velocities, supply)
         self._gap += self._period
+        correction = 0.0
         if known:
-            self.residual = measured - inside
+            self.residual = measured - before
             correction = self._gap * OBSERVER_GAIN * self.residual
-            inside_next += correction
-            if self._tube is not None:
-                self._tube.inside = max(self._tube.inside + correction, LOWEST)
             self._gap = 0.0
-        self._pressure = max(inside_next, LOWEST)
+        self._state = state.corrected(correction)
 
     @property
     def behind_tube(self) -> bool:
         """Whether the rig file names a tube."""
-        return self._tube is not None
+        return self._gas.behind_tube
 
     @property
     def inside(self) -> float:
         """Pressure in the muscle behind its tube [Pa gauge]; NaN before the first measurement."""
-        return math.nan if self._tube is None else self._tube.inside - self._ambient
-
-    def _entering(self, pressure: float, supply: float) -> float:
-        """Flow of the valve [kg/s] at a pressure behind it [Pa absolute]."""
-        valve = self.muscle.valve
-        if self._is_flow:
-            opening = min(max(self._command, -1.0), 1.0)
-            for law, values in self._openings:
-                opening = law(opening, *values)
-        else:
-            target = self._command * (valve.full_scale or 0.0) + self._ambient
-            # a regulator opens fully until the pressure is close to its set point
-            opening = min(max((target - pressure) / 2e4, -1.0), 1.0)
-        if opening < 0.0:
-            opening *= self._exhaust_ratio
-        return float(
-            valve_flow(
-                opening,
-                pressure,
-                supply_pressure=supply,
-                ambient_pressure=self._ambient,
-                conductance=valve.sonic_conductance,
-                critical_ratio=valve.critical_ratio,
-                temperature=self._temperature,
-            )
-        )
-
-    def _leaving(self, pressure: float) -> float:
-        """Flow of the leaks [kg/s] at a pressure [Pa absolute]."""
-        critical = self.muscle.valve.critical_ratio
-        return self._density * sum(
-            law(pressure, self._ambient, critical, *values) for law, values in self._leaks
-        )
+        return self._state.inside - self._ambient
 
 
 class _JointBalance:
     """Torque balance of one joint."""
 
-    def __init__(self, rig: Rig, joint: Joint) -> None:
-        self.joint = joint
+    def __init__(self, robot: Robot, joint: RobotJoint) -> None:
+        self.robot, self.joint = robot, joint
         self.imbalance = 0.0
-        self.muscles = tuple(rig.muscle_names.index(name) for name in joint.muscles)
-        effects = joint.effects
-        self._radius = _radius(joint)
-        self._inertia = adjusted("joint.inertia", joint.inertia, effects)
-        self._damping = adjusted("joint.viscous_friction", joint.viscous_friction, effects)
-        self._gravity = adjusted("joint.gravity_torque", joint.gravity_torque, effects)
-        self._torques = [
-            (slot.law, values) for _, slot, values in switched_on(JointTorque, effects)
-        ]
+        self.muscles = joint.muscles
         # its direction at rest is unknown: an imbalance up to this torque is not a deviation
-        self._dry_friction = sum(
-            slot.law(0.0, *values) for _, slot, values in switched_on(DryFriction, effects)
-        )
-        self._models = tuple(effective_force_model(rig, name) for name in joint.muscles)
-        self._neutral = tuple(rig.muscle(name).neutral_length for name in joint.muscles)
-        highest = rig.muscle(joint.agonist).max_pressure
-        self.scale = self._radius * float(self._models[0].force(highest, self._neutral[0]))
+        self._dry_friction = dry_friction_at_rest(joint)
+        self.scale = torque_scale(robot, joint)
         self._velocity = math.nan
         self._settled = 0.0
 
@@ -254,37 +155,32 @@ class _JointBalance:
         self._velocity = math.nan
 
     def update(
-        self, pressures: Sequence[float], position: float, velocity: float, elapsed: float
+        self,
+        pressures: Sequence[float],
+        positions: Sequence[float],
+        velocity: float,
+        elapsed: float,
     ) -> None:
         joint = self.joint
         weight = 1.0 - math.exp(-elapsed / TORQUE_MEMORY)
         low, high = joint.position_limits
-        first, second = (max(pressures[index], 0.0) for index in self.muscles)
-        if not low + _END_STOP < position < high - _END_STOP or math.isnan(first + second):
+        known = sum(pressures[place] for place in self.muscles)
+        if not low + _END_STOP < positions[joint.place] < high - _END_STOP or math.isnan(known):
             self.restart()
             return
         if self._velocity != self._velocity:
             self._velocity = velocity
-        radius = self._radius
         try:
-            torque = radius * float(
-                self._models[0].force(first, self._neutral[0] - radius * position)
-            ) - radius * float(self._models[1].force(second, self._neutral[1] + radius * position))
+            muscles = muscle_torque(self.robot, joint, pressures, positions)
         except PamError:  # the force model is not defined at this length
             self.imbalance = 0.0
             return
+        rest = unbalanced_torque(joint, muscles, positions[joint.place], velocity)
         # the low pass of the acceleration, without differentiating
         acceleration = (velocity - self._velocity) / TORQUE_MEMORY
         self._velocity += weight * (velocity - self._velocity)
-        rest = (
-            torque
-            - self._damping * velocity
-            - self._gravity * math.sin(position - joint.gravity_angle)
-        )
-        for law, values in self._torques:
-            rest += law(position, velocity, *values)
         self._settled += weight * (rest - self._settled)
-        imbalance = self._settled - self._inertia * acceleration
+        imbalance = self._settled - inertia_torque(joint, acceleration)
         beyond = max(abs(imbalance) - self._dry_friction, 0.0)
         self.imbalance = math.copysign(beyond, imbalance)
 
@@ -294,7 +190,7 @@ class PressurePlausibility:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Its `plausibility` holds the limits.
     period : float
         Time between updates [s].
@@ -305,16 +201,17 @@ class PressurePlausibility:
         Time between updates [s].
     """
 
-    def __init__(self, rig: Rig, period: float) -> None:
+    def __init__(self, robot: Robot, period: float) -> None:
         self.period = period
-        self._limits = rig.plausibility
-        self._correction = SensorCorrection(rig)
-        self._muscles = tuple(_MuscleObserver(rig, muscle, period) for muscle in rig.muscles)
-        self._joints = tuple(_JointBalance(rig, joint) for joint in rig.joints)
-        self._pressures = [math.nan] * len(rig.muscles)
-        self._ages = [math.inf] * len(rig.muscles)
-        self._poses = [(0.0, 0.0)] * len(rig.joints)
-        self._counts = [0] * len(rig.joints)
+        self._limits = robot.plausibility
+        self._correction = SensorCorrection(robot)
+        self._muscles = tuple(_MuscleObserver(robot, muscle, period) for muscle in robot.muscles)
+        self._joints = tuple(_JointBalance(robot, joint) for joint in robot.joints)
+        self._pressures = [math.nan] * len(robot.muscles)
+        self._ages = [math.inf] * len(robot.muscles)
+        self._positions = [0.0] * len(robot.joints)
+        self._velocities = [0.0] * len(robot.joints)
+        self._counts = [0] * len(robot.joints)
 
     @property
     def restarts(self) -> int:
@@ -352,15 +249,18 @@ class PressurePlausibility:
         positions = self._correction.positions(positions)
         for place, pose in enumerate(zip(positions, velocities, strict=True)):
             if not math.isnan(sum(pose)):
-                self._poses[place] = pose
+                self._positions[place], self._velocities[place] = pose
         for index, muscle in enumerate(self._muscles):
             if math.isfinite(pressures[index]):
                 self._pressures[index], self._ages[index] = pressures[index], 0.0
             else:
                 self._ages[index] += self.period
-            position, velocity = (0.0, 0.0) if muscle.joint is None else self._poses[muscle.joint]
             muscle.update(
-                commands[index], pressures[index], position, velocity, supply_pressures[index]
+                commands[index],
+                pressures[index],
+                self._positions,
+                self._velocities,
+                supply_pressures[index],
             )
             if muscle.behind_tube:  # the sensor does not show what pulls
                 self._pressures[index] = muscle.inside
@@ -372,7 +272,7 @@ class PressurePlausibility:
                 joint.restart()
                 self._counts[place] = 0
             elif self._counts[place] >= _TORQUE_EVERY and age <= _FRESH:
-                joint.update(self._pressures, positions[place], velocities[place], elapsed)
+                joint.update(self._pressures, positions, velocities[place], elapsed)
                 self._counts[place] = 0
 
     def deviations(self) -> Iterator[Deviation]:

@@ -9,7 +9,7 @@ from typing import Final
 from pam_driver.boards.protocol import NEVER, Sample
 from pam_driver.safety import limits_by_size as by_size
 from pam_driver.safety.pressure_plausibility import Deviation
-from pam_model.rig import Rig
+from pam_model.robot import Robot
 
 # A step is remembered for so long, so that a single outlier is not forgotten before it is read [s].
 _STEP_MEMORY: Final = 0.5
@@ -73,23 +73,23 @@ class SensorChecks:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Its `plausibility` holds the limits.
     """
 
-    def __init__(self, rig: Rig) -> None:
-        self._limits = rig.plausibility
-        self._rig = rig
+    def __init__(self, robot: Robot) -> None:
+        self._limits = robot.plausibility
+        self._robot = robot
         self._pressures = tuple(
             _Signal(
-                by_size.pressure_rate_limit(rig, one) * _SHORTEST_GAP,
-                by_size.pressure_noise(rig, one),
+                by_size.pressure_rate_limit(robot, one) * _SHORTEST_GAP,
+                by_size.pressure_noise(robot, one),
             )
-            for one in rig.muscles
+            for one in robot.muscles
         )
         self._positions = tuple(
-            _Signal(by_size.position_jump(rig, one), by_size.position_noise(rig, one))
-            for one in rig.joints
+            _Signal(by_size.position_jump(robot, one), by_size.position_noise(robot, one))
+            for one in robot.joints
         )
 
     def update(
@@ -112,7 +112,7 @@ class SensorChecks:
         """
         share = self._limits.warning_share
         for muscle, signal, sample in zip(
-            self._rig.muscles, self._pressures, pressures, strict=True
+            self._robot.muscles, self._pressures, pressures, strict=True
         ):
             signal.update(sample, now)
             size = signal.step(now)
@@ -126,7 +126,9 @@ class SensorChecks:
             if size > share:
                 text = f"{sample.value:.0f} Pa gauge is impossible"
                 yield Deviation("sensor_range", muscle.name, size, text)
-        for joint, signal, sample in zip(self._rig.joints, self._positions, positions, strict=True):
+        for joint, signal, sample in zip(
+            self._robot.joints, self._positions, positions, strict=True
+        ):
             signal.update(sample, now)
             size = signal.step(now)
             if size > share:
@@ -142,15 +144,15 @@ class SensorChecks:
         known = [pressure for pressure in supply_pressures if not math.isnan(pressure)]
         if not known:
             return
-        gauge = min(known) - self._rig.gas.ambient_pressure
-        lost = 1.0 - gauge / self._rig.supply_gauge_pressure
+        gauge = min(known) - self._robot.gas.ambient_pressure
+        lost = 1.0 - gauge / self._robot.supply_gauge_pressure
         allowed = 1.0 - self._limits.supply_share
         size = lost / allowed if allowed > 0.0 else math.inf * lost if lost > 0.0 else 0.0
         if size > self._limits.warning_share:
             text = f"supply is at {min(known):.0f} Pa absolute"
             yield Deviation("supply_low", "supply", size, text)
-        highest = max(known) - self._rig.gas.ambient_pressure
-        excess = highest / self._rig.supply_gauge_pressure - 1.0
+        highest = max(known) - self._robot.gas.ambient_pressure
+        excess = highest / self._robot.supply_gauge_pressure - 1.0
         size = excess / (self._limits.supply_high_share - 1.0)
         if size > self._limits.warning_share:
             text = f"supply is at {max(known):.0f} Pa absolute"

@@ -11,23 +11,17 @@ crossed hoses, dead valves, wrong sensors and blocked exhausts apart:
 - nothing happens: the valve does not open, the hose is off or closed, or the sensor is dead;
 - the pressure does not fall again: the exhaust is blocked or the valve is stuck open.
 
-The pulse is as large as the joint bears without moving much. Gravity holds a joint back: the
-pressure whose torque gravity balances at `ALLOWED_ANGLE` from rest is
-
-    p = gravity_torque sin(ALLOWED_ANGLE) / g,   g = r max over q of F(p, L(q)) / p
-
-by the rig's force model. A joint without gravity is only held back by its inertia J: a torque that
-grows with t^2 for the time T of a pulse and falls as fast turns it by about g p T^2 / (4 J). The
-larger of both pressures is used, within `SMALLEST` and `LARGEST`. A joint that turns by more than
-`ABORT_ANGLE` ends the check.
+The pulse is as large as the joint bears without moving much, held back by gravity and inertia
+(`pam_model.views.harmless_pressure`), within `SMALLEST` and `LARGEST`. A joint that turns by more
+than `ABORT_ANGLE` ends the check.
 
 A joint that turns further than that at `SMALLEST` is free, as a horizontal one is. Its pulse ends
 as soon as it has turned by `ALLOWED_ANGLE` and a sensor shows `LEAST_SEEN`; coasting on is no
 finding.
 
-A flow valve is opened by a ramp, so slow that a muscle of the rig file's volume reaches the
-pressure in `RISE`; a valve with an overlap of `OVERLAP` starts later and is found healthy. A
-pressure regulator is given the pressure as set point.
+A flow valve is opened by a ramp, so slow that a muscle reaches the pressure in `RISE`, or later if
+the supply sags; a valve with an overlap of `OVERLAP` starts later and is found healthy. A pressure
+regulator is given the pressure as set point.
 """
 
 from __future__ import annotations
@@ -38,12 +32,12 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-import numpy as np
-
 from pam_driver.boards.protocol import Condition
-from pam_model.gas import pressure_rate, valve_flow
-from pam_model.joints.effective_force_model import effective_force_model
-from pam_model.rig import Joint, Muscle, Rig
+from pam_model.robot import Robot, RobotMuscle
+from pam_model.views.harmless_pressure import harmless_pressure
+from pam_model.views.pressure_rate import filling_rate
+from pam_model.views.time_to_empty import emptying_time_constant
+from pam_model.views.time_to_fill import delay_of_supply
 
 ALLOWED_ANGLE: Final = 0.03
 """The joint should turn by no more than this during a pulse [rad]."""
@@ -71,7 +65,6 @@ _STILL: Final = 0.25  # s, without motion before the next pulse
 _STILL_TURN: Final = 0.002  # rad in that time
 _STILL_SHARE: Final = 0.2  # of a pulse in that time, for the pressures
 _LONGEST_SETTLING: Final = 10.0  # s
-_PLACES: Final = 9  # joint positions, to find the largest torque
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +102,7 @@ class StartUpCheck:
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Gives muscles, valves and joints.
     vents : sequence of float
         By muscle the fraction of full scale at which its valve vents.
@@ -122,11 +115,10 @@ class StartUpCheck:
         What was found, one line each; empty if everything is healthy so far.
     """
 
-    def __init__(self, rig: Rig, vents: Sequence[float]) -> None:
-        self.pulses = tuple(pulse_of(rig, muscle) for muscle in rig.muscles)
-        self._rig = rig
+    def __init__(self, robot: Robot, vents: Sequence[float]) -> None:
+        self.pulses = tuple(pulse_of(robot, muscle) for muscle in robot.muscles)
+        self._robot = robot
         self._vents = tuple(vents)
-        self._joint_of = tuple(_place_and_sign(rig, muscle) for muscle in rig.muscles)
         self.start(0.0)
 
     @property
@@ -174,7 +166,7 @@ class StartUpCheck:
         return tuple(fractions)
 
     def _fraction(self, now: float) -> float:
-        muscle, pulse = self._rig.muscles[self._muscle], self.pulses[self._muscle]
+        muscle, pulse = self._robot.muscles[self._muscle], self.pulses[self._muscle]
         if pulse.ramp:
             return min(1.0, pulse.ramp * (now - self._since))
         return pulse.pressure / (muscle.valve.full_scale or math.inf)
@@ -190,7 +182,8 @@ class StartUpCheck:
         if not full and now - self._still_since >= _STILL:
             self._phase, self._since = _Phase.FILL, now
             self._rest, self._start = tuple(pressures), tuple(positions)
-            self._highest, self._turn = list(pressures), 0.0
+            self._highest = list(pressures)
+            self._turn = self._sign = 0.0
         elif now - self._since > _LONGEST_SETTLING:
             for index in full:
                 self._find(
@@ -199,7 +192,7 @@ class StartUpCheck:
                     f"stuck open, its exhaust is blocked, or its {_sensor(self, index)} is wrong",
                 )
             if not full:
-                name = self._rig.joints[0].name if len(self._rig.joints) == 1 else "a joint"
+                name = self._robot.joints[0].name if len(self._robot.joints) == 1 else "a joint"
                 self._find(self._muscle, f"not tested: {name} does not come to rest")
             self._phase = _Phase.DONE
 
@@ -207,14 +200,14 @@ class StartUpCheck:
         pulse = self.pulses[self._muscle]
         self._highest = [max(pair) for pair in zip(self._highest, pressures, strict=True)]
         moves = [here - there for here, there in zip(positions, self._start, strict=True)]
-        joint, sign = self._joint_of[self._muscle]
-        if joint is not None and abs(moves[joint]) > abs(self._turn):
-            self._turn = moves[joint]
+        for arm in self._robot.muscles[self._muscle].arms:
+            if abs(moves[arm.joint]) > abs(self._turn):
+                self._turn, self._sign = moves[arm.joint], math.copysign(1.0, arm.length)
         risen = [high - rest for high, rest in zip(self._highest, self._rest, strict=True)]
         turned = max((abs(move) for move in moves), default=0.0)
         cut_short = pulse.free and turned > ALLOWED_ANGLE and max(risen) >= LEAST_SEEN
         if turned > ABORT_ANGLE and not cut_short:
-            self._conclude(risen, sign, aborted=True)
+            self._conclude(risen, aborted=True)
             self._phase = _Phase.DONE
         elif self._phase is _Phase.FILL:
             if max(risen) >= pulse.pressure or now - self._since > pulse.rise or cut_short:
@@ -224,11 +217,11 @@ class StartUpCheck:
             and max(here - rest for here, rest in zip(pressures, self._rest, strict=True))
             < _EMPTY * pulse.pressure
         ):
-            self._conclude(risen, sign)
+            self._conclude(risen)
             self._next(now)
         elif now - self._since > pulse.fall:
             before = len(self.findings)
-            self._conclude(risen, sign)
+            self._conclude(risen)
             if len(self.findings) == before:
                 self._find(
                     self._muscle,
@@ -244,16 +237,16 @@ class StartUpCheck:
         self._still_positions = ()
         self._phase = _Phase.DONE if self._muscle == len(self.pulses) else _Phase.SETTLE
 
-    def _conclude(self, risen: Sequence[float], sign: float, *, aborted: bool = False) -> None:
+    def _conclude(self, risen: Sequence[float], *, aborted: bool = False) -> None:
         """What the pulse of the present muscle has shown."""
         muscle, pulse = self._muscle, self.pulses[self._muscle]
-        names, turn = self._rig.muscle_names, self._turn
+        names, turn = self._robot.muscle_names, self._turn
         enough = _SHARE * pulse.pressure
         if pulse.free:  # the joint may have cut the pulse short
             enough = min(enough, max(_SHARE * max(risen), LEAST_SEEN))
         others = [place for place, rise in enumerate(risen) if place != muscle and rise >= enough]
-        right = sign * turn > SEEN_TURN
-        wrong = sign * turn < -SEEN_TURN
+        right = self._sign * turn > SEEN_TURN
+        wrong = self._sign * turn < -SEEN_TURN
         valve, sensor = _valve(self, muscle), _sensor(self, muscle)
         own = risen[muscle] >= enough
         if others and not own:
@@ -294,81 +287,37 @@ class StartUpCheck:
             )
 
     def _find(self, muscle: int, text: str) -> None:
-        found = Condition("start_up_check", self._rig.muscle_names[muscle], text)
+        found = Condition("start_up_check", self._robot.muscle_names[muscle], text)
         self.findings = (*self.findings, found)
 
 
-def pulse_of(rig: Rig, muscle: Muscle) -> Pulse:
-    """The test pulse of a muscle, from the rig's physics.
+def pulse_of(robot: Robot, muscle: RobotMuscle) -> Pulse:
+    """The test pulse of a muscle, from the physics of the robot.
 
     Parameters
     ----------
-    rig : Rig
+    robot : Robot
         Gives joint, force model, volume and supply.
-    muscle : Muscle
-        One muscle of the rig.
+    muscle : RobotMuscle
+        One muscle of the robot.
     """
-    joint = rig.joint_of(muscle.name)
-    harmless = SMALLEST if joint is None else _pressure(rig, muscle, joint)
+    harmless = min(
+        (harmless_pressure(robot, arm, ALLOWED_ANGLE, RISE, LARGEST) for arm in muscle.arms),
+        default=SMALLEST,
+    )
     free = harmless * ABORT_ANGLE < SMALLEST * ALLOWED_ANGLE
     pressure = min(max(harmless, SMALLEST), LARGEST, 0.5 * muscle.max_pressure)
+    # Near ambient pressure the flow falls with the pressure, which decays like e^(-t/T). The limit
+    # allows an overshoot of the same size.
+    constant = emptying_time_constant(robot, muscle, pressure)
+    lag = muscle.valve.time_constant
+    fall = SLOWER * 4.0 * constant + 2.0 * lag + 3.0 * _SETTLE
     if muscle.valve.kind != "flow":
-        wait = _REGULATION * muscle.valve.time_constant * SLOWER + _SETTLE
-        return Pulse(pressure, 0.0, wait, wait + _fall(rig, muscle, pressure), free)
-    rate = _rate(rig, muscle, 1.0, 0.0)
-    ramp = 2.0 * pressure / (rate * RISE * RISE)
-    rise = OVERLAP / ramp + SLOWER * RISE + _SETTLE
-    return Pulse(pressure, ramp, rise, _fall(rig, muscle, pressure), free)
-
-
-def _pressure(rig: Rig, muscle: Muscle, joint: Joint) -> float:
-    """The pressure that hardly moves the joint [Pa gauge]."""
-    model = effective_force_model(rig, muscle.name)
-    places = np.linspace(*joint.position_limits, _PLACES)
-    sign = -1.0 if joint.muscles[0] == muscle.name else 1.0
-    lengths = [muscle.neutral_length + sign * joint.pulley_radius * float(q) for q in places]
-    pull = max(float(model.force(LARGEST, length)) for length in lengths)
-    gain = joint.pulley_radius * max(pull, 1e-3) / LARGEST
-    held_by_gravity = abs(joint.gravity_torque) * math.sin(ALLOWED_ANGLE) / gain
-    held_by_inertia = ALLOWED_ANGLE * 4.0 * joint.inertia / (gain * RISE * RISE)
-    return max(held_by_gravity, held_by_inertia)
-
-
-def _rate(rig: Rig, muscle: Muscle, spool: float, pressure: float) -> float:
-    """How fast the pressure of a muscle changes at its neutral length [Pa/s]."""
-    gas, valve = rig.gas, muscle.valve
-    volume = float(rig.force_model(muscle.name).volume(muscle.neutral_length)) + muscle.dead_volume
-    inside = pressure + gas.ambient_pressure
-    flow = valve_flow(
-        spool,
-        inside,
-        supply_pressure=rig.supply_pressure,
-        ambient_pressure=gas.ambient_pressure,
-        conductance=valve.sonic_conductance,
-        critical_ratio=valve.critical_ratio,
-        temperature=gas.temperature,
-    )
-    rate = pressure_rate(
-        flow, inside, volume, temperature=gas.temperature, exponent=gas.polytropic_exponent
-    )
-    return float(abs(rate))
-
-
-def _fall(rig: Rig, muscle: Muscle, pressure: float) -> float:
-    """A time limit for emptying a muscle after its pulse [s]; an overshoot of the same is allowed.
-
-    Near ambient pressure the flow falls with the pressure, so that it decays like e^(-t/T).
-    """
-    constant = pressure / _rate(rig, muscle, -1.0, pressure)
-    return SLOWER * 4.0 * constant + 2.0 * muscle.valve.time_constant + 3.0 * _SETTLE
-
-
-def _place_and_sign(rig: Rig, muscle: Muscle) -> tuple[int | None, float]:
-    """The joint of a muscle, and the direction in which the muscle turns it."""
-    for place, joint in enumerate(rig.joints):
-        if muscle.name in joint.muscles:
-            return place, 1.0 if joint.muscles[0] == muscle.name else -1.0
-    return None, 0.0
+        wait = _REGULATION * lag * SLOWER + _SETTLE
+        return Pulse(pressure, 0.0, wait, wait + fall, free)
+    ramp = 2.0 * pressure / (filling_rate(robot, muscle) * RISE * RISE)
+    rise = OVERLAP / ramp + SLOWER * (RISE + delay_of_supply(robot, muscle, pressure)) + _SETTLE
+    return Pulse(pressure, ramp, rise, fall, free)
 
 
 def _largest_change(here: Sequence[float], there: Sequence[float]) -> float:
@@ -380,12 +329,12 @@ def _largest_change(here: Sequence[float], there: Sequence[float]) -> float:
 
 def _valve(check: StartUpCheck, muscle: int) -> str:
     """The valve of a muscle in words."""
-    one = check._rig.muscles[muscle]
+    one = check._robot.rig.muscles[muscle]
     return f"valve (board {one.board}, channel {one.channel})"
 
 
 def _sensor(check: StartUpCheck, muscle: int) -> str:
     """The pressure sensor of a muscle in words; it is on the valve's channel unless told apart."""
-    one = check._rig.muscles[muscle]
+    one = check._robot.rig.muscles[muscle]
     place = one if one.pressure_sensor is None else one.pressure_sensor
     return f"pressure sensor (board {place.board}, channel {place.channel})"

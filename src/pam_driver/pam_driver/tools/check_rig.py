@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -14,8 +13,9 @@ from pam_driver.bus_load import HIGHEST_LOAD, bus_load
 from pam_driver.driver_settings import DriverSettings
 from pam_model.command_line import Arguments, Outcome
 from pam_model.errors import RigError
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Bus, Rig, load_rig
+from pam_model.robot import Robot, compose
+from pam_model.views.torque_range import first_angle_not_held
 from pam_ros.foreign_text import shown
 
 
@@ -100,7 +100,7 @@ def check_rig(rig: Rig, only: Bus, rate: float, dbc: str = "") -> RigCheck:
             for (what, channel), values in board.invalid_values().items():
                 called = f"{board.name}, {what} {channel}".rstrip()
                 found.invalid_values[called] = {name: raw for raw, name in values.items()}
-    found.cautions = [*wiring.doubts, *_overfilled(rig), *_too_heavy(rig)]
+    found.cautions = [*wiring.doubts, *_overfilled(rig), *_too_heavy(compose(rig))]
     return found
 
 
@@ -117,25 +117,15 @@ def _overfilled(rig: Rig) -> Iterator[str]:
         )
 
 
-def _too_heavy(rig: Rig) -> Iterator[str]:
-    for joint in rig.joints:
-        model = AntagonisticJoint.from_rig(rig, joint.name)
-        first, second = model.agonist.high_pressure, model.antagonist.high_pressure
-        lower, upper = joint.position_limits
-        for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-            position = lower + share * (upper - lower)
-            weight = joint.gravity_torque * math.sin(position - joint.gravity_angle)
-            full = (first, 0.0) if weight > 0.0 else (0.0, second)
-            most = model.torque(
-                *full, min(max(position, model.position_range[0]), model.position_range[1])
+def _too_heavy(robot: Robot) -> Iterator[str]:
+    for joint in robot.joints:
+        found = first_angle_not_held(robot, joint)
+        if found is not None:
+            yield (
+                f"{joint.name}: at {found.position:.2f} rad gravity pulls with "
+                f"{found.gravity:.3g} N m, and its muscle holds at most {found.muscles:.3g} N m: "
+                "the joint cannot stay at this angle"
             )
-            if abs(weight) > abs(most):
-                yield (
-                    f"{joint.name}: at {position:.2f} rad gravity pulls with {abs(weight):.3g} "
-                    f"N m, and its muscle holds at most {abs(most):.3g} N m: the joint cannot "
-                    "stay at this angle"
-                )
-                break
 
 
 def _wires(rig: Rig, wiring: RigWiring, boards: dict[Address, Board]) -> Iterator[Wire]:

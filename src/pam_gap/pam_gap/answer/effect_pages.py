@@ -33,7 +33,7 @@ def commands_of_a_motion(rig: Rig) -> tuple[Array, PlantParameters]:
 
     A proportional pressure loop around the ideal plant computes them sample by sample.
     """
-    parameters = PlantParameters.from_rig(rig, with_effects=False)
+    parameters = PlantParameters.from_rig(rig.without_effects())
     time = np.arange(round(DURATION / SAMPLE_TIME)) * SAMPLE_TIME
     swing = 5e4 * np.sin(2 * math.pi * 0.35 * time) + 4e4 * np.sign(
         np.sin(2 * math.pi * 0.14 * time)

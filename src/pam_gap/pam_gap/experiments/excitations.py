@@ -20,6 +20,8 @@ import numpy.typing as npt
 from pam_gap.recordings.recording import LOCKED, TURNED_OVER
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.gravity import gravity_torque
 
 Array = npt.NDArray[np.float64]
 
@@ -127,8 +129,9 @@ class Menu:
 
     def __init__(self, rig: Rig, joint: int, sample_time: float) -> None:
         self.rig = rig
-        self.entry = rig.joints[joint]
-        self.statics = AntagonisticJoint.from_rig(rig, self.entry.name)
+        robot = compose(rig)
+        self.entry = robot.joints[joint]
+        self.statics = AntagonisticJoint.from_robot(robot, self.entry)
         self.sample_time = sample_time
         self.highest = min(
             self.statics.agonist.high_pressure, self.statics.antagonist.high_pressure
@@ -137,7 +140,7 @@ class Menu:
         inside = self.statics.position_range
         self.reach = 0.8 * min(-low, -inside[0], high, inside[1])
         self.has_flow_valves = all(
-            rig.muscle(name).valve.kind == "flow" for name in self.entry.muscles
+            robot.muscles[place].valve.kind == "flow" for place in self.entry.muscles
         )
 
     def _time(self, duration: float) -> Array:
@@ -153,7 +156,7 @@ class Menu:
         probe = 0.05 * self.highest
         for i, k in enumerate(at.tolist()):
             q, p = float(position[k]), float(level[k])
-            gravity = self.entry.gravity_torque * math.sin(q - self.entry.gravity_angle - turn)
+            gravity = -gravity_torque(self.entry, q - turn)
             above = self.statics.torque(p + probe, p - probe, q)
             below = self.statics.torque(p - probe, p + probe, q)
             slope = (above - below) / (2.0 * probe)

@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from pam_gap.experiments.excitations import LOOP_RATE, Excitation
 from pam_model.gas import REFERENCE_DENSITY
 from pam_model.rig import Muscle, Rig
+from pam_model.robot import compose
+from pam_model.views.gas_volume import neutral_gas_volume
 from pam_ros.valve_command import PRESSURE_REGULATOR
 
 GAS_CONSTANT = 287.05  # J/(kg K)
@@ -19,11 +21,10 @@ GAS_CONSTANT = 287.05  # J/(kg K)
 
 def loop_gain(rig: Rig, joint: int) -> float:
     """Gain from pressure error to spool opening for a loop with the bandwidth LOOP_RATE [1/Pa]."""
-    muscle = rig.muscle(rig.joints[joint].agonist)
-    volume = muscle.dead_volume + muscle.neutral_length * (
-        muscle.thread_length**2 - muscle.neutral_length**2
-    ) / (4.0 * math.pi * muscle.turns**2)
-    flow = muscle.valve.sonic_conductance * REFERENCE_DENSITY * rig.supply_pressure
+    robot = compose(rig)
+    muscle = robot.muscles[robot.joints[joint].muscles[0]]
+    volume = neutral_gas_volume(muscle)
+    flow = muscle.valve.sonic_conductance * REFERENCE_DENSITY * robot.supply.pressure
     return LOOP_RATE * max(volume, 1e-6) / (GAS_CONSTANT * rig.gas.temperature * flow)
 
 

@@ -20,6 +20,8 @@ from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.recording import TURNED_OVER
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.robot import compose
+from pam_model.views.torque_balance import inertia_torque, unbalanced_torque
 
 MOST_SAMPLES = 1500
 """Largest number of instants of a recording that are compared."""
@@ -63,8 +65,9 @@ class EndStop:
 
 def _balance(problem: PredictionProblem, data: Channels) -> tuple[Array, Array]:
     """Angle, speed and both pressures, shape (n, 4), and the torque that is lacking, shape (n,)."""
-    joint = problem.rig.joints[problem.joint]
-    statics = AntagonisticJoint.from_rig(problem.rig, joint.name)
+    robot = compose(problem.rig)
+    joint = robot.joints[problem.joint]
+    statics = AntagonisticJoint.from_robot(robot, joint)
     step = data.recording.sample_time
     width = max(5, round(problem.rules.search.end_stop_window / step) // 2 * 2 + 1)
     angle = data.measured[:, POSITION : POSITION + 1]
@@ -80,10 +83,9 @@ def _balance(problem: PredictionProblem, data: Channels) -> tuple[Array, Array]:
             torque = statics.torque(first, second, float(smooth[k]))
         except PamError:
             continue  # outside the lengths of a muscle
-        load = joint.gravity_torque * np.sin(smooth[k] - joint.gravity_angle)
-        motion = joint.inertia * bend[k] + joint.viscous_friction * speed[k]
         found.append((smooth[k], speed[k], first, second))
-        lacking.append(torque - load - motion)
+        rest = unbalanced_torque(joint, torque, float(smooth[k]), float(speed[k]))
+        lacking.append(rest - inertia_torque(joint, float(bend[k])))
     return np.array(found).reshape(-1, 4), np.array(lacking)
 
 

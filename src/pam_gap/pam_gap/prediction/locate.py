@@ -9,7 +9,6 @@ noise floor.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import itemgetter
@@ -29,6 +28,8 @@ from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.gap_figures import noise_level
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.rules import DEFAULT
+from pam_model.robot import compose
+from pam_model.views.torque_balance import free_acceleration
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +91,8 @@ def motion_from_pulls(problem: PredictionProblem) -> float | None:
     """Gap over floor of the position predicted from measured pulls; None if it diverges."""
     if not problem.present[POSITION:].all():
         return None
-    base = problem.base
-    radius, inertia = base["joint.pulley_radius"], base["joint.inertia"]
-    viscous, gravity = base["joint.viscous_friction"], base["joint.gravity_torque"]
-    angle = base["joint.gravity_angle"]
+    joint = compose(problem.rig).joints[problem.joint]
+    first, second = (arm.length for arm in joint.arms)
     pull = problem.rules.prediction.force_bandwidth
     worst = 0.0
     for data in problem.data:
@@ -103,15 +102,15 @@ def motion_from_pulls(problem: PredictionProblem) -> float | None:
             generator = np.random.default_rng(7)
             noise = extra * data.deviation * generator.standard_normal(data.measured.shape)
             seen = data.measured + noise
-            torque = (radius * (seen[:, AGONIST_FORCE] - seen[:, ANTAGONIST_FORCE])).tolist()
+            torque = first * seen[:, AGONIST_FORCE] + second * seen[:, ANTAGONIST_FORCE]
             measured = seen[:, POSITION].tolist()
             q, w = measured[0], 0.0
             error = np.empty(len(measured))
-            for k, (t, m) in enumerate(zip(torque, measured, strict=True)):
+            for k, (t, m) in enumerate(zip(torque.tolist(), measured, strict=True)):
                 e = m - q
                 error[k] = e
                 w += pull**2 * h * e
-                w += h * (t - viscous * w - gravity * math.sin(q - angle)) / inertia
+                w += h * free_acceleration(joint, t, q, w)
                 q += h * w + 2.0 * pull * h * e
                 if not abs(q) < 100.0:
                     return None

@@ -16,6 +16,8 @@ from pam_gap.recordings.recording import JOINTS, PRESSURES, TURNED_OVER, Array, 
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.gravity import gravity_torque
 
 SAMPLES = 200
 """Number of instants that are compared."""
@@ -79,14 +81,15 @@ def equilibria(rig: Rig, joint: int, pressures: Array) -> Array:
     Parameters
     ----------
     rig : Rig
-        The rig as its file describes it.
+        The rig with its effects.
     joint : int
         Number of the joint.
     pressures : ndarray, shape (N, 2)
         Of its muscles [Pa gauge].
     """
-    entry = rig.joints[joint]
-    statics = AntagonisticJoint.from_rig(rig, entry.name)
+    robot = compose(rig)
+    entry = robot.joints[joint]
+    statics = AntagonisticJoint.from_robot(robot, entry)
     pairs = [(float(a), float(b)) for a, b in np.maximum(pressures, 0.0)]
     angles, rows = [], []
     for angle in np.linspace(*entry.position_limits, ANGLES).tolist():
@@ -95,7 +98,7 @@ def equilibria(rig: Rig, joint: int, pressures: Array) -> Array:
         except PamError:
             continue  # outside the lengths of a muscle
         angles.append(angle)
-        rows.append(torques - entry.gravity_torque * math.sin(angle - entry.gravity_angle))
+        rows.append(torques + gravity_torque(entry, angle))
     found = np.full(len(pairs), np.nan)
     if len(rows) < 2:
         return found

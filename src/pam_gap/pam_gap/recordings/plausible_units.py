@@ -26,7 +26,9 @@ from pam_gap.recordings.recording import (
     RecordingError,
 )
 from pam_model.rig import Rig
+from pam_model.robot import compose
 from pam_model.unit_hints import conversion_hint
+from pam_model.views.muscle_path import farthest_position
 
 LONGEST_STEP = 0.25
 """A recording with fewer than four samples a second shows nothing of a joint [s]."""
@@ -176,10 +178,10 @@ def _check_position(rig: Rig, joint: int, recording: Recording) -> None:
     channel = f"{JOINTS}{entry.name}.position"
     if not recording.has(channel):
         return
-    muscles = [rig.muscle(name) for name in entry.muscles]
-    # A muscle is never longer than its thread.
-    reach = max((m.thread_length - m.neutral_length) / entry.pulley_radius for m in muscles)
-    limit = FARTHEST * max(reach, *(abs(q) for q in entry.position_limits))
+    robot = compose(rig)
+    limit = FARTHEST * max(
+        farthest_position(robot, robot.joints[joint]), *(abs(q) for q in entry.position_limits)
+    )
     largest = _largest(recording, channel)
     reading = encoder_reading(rig, joint, recording)
     if largest <= limit:

@@ -59,11 +59,12 @@ def _declare_urdf(parser: Parser) -> None:
 
 
 def _urdf(chosen: Arguments) -> Outcome:
-    from pam_model.joints.urdf import rig_as_urdf  # noqa: PLC0415
     from pam_model.rig import load_rig  # noqa: PLC0415  (numpy)
+    from pam_model.robot import compose  # noqa: PLC0415
+    from pam_model.views.urdf import robot_as_urdf  # noqa: PLC0415
 
     rig = chosen_rig(chosen)
-    document = rig_as_urdf(load_rig(rig), rig.stem)
+    document = robot_as_urdf(compose(load_rig(rig)), rig.stem)
     if chosen.output is None:
         print(document, end="")
     else:

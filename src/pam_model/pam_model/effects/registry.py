@@ -18,11 +18,11 @@ How to use an effect elsewhere:
 
 - `EFFECTS[name]` has all parts. `EFFECTS[name].values(muscle.effects)` gives the parameters in the
   order of every law's arguments, `effect_value(muscle.effects, effect, parameter)` a single one.
-- `adjusted(target, written, effects)` is a number of the ideal rig after all effects that change
-  it: `adjusted("joint.inertia", joint.inertia, joint.effects)` includes the payload,
-  `adjusted("valve.time_constant", valve.time_constant, muscle.effects)` the slower spool.
+- `pam_model.robot.compose(rig)` gives the robot: every number after all effects that change it, and
+  the other laws by muscle and joint (`muscle.laws(Leak)`). `adjusted(target, written, effects)` is
+  one such number: `adjusted("joint.inertia", joint.inertia, joint.effects)` includes the payload.
   `slots.TARGETS` lists the targets. Those of sensors, delays, tube, reservoir and cable have an
-  ideal value, so that `written` is None (`adjusted("pressure_sensor.gain", None, muscle.effects)`).
+  ideal value, so that `written` is None.
 - `filled(kind)` lists the effects that fill a slot in the order in which the plant applies them:
   `for effect, slot in filled(Opening): x = slot.law(x, *effect.values(muscle.effects))`.
 - `EFFECTS[name].control` and `.plausibility` declare what controller and plausibility check do.

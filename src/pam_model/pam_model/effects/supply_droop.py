@@ -37,8 +37,8 @@ EFFECT = Effect(
         Adjusts("reservoir.volume", reservoir_volume),
     ),
     control=Included(
-        "computes the pressure of the reservoir from the flows that it commands itself, one "
-        "reservoir for each joint, and opens the valves accordingly"
+        "computes the pressure of the reservoir from the flows that it commands itself to all "
+        "joints, and opens the valves accordingly"
     ),
     plausibility=Nothing(
         "if the supply pressure is measured, it replaces the stated one; otherwise the observer "

@@ -18,14 +18,14 @@ import math
 from collections.abc import Callable, Sequence
 
 from pam_model.bounds import within
-from pam_model.effects import adjusted
 from pam_model.errors import DomainError
-from pam_model.joints.effective_force_model import effective_force_model
 from pam_model.joints.joint_muscle import JointMuscle, JointPressures
 from pam_model.joints.pressure_line import Point, PressureLine
 from pam_model.muscles.force_model import AffineForceModel
 from pam_model.physics.joint_geometry import AGONIST_SIGN, ANTAGONIST_SIGN, muscle_length
 from pam_model.rig.types import Rig
+from pam_model.robot.compose import compose
+from pam_model.robot.robot import Robot, RobotJoint
 
 _EDGE = 1e-6
 _CLIPPED = 1e-6
@@ -87,6 +87,60 @@ class AntagonisticJoint:
         """Range of positions in the domain of both models [rad]."""
 
     @classmethod
+    def from_robot(
+        cls,
+        robot: Robot,
+        joint: RobotJoint,
+        *,
+        min_pressure: float = 0.0,
+        pressure_share: float = 1.0,
+    ) -> AntagonisticJoint:
+        """A joint of a robot, with its static effects.
+
+        Parameters
+        ----------
+        robot : Robot
+            The robot.
+        joint : RobotJoint
+            One of its joints, with two muscles on one pulley.
+        min_pressure : float, optional
+            Lower limit of the commands [Pa gauge].
+        pressure_share : float, optional
+            Share of a muscle's `max_pressure` up to which it is commanded [-].
+
+        Raises
+        ------
+        DomainError
+            If a muscle cannot reach `min_pressure`.
+        """
+        muscles = []
+        for arm in joint.arms:
+            muscle = robot.muscles[arm.muscle]
+            high = min(pressure_share * muscle.max_pressure, robot.supply_gauge_pressure)
+            if not 0.0 <= min_pressure < high:
+                raise DomainError(
+                    f"min_pressure = {min_pressure:g} Pa must be from 0 to below {high:g} Pa, "
+                    f"the most that {muscle.name} gets"
+                )
+            muscles.append(
+                JointMuscle(
+                    muscle.force_model,
+                    muscle.neutral_length,
+                    min_pressure,
+                    high,
+                    muscle.dead_volume,
+                )
+            )
+        agonist, antagonist = muscles
+        return cls(
+            agonist,
+            antagonist,
+            joint.arms[0].length,
+            ambient_pressure=robot.gas.ambient_pressure,
+            exponent=robot.gas.polytropic_exponent,
+        )
+
+    @classmethod
     def from_rig(
         cls,
         rig: Rig,
@@ -94,9 +148,8 @@ class AntagonisticJoint:
         *,
         min_pressure: float = 0.0,
         pressure_share: float = 1.0,
-        with_effects: bool = True,
     ) -> AntagonisticJoint:
-        """The joint of a rig, with the static effects that the rig file names.
+        """The joint of the robot that a rig file describes; otherwise as `from_robot`.
 
         Parameters
         ----------
@@ -104,12 +157,8 @@ class AntagonisticJoint:
             As read from a file.
         joint : str or int
             Name or number of the joint.
-        min_pressure : float, optional
-            Lower limit of the commands [Pa gauge].
-        pressure_share : float, optional
-            Share of a muscle's `max_pressure` up to which it is commanded [-].
-        with_effects : bool, optional
-            False for the nominal rig.
+        min_pressure, pressure_share : float, optional
+            As for `from_robot`.
 
         Raises
         ------
@@ -118,34 +167,12 @@ class AntagonisticJoint:
         DomainError
             If a muscle cannot reach `min_pressure`.
         """
-        entry = rig.joint(joint)
-        muscles = []
-        for name in entry.muscles:
-            muscle = rig.muscle(name)
-            high = min(pressure_share * muscle.max_pressure, rig.supply_gauge_pressure)
-            if not 0.0 <= min_pressure < high:
-                raise DomainError(
-                    f"min_pressure = {min_pressure:g} Pa must be from 0 to below {high:g} Pa, "
-                    f"the most that {name} gets"
-                )
-            effects = muscle.effects if with_effects else {}
-            muscles.append(
-                JointMuscle(
-                    effective_force_model(rig, name) if with_effects else rig.force_model(name),
-                    muscle.neutral_length,
-                    min_pressure,
-                    high,
-                    max(0.0, adjusted("dead_volume", muscle.dead_volume, effects)),
-                )
-            )
-        return cls(
-            muscles[0],
-            muscles[1],
-            adjusted(
-                "joint.pulley_radius", entry.pulley_radius, entry.effects if with_effects else {}
-            ),
-            ambient_pressure=rig.gas.ambient_pressure,
-            exponent=rig.gas.polytropic_exponent,
+        robot = compose(rig)
+        return cls.from_robot(
+            robot,
+            robot.joints[rig.joint_number(joint)],
+            min_pressure=min_pressure,
+            pressure_share=pressure_share,
         )
 
     def lengths(self, position: float) -> tuple[float, float]:

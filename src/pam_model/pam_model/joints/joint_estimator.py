@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pam_model.errors import DomainError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.joints.sensor_correction import SensorCorrection
-from pam_model.rig.types import Rig
+from pam_model.robot.robot import Robot
 
 NAN = math.nan
 
@@ -51,22 +51,24 @@ class JointEstimator:
 
     Parameters
     ----------
-    rig : Rig
-        As read from a file.
+    robot : Robot
+        The robot with the effects of its rig file.
     max_age : float, optional
         Older measurements are not used [s].
     closed_chambers : bool, optional
         Estimate the stiffness with shut valves instead of that at constant pressures.
     """
 
-    def __init__(self, rig: Rig, max_age: float = 0.1, *, closed_chambers: bool = False) -> None:
-        self.rig = rig
+    def __init__(
+        self, robot: Robot, max_age: float = 0.1, *, closed_chambers: bool = False
+    ) -> None:
+        self.robot = robot
         self.max_age = max_age
         self.closed_chambers = closed_chambers
-        self._joints = {name: AntagonisticJoint.from_rig(rig, name) for name in rig.joint_names}
-        self._correction = SensorCorrection(rig)
-        self._muscle_numbers = {name: number for number, name in enumerate(rig.muscle_names)}
-        self._joint_numbers = {name: number for number, name in enumerate(rig.joint_names)}
+        self._joints = tuple(AntagonisticJoint.from_robot(robot, joint) for joint in robot.joints)
+        self._correction = SensorCorrection(robot)
+        self._muscle_numbers = {name: number for number, name in enumerate(robot.muscle_names)}
+        self._joint_numbers = {name: number for number, name in enumerate(robot.joint_names)}
         self._pressures: dict[str, tuple[float, float]] = {}
         self._positions: dict[str, tuple[float, float, float]] = {}
 
@@ -119,10 +121,11 @@ class JointEstimator:
         result = Estimate(None)
         stamps: list[float] = []
         by_muscle: dict[str, tuple[float, float, float]] = {}
-        for joint in self.rig.joints:
-            statics = self._joints[joint.name]
+        names = self.robot.muscle_names
+        for joint, statics in zip(self.robot.joints, self._joints, strict=True):
+            first, second = (names[place] for place in joint.muscles)
             position, velocity = self._position(joint.name, now, stamps, result.problems)
-            a, b = (self._pressure(name, now, stamps, result.problems) for name in joint.muscles)
+            a, b = (self._pressure(name, now, stamps, result.problems) for name in (first, second))
             torque = stiffness = NAN
             lengths = forces = (NAN, NAN)
             if not math.isnan(position):
@@ -148,11 +151,11 @@ class JointEstimator:
                     torque = stiffness = NAN
                     result.problems.append(f"{joint.name} at {position:.4g} rad: {error}")
             lengthening = statics.pulley_radius * velocity
-            by_muscle[joint.agonist] = lengths[0], -lengthening, forces[0]
-            by_muscle[joint.antagonist] = lengths[1], lengthening, forces[1]
+            by_muscle[first] = lengths[0], -lengthening, forces[0]
+            by_muscle[second] = lengths[1], lengthening, forces[1]
             result.joint_torques.append(torque)
             result.joint_stiffnesses.append(stiffness)
-        for name in self.rig.muscle_names:
+        for name in names:
             length, speed, force = by_muscle.get(name, (NAN, NAN, NAN))
             result.muscle_lengths.append(length)
             result.muscle_speeds.append(speed)

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pam_model.effects import adjusted
 from pam_model.physics.pressure_sensor import true_pressure
-from pam_model.rig.types import Rig
+from pam_model.robot.robot import Robot
 
 
 class SensorCorrection:
@@ -18,20 +17,14 @@ class SensorCorrection:
 
     Parameters
     ----------
-    rig : Rig
-        As read from a file.
+    robot : Robot
+        Gives the sensors.
     """
 
-    def __init__(self, rig: Rig) -> None:
-        self._offsets = [
-            adjusted("position_sensor.offset", None, joint.effects) for joint in rig.joints
-        ]
-        self._gains = [
-            adjusted("pressure_sensor.gain", None, muscle.effects) for muscle in rig.muscles
-        ]
-        self._biases = [
-            adjusted("pressure_sensor.bias", None, muscle.effects) for muscle in rig.muscles
-        ]
+    def __init__(self, robot: Robot) -> None:
+        self._offsets = [joint.position_offset for joint in robot.joints]
+        self._gains = [muscle.pressure_gain for muscle in robot.muscles]
+        self._biases = [muscle.pressure_bias for muscle in robot.muscles]
         self._reads_true = set(self._gains) <= {1.0} and set(self._biases) <= {0.0}
 
     def position(self, joint: int, measured: float) -> float:

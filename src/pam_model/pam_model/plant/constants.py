@@ -129,13 +129,15 @@ def adjusted_numbers(values: Vector) -> dict[str, float]:
     return result
 
 
-def derive_constants(values: Vector) -> Vector:
+def derive_constants(values: Vector, reservoir_share: float = 1.0) -> Vector:
     """The constants of the kernels (layout.C_*, M_*, and those of effects).
 
     Parameters
     ----------
     values : (n_parameters,) array
         In the order of parameters.NAMES.
+    reservoir_share : float, optional
+        Share of the reservoir and of its refill path that belongs to this joint [-].
     """
     v = values.tolist()
     number = adjusted_numbers(values)
@@ -154,8 +156,8 @@ def derive_constants(values: Vector) -> Vector:
     c[lay.C_GRAVITY] = number["joint.gravity_torque"]
     c[lay.C_GRAVITY_ANGLE] = v[INDEX["joint.gravity_angle"]]
     c[lay.C_DROOP] = float(number["reservoir.conductance"] > 0.0)
-    c[lay.C_DROOP_CONDUCTANCE] = number["reservoir.conductance"]
-    c[lay.C_DROOP_VOLUME] = number["reservoir.volume"]
+    c[lay.C_DROOP_CONDUCTANCE] = reservoir_share * number["reservoir.conductance"]
+    c[lay.C_DROOP_VOLUME] = reservoir_share * number["reservoir.volume"]
     for stored in _STORED_EFFECTS[""]:
         _store(c, 0, stored, v)
     c[lay.C_FRICTION] = any(c[lay.JOINT_EFFECTS[e.name].is_on] > 0.0 for e, _ in _FRICTIONS)

@@ -124,10 +124,8 @@ class PlantParameters:
     tables: tuple[Vector, Vector] = field(default=(NO_TABLE, NO_TABLE))
 
     @classmethod
-    def from_rig(
-        cls, rig: Rig, joint: str | int = 0, *, with_effects: bool = True
-    ) -> PlantParameters:
-        """The parameters of a joint, by its name or number, with or without the rig's effects.
+    def from_rig(cls, rig: Rig, joint: str | int = 0) -> PlantParameters:
+        """The parameters of a joint, by its name or number, with the rig's effects.
 
         Raises
         ------
@@ -143,8 +141,7 @@ class PlantParameters:
             nominal, table = _muscle_values(rig, muscle)
             values.update({f"{side}.{key}": value for key, value in nominal.items()})
             tables.append(table)
-        if with_effects:
-            values.update(_effect_values(rig, entry, muscles))
+        values.update(_effect_values(rig, entry, muscles))
         vector = np.array([values[name] for name in NAMES])
         return cls(vector, (tables[0], tables[1]))
 

@@ -109,6 +109,17 @@ def initial_state(
     return y
 
 
+def vented_state(parameters: PlantParameters) -> Array:
+    """The state at rest: muscles vented, valves at exhaust, joint where gravity holds it."""
+    position = min(
+        max(parameters["joint.gravity_angle"], parameters["joint.lower_limit"]),
+        parameters["joint.upper_limit"],
+    )
+    kinds = [parameters[f"{side}.valve.kind"] for side in lay.MUSCLES]
+    commands = [0.0 if kind > 0.0 else -1.0 for kind in kinds]
+    return initial_state(parameters, position=position, commands=commands)
+
+
 def simulate(
     parameters: PlantParameters,
     commands: Array,
@@ -275,6 +286,8 @@ class Plant:
         Longest RK4 step [s].
     state : array, optional
         Initial state; by default at rest at position 0, vented.
+    reservoir_share : float, optional
+        Share of the reservoir that belongs to this joint [-], see `RobotPlant`.
 
     Raises
     ------
@@ -287,12 +300,15 @@ class Plant:
         parameters: PlantParameters,
         step: float = DEFAULT_STEP,
         state: Array | None = None,
+        *,
+        reservoir_share: float = 1.0,
     ) -> None:
         within("step", step, unit="s", above=0.0)
         self.parameters = parameters
+        self._reservoir_share = reservoir_share
         self.step_length = step
         start = initial_state(parameters) if state is None else state
-        self._constants = for_kernel(derive_constants(parameters.values))
+        self._constants = for_kernel(derive_constants(parameters.values, reservoir_share))
         self._tables = tuple(for_kernel(table) for table in parameters.tables)
         self._none = for_kernel(np.zeros(0))
         self._none_pairs = for_kernel(np.zeros((0, 2)))
@@ -319,9 +335,29 @@ class Plant:
         return dict(zip(lay.OUTPUT_NAMES, (float(x) for x in self._row[0]), strict=True))
 
     @property
+    def path_speeds(self) -> tuple[float, float]:
+        """Rates of the lengths of both muscles' paths [m/s]."""
+        speed = float(self._constants[lay.C_RADIUS] * self._row[0][lay.O_VELOCITY])
+        return -speed, speed
+
+    @property
     def reservoir_pressure(self) -> float:
         """Pressure of the reservoir from which the valves draw [Pa absolute]."""
         return float(self._y[lay.Y_RESERVOIR])
+
+    @property
+    def has_reservoir(self) -> bool:
+        """Whether the supply sags while air is drawn."""
+        return bool(self._constants[lay.C_DROOP] > 0.0)
+
+    @property
+    def reservoir_volume(self) -> float:
+        """Volume of this joint's share of the reservoir [m^3]."""
+        return float(self._constants[lay.C_DROOP_VOLUME])
+
+    def fill_reservoir(self, pressure: float) -> None:
+        """Set the pressure of the reservoir [Pa absolute]."""
+        self._y[lay.Y_RESERVOIR] = pressure
 
     def change(self, changes: Mapping[str, float]) -> None:
         """Change parameters of the gas during the simulation; the state is kept.
@@ -332,7 +368,8 @@ class Plant:
             As `PlantParameters.forced` takes them.
         """
         self.parameters = self.parameters.forced(changes)
-        self._constants = for_kernel(derive_constants(self.parameters.values))
+        derived = derive_constants(self.parameters.values, self._reservoir_share)
+        self._constants = for_kernel(derived)
         if not self._constants[lay.C_DROOP] > 0.0:
             self._y[lay.Y_RESERVOIR] = self.parameters["supply_pressure"]
 

@@ -40,7 +40,7 @@ _TEXTS: Final[Mapping[str, Mapping[str, str]]] = {
         "encoder.channel": _CHANNEL,
     },
     "muscle": {
-        "model": "static force model; python -m pam_model list shows all",
+        "model": "static force model; `pam model list` shows all",
         "board": _BOARD,
         "channel": _CHANNEL,
         "pressure_sensor.board": _BOARD,

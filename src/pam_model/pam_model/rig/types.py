@@ -436,6 +436,15 @@ class Rig:
         joints = tuple(joint if j.name == joint.name else j for j in self.joints)
         return replace(self, joints=joints)
 
+    def without_effects(self) -> Rig:
+        """The ideal rig: a copy that has no effects."""
+        return replace(
+            self,
+            effects={},
+            joints=tuple(replace(joint, effects={}) for joint in self.joints),
+            muscles=tuple(replace(muscle, effects={}) for muscle in self.muscles),
+        )
+
     def to_parameters(self) -> dict[str, Any]:
         """The nested mapping of a rig file, without `/**: ros__parameters:`."""
         tree: dict[str, Any] = {

@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from pam_driver.safety.limits_by_size import filling_rate, pressure_residual
-from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_driver.safety.limits_by_size import pressure_residual
 from pam_model.rig import Rig
+from pam_model.robot import compose
+from pam_model.views.pressure_rate import filling_rate
+from pam_model.views.torque_balance import torque_scale
 from pam_sim.faults.fault_kind import FaultKind
 
 _CONDUCTANCE: Final = 4e-9  # m^3/(s Pa), of the elbow's valves
@@ -57,25 +59,21 @@ def ranges_on(kind: FaultKind, rig: Rig) -> Mapping[str, tuple[float, float]]:
 def _size(kind: str, parameter: str, rig: Rig) -> float:
     """The size of a number of a fault on this rig over that on the elbow."""
     if parameter == "conductance":
+        robot = compose(rig)
         sizes = [
             muscle.valve.sonic_conductance
             * (
-                pressure_residual(rig, muscle) / filling_rate(rig, muscle) / _NOTICED
+                pressure_residual(robot, muscle) / filling_rate(robot, muscle) / _NOTICED
                 if kind in _LEAKS
                 else 1.0
             )
-            for muscle in rig.muscles
+            for muscle in robot.muscles
         ]
         return min(sizes) / _CONDUCTANCE
     if (kind, parameter) in _OF_PRESSURE:
         return max(muscle.max_pressure for muscle in rig.muscles) / _PRESSURE
     if parameter == "torque":
-        return max((_torque(rig, joint.name) for joint in rig.joints), default=_TORQUE) / _TORQUE
+        robot = compose(rig)
+        torques = (torque_scale(robot, joint) for joint in robot.joints)
+        return max(torques, default=_TORQUE) / _TORQUE
     return 1.0
-
-
-def _torque(rig: Rig, joint: str) -> float:
-    """The torque of the agonist alone at its highest pressure [N m]."""
-    pair = AntagonisticJoint.from_rig(rig, joint, with_effects=False)
-    highest = rig.muscle(rig.joint(joint).agonist).max_pressure
-    return pair.torque(highest, 0.0, 0.0)

@@ -10,56 +10,63 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from pam_model.effects import adjusted, switched_on
 from pam_model.effects.end_caps import length_inside_caps
 from pam_model.effects.slots import Law2, Law3, PassivePull, Thread
 from pam_model.muscles.closed_chamber import ClosedChamber
-from pam_model.muscles.force_model import AffineForceModel, ForceModel, ModelParameter
-from pam_model.rig.types import Muscle, Rig
+from pam_model.muscles.force_model import (
+    AffineForceModel,
+    ForceModel,
+    ModelParameter,
+    MuscleGeometry,
+)
+from pam_model.robot.robot import AppliedLaw
 
 _ROUNDS = 50
 _LENGTH_TOLERANCE = 1e-11
 _PRESSURE_STEP = 1.0
 
 
-def effective_force_model(rig: Rig, muscle_name: str) -> ForceModel:
+def static_force_model(
+    nominal: ForceModel,
+    geometry: MuscleGeometry,
+    factor: float,
+    compliance: float,
+    laws: Sequence[AppliedLaw],
+) -> ForceModel:
     """The force model of a muscle with the static effects that its rig file names.
 
     Parameters
     ----------
-    rig : Rig
-        As read from a file.
-    muscle_name : str
-        Name of the muscle.
+    nominal : ForceModel
+        Of the ideal muscle.
+    geometry : MuscleGeometry
+        Of the ideal muscle.
+    factor : float
+        On the contraction ratio [-].
+    compliance : float
+        Of the cable between muscle and joint [m/N].
+    laws : sequence of AppliedLaw
+        The laws of the muscle; those that fill no static slot have no influence here.
 
     Returns
     -------
     ForceModel
         Affine in pressure if the nominal model is affine and neither threads nor cable stretch; the
-        nominal model itself if the rig file names no such effect.
-
-    Raises
-    ------
-    KeyError
-        For an unknown muscle.
+        nominal model itself if no effect changes it.
     """
-    muscle = rig.muscle(muscle_name)
-    model = rig.force_model(muscle_name)
-    factor = adjusted("contraction_factor", 1.0, muscle.effects)
-    pulls = tuple(
-        (slot.law, values) for _, slot, values in switched_on(PassivePull, muscle.effects)
-    )
-    cable = adjusted("series_compliance", None, muscle.effects)
+    model = nominal
+    pulls = tuple((slot.law, values) for _, slot, values in laws if isinstance(slot, PassivePull))
     if factor != 1.0 or pulls:
         kind = _AffineEnds if isinstance(model, AffineForceModel) else _Ends
-        model = kind(model, muscle, factor, pulls)
-    for _, slot, values in switched_on(Thread, muscle.effects):
-        model = _ExtensibleBraid(model, muscle, slot.law, values)
-    if cable != 0.0:
-        model = _SeriesCable(model, cable)
+        model = kind(model, geometry.rest_length, factor, pulls)
+    for _, slot, values in laws:
+        if isinstance(slot, Thread):
+            model = _ExtensibleBraid(model, geometry, slot.law, values)
+    if compliance != 0.0:
+        model = _SeriesCable(model, compliance)
     return model
 
 
@@ -69,7 +76,7 @@ def gas_volume(model: ForceModel, pressure: float, length: float) -> tuple[float
     Parameters
     ----------
     model : ForceModel
-        From `effective_force_model`.
+        From `static_force_model`.
     pressure : float
         Gauge [Pa].
     length : float
@@ -136,12 +143,12 @@ class _Ends(_Wrapper):
     def __init__(
         self,
         inner: ForceModel,
-        muscle: Muscle,
+        rest_length: float,
         factor: float,
         pulls: tuple[tuple[Law2, tuple[float, ...]], ...],
     ) -> None:
         super().__init__(inner)
-        self._rest = muscle.rest_length
+        self._rest = rest_length
         self._factor, self._pulls = factor, pulls
 
     @property
@@ -194,11 +201,11 @@ class _ExtensibleBraid(_Wrapper):
     """Threads that stretch to a length b: adds the cylinder's force at b minus that at b_0."""
 
     def __init__(
-        self, inner: ForceModel, muscle: Muscle, law: Law3, values: tuple[float, ...]
+        self, inner: ForceModel, geometry: MuscleGeometry, law: Law3, values: tuple[float, ...]
     ) -> None:
         super().__init__(inner)
-        self._thread = muscle.thread_length
-        self._scale = 1.0 / (4.0 * math.pi * muscle.turns**2)
+        self._thread = geometry.thread_length
+        self._scale = 1.0 / (4.0 * math.pi * geometry.turns**2)
         self._law, self._values = law, values
 
     def force(self, pressure: float, length: float, velocity: float = 0.0) -> float:

@@ -1,4 +1,4 @@
-"""The gas in a muscle and in the tube before it: two chambers, as the pressure observer needs them.
+"""The gas in a muscle and in the tube before it: two chambers, advanced by one period.
 
 Valve -> tube, where the sensor is, -> ISO 6358 restriction -> muscle. Both chambers are polytropic
 (`pam_model.effects.tube_restriction`). The steps are explicit; no step moves more gas through the
@@ -12,7 +12,8 @@ from collections.abc import Callable
 from typing import Final
 
 from pam_model.gas import GAS_CONSTANT, pressure_rate, reference_density, reference_flow
-from pam_model.rig import Gas, Valve
+from pam_model.rig.types import Gas
+from pam_model.robot.robot import RobotValve, Tube
 
 LONGEST_STEP: Final = 5e-4  # s
 LARGEST_CHANGE: Final = 0.1  # of the supply, by an open valve in one step; bounds the volume below
@@ -27,47 +28,43 @@ class TubeGas:
 
     Parameters
     ----------
-    conductance : float
-        ISO 6358 C of the tube [m^3/(s Pa)].
-    volume : float
-        Of the tube [m^3]; one that is too small for the steps counts as the smallest possible.
-    valve : Valve
+    tube : Tube
+        The tube; a volume that is too small for the steps counts as the smallest possible.
+    valve : RobotValve
         Before the tube.
     gas : Gas
         Temperature and exponent.
     period : float
         Time between updates [s].
-
-    Attributes
-    ----------
-    inside : float
-        Pressure in the muscle [Pa absolute].
     """
 
-    def __init__(
-        self, conductance: float, volume: float, valve: Valve, gas: Gas, period: float
-    ) -> None:
-        self._conductance, self._critical = conductance, valve.critical_ratio
+    def __init__(self, tube: Tube, valve: RobotValve, gas: Gas, period: float) -> None:
+        self._conductance, self._critical = tube.conductance, valve.critical_ratio
         self._temperature, self._exponent = gas.temperature, gas.polytropic_exponent
         self._density = reference_density(gas.temperature)
         self._count = max(1, math.ceil(period / LONGEST_STEP - 1e-9))
         self._step = period / self._count
         per_mass = self._exponent * GAS_CONSTANT * self._temperature
-        widest = max(valve.sonic_conductance, conductance)
+        widest = max(valve.sonic_conductance, tube.conductance)
         least = self._step * per_mass * self._density * widest / LARGEST_CHANGE
         self._per_mass = per_mass
-        self._volume = max(volume, least)
-        self.inside = math.nan
+        self._volume = max(tube.volume, least)
 
     def advance(
-        self, at_valve: float, entering: Flow, leaving: Flow, volume: float, volume_rate: float
-    ) -> float:
-        """Advance by one period; return the pressure at the valve [Pa absolute].
+        self,
+        at_valve: float,
+        inside: float,
+        entering: Flow,
+        leaving: Flow,
+        volume: float,
+        volume_rate: float,
+    ) -> tuple[float, float]:
+        """The pressures at the valve and in the muscle after one period [Pa absolute].
 
         Parameters
         ----------
-        at_valve : float
-            Pressure there at the beginning [Pa absolute].
+        at_valve, inside : float
+            Pressures at the valve and in the muscle at the beginning [Pa absolute].
         entering : callable
             Flow of the valve at this pressure.
         leaving : callable
@@ -75,7 +72,7 @@ class TubeGas:
         volume, volume_rate : float
             Of the muscle [m^3], [m^3/s].
         """
-        step, tube, inside = self._step, self._volume, self.inside
+        step, tube = self._step, self._volume
         for _ in range(self._count):
             at_valve += step * self._per_mass * entering(at_valve) / tube
             at_valve = max(at_valve, LOWEST)
@@ -96,5 +93,4 @@ class TubeGas:
                 )
             )
             inside = max(inside, LOWEST)
-        self.inside = inside
-        return at_valve
+        return at_valve, inside

@@ -1,0 +1,27 @@
+"""The robot that holds: a rig with its effects applied, composed in one place.
+
+`compose(rig)` makes a `Robot` from a `Rig`; whoever needs numbers of the robot asks the views in
+`pam_model.views`.
+"""
+
+from pam_model.robot.compose import compose
+from pam_model.robot.robot import (
+    Arm,
+    Robot,
+    RobotJoint,
+    RobotMuscle,
+    RobotValve,
+    Supply,
+    Tube,
+)
+
+__all__ = [
+    "Arm",
+    "Robot",
+    "RobotJoint",
+    "RobotMuscle",
+    "RobotValve",
+    "Supply",
+    "Tube",
+    "compose",
+]

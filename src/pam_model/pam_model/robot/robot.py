@@ -1,0 +1,303 @@
+"""A robot as the numbers that hold: every effect that changes a number is applied already.
+
+A `Rig` is the file as written. In a `Robot`, effects of the rig file that change a number of the
+ideal rig (a payload, a dead volume, a narrower exhaust) are part of the numbers. The other effects
+remain laws of the muscle or joint that has them (`laws`). Thus, an effect and the same change
+written as plain numbers give equal robots. `pam_model.robot.compose` is the only place that makes
+a `Robot`.
+
+The topology is data: `joints` and `muscles` are tuples of any length, and an `Arm` says which
+muscle turns which joint. Pressures are gauge unless an attribute says absolute.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from pam_model.effects import Effect
+from pam_model.effects.slots import Slot
+from pam_model.muscles.force_model import ForceModel, MuscleGeometry
+from pam_model.rig.types import Gas, Plausibility, Rig, ValveKind
+
+AppliedLaw = tuple[Effect, Slot, tuple[float, ...]]
+"""An effect that is switched on, one of its slots, and the values of its parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """One muscle at one joint.
+
+    Attributes
+    ----------
+    joint, muscle : int
+        Their places in the robot.
+    length : float
+        Torque per pull [m]: positive if the muscle pulls towards positive positions. The length of
+        the muscle's path falls by as much per radian.
+    """
+
+    joint: int
+    muscle: int
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """The one supply of all valves: a reservoir that is refilled through a restriction.
+
+    Attributes
+    ----------
+    pressure : float
+        Of the source, and of the full reservoir [Pa absolute].
+    refill_conductance : float
+        ISO 6358 C of the refill path [m^3/(s Pa)]; 0: an ideal supply, which never sags.
+    reservoir_volume : float
+        [m^3]; has no meaning for an ideal supply.
+    """
+
+    pressure: float
+    refill_conductance: float
+    reservoir_volume: float
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether its pressure is constant."""
+        return not self.refill_conductance > 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Tube:
+    """A tube between valve and muscle; the pressure sensor is on the valve's side.
+
+    Attributes
+    ----------
+    conductance : float
+        ISO 6358 C [m^3/(s Pa)].
+    volume : float
+        [m^3].
+    """
+
+    conductance: float
+    volume: float
+
+
+class _HasLaws(Protocol):
+    @property
+    def applied(self) -> tuple[AppliedLaw, ...]: ...
+
+
+def _laws(owner: _HasLaws, kind: type[Any], treatment: type | None) -> list[Any]:
+    return [
+        law
+        for law in owner.applied
+        if isinstance(law[1], kind) and (treatment is None or isinstance(law[0].control, treatment))
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class RobotValve:
+    """The valve of one muscle.
+
+    Attributes
+    ----------
+    kind : str
+        "flow" or "pressure_regulator".
+    sonic_conductance : float
+        ISO 6358 C of the supply path, fully open [m^3/(s Pa)].
+    exhaust_ratio : float
+        Conductance of the exhaust path over that of the supply path [-].
+    critical_ratio : float
+        ISO 6358 b [-].
+    time_constant : float
+        Of the spool [s].
+    command_delay : float
+        [s].
+    full_scale : float or None
+        Pressure regulator: set point at a command of 100 % [Pa gauge].
+    tube : Tube or None
+        Between valve and muscle.
+    """
+
+    kind: ValveKind
+    sonic_conductance: float
+    exhaust_ratio: float
+    critical_ratio: float
+    time_constant: float
+    command_delay: float
+    full_scale: float | None
+    tube: Tube | None
+
+
+@dataclass(frozen=True, slots=True)
+class RobotMuscle:
+    """One muscle with its valve and its pressure sensor.
+
+    Attributes
+    ----------
+    place : int
+        In `Robot.muscles`.
+    name : str
+        As in the rig file.
+    model, geometry, constants, static_effects
+        Name, braid and constants of the force model, factor on the contraction and compliance of
+        the cable: with the laws in `applied`, the static force follows from them.
+    force_model : ForceModel
+        The static force, with the effects that change it.
+    neutral_length : float
+        At position 0 of all its joints [m].
+    arms : tuple of Arm
+        The joints that it turns; empty for a bench muscle.
+    dead_volume : float
+        Gas volume outside the braid, at least 0 [m^3].
+    max_pressure : float
+        Limit above which the driver vents [Pa gauge].
+    valve : RobotValve
+        The valve that fills and vents it.
+    pressure_gain, pressure_bias, pressure_lag : float
+        Of its pressure sensor: reading over pressure [-], zero [Pa], first order lag [s].
+    applied : tuple of AppliedLaw
+        The effects that are laws rather than numbers.
+    """
+
+    place: int
+    name: str
+    model: str
+    geometry: MuscleGeometry
+    constants: tuple[tuple[str, float], ...]
+    static_effects: tuple[float, ...]
+    force_model: ForceModel = field(compare=False, repr=False)
+    neutral_length: float
+    arms: tuple[Arm, ...]
+    dead_volume: float
+    max_pressure: float
+    valve: RobotValve
+    pressure_gain: float
+    pressure_bias: float
+    pressure_lag: float
+    applied: tuple[AppliedLaw, ...]
+
+    def laws[S: Slot](
+        self, kind: type[S], treatment: type | None = None
+    ) -> list[tuple[Effect, S, tuple[float, ...]]]:
+        """The laws of one kind of slot, in the order in which the plant applies them.
+
+        Parameters
+        ----------
+        kind : type
+            A class of `pam_model.effects.slots`.
+        treatment : type, optional
+            Only effects that the controller treats in this way.
+        """
+        return _laws(self, kind, treatment)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotJoint:
+    """One joint.
+
+    Attributes
+    ----------
+    place : int
+        In `Robot.joints`.
+    name : str
+        As in the rig file.
+    arms : tuple of Arm
+        The muscles that turn it, in the order of the rig file.
+    inertia : float
+        [kg m^2].
+    viscous_friction : float
+        [N m s/rad].
+    gravity_torque, gravity_angle : float
+        torque = -gravity_torque sin(position - gravity_angle) [N m], [rad].
+    position_limits : tuple of float
+        [rad].
+    max_velocity, reduced_velocity : float
+        Largest speed, and while full speed is not permitted [rad/s].
+    max_acceleration, max_tracking_error, max_stiffness_rate : float
+        Limits of motion of the rig file [rad/s^2], [rad], [N m/(rad s)].
+    position_offset, position_delay : float
+        Of its encoder: added to the reading [rad], [s].
+    applied : tuple of AppliedLaw
+        The effects that are laws rather than numbers.
+    """
+
+    place: int
+    name: str
+    arms: tuple[Arm, ...]
+    inertia: float
+    viscous_friction: float
+    gravity_torque: float
+    gravity_angle: float
+    position_limits: tuple[float, float]
+    max_velocity: float
+    reduced_velocity: float
+    max_acceleration: float
+    max_tracking_error: float
+    max_stiffness_rate: float
+    position_offset: float
+    position_delay: float
+    applied: tuple[AppliedLaw, ...]
+
+    @property
+    def muscles(self) -> tuple[int, ...]:
+        """The places of its muscles in the robot."""
+        return tuple(arm.muscle for arm in self.arms)
+
+    def laws[S: Slot](
+        self, kind: type[S], treatment: type | None = None
+    ) -> list[tuple[Effect, S, tuple[float, ...]]]:
+        """As `RobotMuscle.laws`."""
+        return _laws(self, kind, treatment)
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """Joints, muscles and one supply, as the numbers that hold.
+
+    Attributes
+    ----------
+    gas : Gas
+        Gas and ambient.
+    supply : Supply
+        The supply of all valves.
+    joints : tuple of RobotJoint
+        In the rig file's order.
+    muscles : tuple of RobotMuscle
+        In the rig file's order.
+    plausibility : Plausibility
+        Limits of the driver's checks.
+    rig : Rig
+        The file as written, for wiring and messages; its numbers are not those that hold.
+    """
+
+    gas: Gas
+    supply: Supply
+    joints: tuple[RobotJoint, ...]
+    muscles: tuple[RobotMuscle, ...]
+    plausibility: Plausibility
+    rig: Rig = field(compare=False, repr=False)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def muscle_names(self) -> tuple[str, ...]:
+        """Names of the muscles, in order."""
+        return tuple(muscle.name for muscle in self.muscles)
+
+    @property
+    def supply_gauge_pressure(self) -> float:
+        """Of the full supply [Pa gauge]."""
+        return self.supply.pressure - self.gas.ambient_pressure
+
+    def joint(self, name: str) -> RobotJoint:
+        """The joint with this name; UnknownNameError if there is none."""
+        return self.joints[self.rig.joint_number(name)]
+
+    def muscle(self, name: str) -> RobotMuscle:
+        """The muscle with this name; UnknownNameError if there is none."""
+        self.rig.muscle(name)
+        return self.muscles[self.muscle_names.index(name)]

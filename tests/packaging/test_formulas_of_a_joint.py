@@ -1,0 +1,86 @@
+"""Formulas of a joint or muscle stand in pam_model; everybody else asks its views.
+
+The numbers of a formula are read from a robot, a rig or a model: as attributes, or by their names
+in the plant's parameters. A file outside pam_model that reads one of them has a formula of its own.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+NUMBERS = frozenset(
+    {
+        "gravity_torque",
+        "gravity_angle",
+        "inertia",
+        "viscous_friction",
+        "pulley_radius",
+        "neutral_length",
+        "dead_volume",
+    }
+)
+INDEPENDENT = ("pam_check/pam_check/blind/", "pam_check/pam_check/control/")
+"""Plants and rigs of the checks, which are the independent truth and share no law on purpose."""
+REMAINING = frozenset(
+    {
+        "pam_check/pam_check/faults/rig_bounds.py",
+        "pam_control/pam_control/adaptation/stiffness_estimate.py",
+        "pam_control/pam_control/compensation/inverse_dynamics.py",
+        "pam_control/pam_control/feedback/closed_loop.py",
+        "pam_control/pam_control/feedback/linear_joint.py",
+        "pam_control/pam_control/feedback/observer_design.py",
+        "pam_control/pam_control/feedback/operating_points.py",
+        "pam_control/pam_control/feedback/pressure_loop.py",
+        "pam_control/pam_control/joint_channel.py",
+        "pam_control/pam_control/joint_scale.py",
+        "pam_control/pam_control/laws/pressure_difference_pid.py",
+        "pam_control/pam_control/laws/torque.py",
+        "pam_control/pam_control/learning/learning_filter.py",
+        "pam_control/pam_control/valve_limits.py",
+        "pam_gap/pam_gap/inference/candidates.py",
+        "pam_gap/pam_gap/prediction/problem.py",
+    }
+)
+"""Files that still have formulas of their own; the list must only become shorter."""
+
+
+def formulas(source: str) -> list[str]:
+    """The numbers of a joint or muscle that a module reads."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Attribute) and node.attr in NUMBERS:
+            found.append(node.attr)
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
+            name = str(node.slice.value).rpartition(".")
+            if name[0] and name[2] in NUMBERS:
+                found.append(name[2])
+    return found
+
+
+def modules() -> dict[str, list[str]]:
+    """What every module outside pam_model reads, by its path in src/."""
+    found = {}
+    for path in sorted((ROOT / "src").glob("pam_*/**/*.py")):
+        name = path.relative_to(ROOT / "src").as_posix()
+        if not name.startswith(("pam_model/", *INDEPENDENT)):
+            found[name] = formulas(path.read_text())
+    return found
+
+
+def test_no_further_file_has_formulas_of_a_joint() -> None:
+    further = {name: sorted(set(read)) for name, read in modules().items() if read}
+    further = {name: read for name, read in further.items() if name not in REMAINING}
+    assert not further, f"ask pam_model.views instead: {further}"
+
+
+def test_a_file_that_has_none_left_is_taken_off_the_list() -> None:
+    read = modules()
+    assert not [name for name in REMAINING if not read.get(name)]
+
+
+def test_the_rule_sees_attributes_and_names_of_parameters() -> None:
+    assert formulas("rate = joint.inertia * a") == ["inertia"]
+    assert formulas("base['joint.pulley_radius']") == ["pulley_radius"]
+    assert formulas("numbers['inertia']; joint.name; x['joint.lower_limit']") == []
