@@ -10,6 +10,12 @@ from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.background import ordinary_background
 from pam_gap.prediction.channel_order import POSITION
 from pam_gap.prediction.fit import mean_squares
+from pam_gap.prediction.identifiable import (
+    cautions,
+    full_of_holes,
+    some_holes,
+    what_is_missing,
+)
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.recordings.parts import parts
 from pam_gap.recordings.recording import (
@@ -125,3 +131,40 @@ def test_a_part_knows_where_it_lies_in_its_recording(rig: Rig, record: Maker) ->
     assert drift[border] == pytest.approx(drift[border - 1] - np.ptp(drift), rel=0.01)
     assert drift[border - 1] == drift.max()
     assert drift[border:].max() < drift[:border].min()
+
+
+@pytest.mark.parametrize("length", [0.12, 0.6])
+def test_a_recording_full_of_holes_is_about_the_recording(
+    rig: Rig, record: Maker, length: float
+) -> None:
+    """It was `unknown` with 100 %, without a word of the holes in which 45 % of its time lay."""
+    whole = record()
+    spans = [(at, at + length) for at in np.arange(0.4, whole.duration, length / 0.45)]
+    problem = PredictionProblem(rig, 0, usable_parts(rig, 0, [without(whole, *spans)]))
+    said = what_is_missing(problem)[0]
+    assert said.startswith("The recording, not the robot, can be judged: for 4")
+    assert "record on a computer without other work" in said
+
+
+def test_some_holes_are_a_caution_that_comes_first(rig: Rig, record: Maker) -> None:
+    holes = without(record(), (4.0, 4.9), (8.0, 8.2))
+    problem = PredictionProblem(rig, 0, usable_parts(rig, 0, [holes]))
+    assert what_is_missing(problem) == ()
+    assert cautions(problem)[0].startswith("The recording has holes: for 9 % of 12.5 s")
+    sound = PredictionProblem(rig, 0, usable_parts(rig, 0, [record()]))
+    assert not any("holes" in text for text in cautions(sound))
+
+
+@pytest.mark.parametrize("rate", [25.0, 50.0])
+def test_a_slow_pressure_is_no_hole(rig: Rig, record: Maker, rate: float) -> None:
+    recording = record()
+    every = round(1.0 / (rate * recording.sample_time))
+    channels = {
+        name: RawChannel(recording.time[::step], values[::step])
+        for name, values in recording.values.items()
+        for step in [every if "pressure" in name else 1]
+    }
+    slow = resample(RawRecording(recording.source, channels))
+    problem = PredictionProblem(rig, 0, usable_parts(rig, 0, [slow]))
+    assert full_of_holes(problem) == ()
+    assert some_holes(problem) == ()

@@ -9,10 +9,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from pam_gap.live.message_intervals import MessageIntervals
 from pam_gap.live.recording_advice import RecordingAdvice
+from pam_gap.rules import DEFAULT
 from pam_model.rig import load_rig
 from support.rigs import ELBOW
 
@@ -74,6 +77,88 @@ def test_a_controller_that_fell_silent_is_said():
             assert not any("control:" in text for text in advice.missing())
     (said,) = [text for text in advice.missing() if text.startswith("control:")]
     assert "no valve_commands after 5 s; the driver may have vented" in said
+
+
+def robot(
+    duration: float = 60.0,
+    *,
+    keep=lambda time: True,
+    sensed=lambda time, angle, pressures: (angle, pressures),
+    late: float = 0.0,
+) -> list[str]:
+    """The advice after a motion with noise, of which some messages do not arrive."""
+    random = np.random.default_rng(4)
+    advice = RecordingAdvice(load_rig(ELBOW))
+    for step in range(round(200.0 * duration)):
+        time = step / 200.0
+        if not keep(time):
+            continue
+        moving = math.sin(3.0 * (time - 3.0)) if time > 3.0 else 0.0
+        noise = random.standard_normal(3)
+        angle, pressures = sensed(
+            time,
+            0.8 * moving + 1e-4 * noise[0],
+            [2e5 + 1.5e5 * moving + 100 * noise[1], 2e5 - 1.5e5 * moving + 100 * noise[2]],
+        )
+        arrival = time + late * random.random()
+        advice.take("joint_states", arrival, ["elbow"], [angle], stamp=1e9 + time)
+        advice.take("pressure_states", arrival, MUSCLES, effort=pressures, stamp=1e9 + time)
+        advice.take("sent_valve_commands", arrival, stamp=1e9 + time)
+    return advice.missing()
+
+
+@pytest.mark.parametrize(("length", "share"), [(0.12, 0.45), (0.5, 0.45), (2.0, 0.2)])
+def test_gaps_are_said_while_recording(length, share):
+    """A mean rate shows no gaps: 45 % of the time in them was "missing: nothing"."""
+    found = robot(keep=lambda time: time % (length / share) > length)
+    assert any(line.startswith("gaps: ") and "of the time has no" in line for line in found), found
+    if share > 0.4:
+        assert any(line.startswith("length: ") and "without gaps" in line for line in found)
+
+
+def test_a_motion_with_noise_and_late_arrivals_misses_nothing():
+    assert robot() == []
+    assert robot(late=0.08) == []
+
+
+def test_lost_messages_are_said():
+    random = np.random.default_rng(7)
+    found = robot(keep=lambda time: random.random() > 0.15)
+    assert any(line.startswith("lost: ") for line in found), found
+
+
+@pytest.mark.parametrize(
+    ("sensed", "said"),
+    [
+        (
+            lambda time, angle, pressures: (0.31 if time > 20.0 else angle, pressures),
+            "frozen: elbow's position",
+        ),
+        (
+            lambda time, angle, pressures: (angle, [pressures[0], 1.7e5 if time > 20.0 else 2e5]),
+            "frozen: elbow_extensor's pressure",
+        ),
+        (
+            lambda time, angle, pressures: (angle, [min(p, 3e5) for p in pressures]),
+            "clipped: elbow_flexor's pressure",
+        ),
+        (
+            lambda time, angle, pressures: (max(angle, -0.6), pressures),
+            "clipped: elbow's position",
+        ),
+    ],
+)
+def test_frozen_and_clipped_sensors_are_said(sensed, said):
+    found = robot(sensed=sensed)
+    assert any(line.startswith(said) for line in found), found
+
+
+def test_a_clock_that_is_set_back_is_said():
+    intervals = MessageIntervals(DEFAULT)
+    for step in range(1000):
+        intervals.take("joint_states", 0.005 * step - (1.0 if step > 500 else 0.0))
+    (said,) = intervals.faults()
+    assert said.startswith("clock: the stamps of joint_states ran backwards 1 times")
 
 
 def test_before_the_first_message_the_topics_are_missing():

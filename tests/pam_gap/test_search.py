@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pam_gap.answer.sentences import sizes_at_the_end
+from pam_gap.answer.sentences import rivals_at_the_end, sizes_at_the_end
 from pam_gap.inference.candidates import Candidate, candidates_for
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.inference.search import Search
@@ -77,6 +77,17 @@ def test_a_size_at_the_end_of_its_range_is_a_caution(rig: Rig) -> None:
     (caution,) = sizes_at_the_end([(effect, name, value, unit)])
     assert "payload" in caution
     assert f"mass {largest:.2g} kg" in caution
+
+
+def test_a_rival_at_the_end_of_its_range_is_told(rig: Rig) -> None:
+    """Its size may only be limited by the table, and the probability of the cause not know it."""
+    caps = candidate(rig, "end_caps")
+    largest = caps.free[0]
+    at_end = with_values(caps, {p.name: 1.0 for p in caps.free} | {largest.name: largest.high})
+    (caution,) = rivals_at_the_end([at_end.at_the_end, at_end.at_the_end])
+    assert caution.count("end caps (") == 1
+    assert "3.5" in caution and "also remove most of the gap" in caution
+    assert rivals_at_the_end([]) == ()
 
 
 def test_a_size_that_stands_for_no_effect_is_no_caution(rig: Rig) -> None:

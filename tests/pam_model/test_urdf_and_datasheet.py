@@ -133,8 +133,10 @@ def test_a_bought_size_has_its_published_force_as_an_ideal_braid(name: str) -> N
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--size", "DMSP-20", "--angle", "23"], "--size states diameter and angle"),
-        (["--diameter", "0.02"], "expected --diameter X and --angle X"),
+        (["--size", "DMSP-20", "--angle", "23"], "state the same numbers: expected --rest-length"),
+        (["--diameter", "0.02"], "--angle missing: expected --rest-length"),
+        (["--diameter", "0.02", "--turns", "2"], "--diameter and --angle, --thread-length"),
+        (["--thread-length", "0.31"], "--turns and --rest-length [m] must be given together"),
         (["--size", "DMSP-30"], "DMSP-30"),
     ],
 )

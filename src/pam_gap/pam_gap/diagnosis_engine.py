@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from pam_gap.answer.diagnosis import Diagnosis
-from pam_gap.answer.sentences import sizes_at_the_end
+from pam_gap.answer.sentences import SizesAtTheEnd, rivals_at_the_end, sizes_at_the_end
 from pam_gap.answer.write_answer import AnswerForm, advice
 from pam_gap.experiments.next_experiment import Proposal, propose
 from pam_gap.inference.candidates import Candidate, applicable, candidates_for
@@ -312,7 +312,9 @@ class JointDiagnosis:
             survivors = [s.hypothesis for s in ranked[: self.rules.experiment.closest]]
         return propose(self.fitter, survivors)
 
-    def _cautions(self, decision: Decision[HeldOut], *, has_improved: bool) -> tuple[str, ...]:
+    def _cautions(
+        self, decision: Decision[HeldOut], nominal: HeldOut, *, has_improved: bool
+    ) -> tuple[str, ...]:
         """What makes the answer less certain than it looks, in full sentences."""
         found = cautions(self.problem)
         told = decision.chosen if decision.is_named else None
@@ -322,7 +324,26 @@ class JointDiagnosis:
             if not has_improved:
                 found += (NOT_IMPROVED,)
             found += sizes_at_the_end(told.hypothesis.at_the_end)
+            found += rivals_at_the_end(self._cut_off(decision, nominal, told))
         return found if self.lengths is None else (*found, self.lengths.caution)
+
+    def _cut_off(
+        self, decision: Decision[HeldOut], nominal: HeldOut, told: HeldOut
+    ) -> list[SizesAtTheEnd]:
+        """Sizes at the end of their range in hypotheses that explain most of the gap otherwise.
+
+        Such a hypothesis might explain more if its size were not limited.
+        """
+        usual = self.judge.usual(nominal, decision.tried)
+        least = self.rules.decision.most_of_the_gap
+        rivals = [
+            score
+            for score in decision.tried
+            if not {*told.causes} & {*score.causes}
+            and score.hypothesis.at_the_end
+            and self.judge.share_removed(usual, score) >= least
+        ]
+        return [score.hypothesis.at_the_end for score in sorted(rivals, key=self.judge.level)]
 
     def run(self) -> Diagnosis:
         """Perform the diagnosis."""
@@ -381,7 +402,7 @@ class JointDiagnosis:
         told = decision.chosen if decision.is_named else None
         self.answer = nominal if told is None else told
         self.lengths = loose_lengths(self.fitter, self.answer.hypothesis)
-        diagnosis.cautions = self._cautions(decision, has_improved=shown is not None)
+        diagnosis.cautions = self._cautions(decision, nominal, has_improved=shown is not None)
         diagnosis.not_shown = not_shown(self.problem, self.candidates(), self.floor)
         self.progress("done", 1.0)
         return diagnosis

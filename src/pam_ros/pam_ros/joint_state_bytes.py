@@ -26,6 +26,14 @@ _TEXTS_AT: Final = _BODY_AT + _STAMP.size
 _FORMS_KEPT: Final = 256  # a publisher that never repeats its names must not fill the memory
 
 
+def stamp_of(data: bytes) -> float:
+    """Stamp [s] of a message that begins with a std_msgs/Header; 0 if it has none to be read."""
+    if len(data) < _TEXTS_AT or data[: len(_KIND)] != _KIND:
+        return 0.0
+    seconds, nanoseconds = _STAMP.unpack_from(data, _BODY_AT)
+    return float(seconds) + 1e-9 * float(nanoseconds)
+
+
 class JointStateFields(NamedTuple):
     """The fields of a sensor_msgs/JointState.
 

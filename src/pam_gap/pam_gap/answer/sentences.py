@@ -9,6 +9,10 @@ from pam_gap.answer.user_units import interval_digits, percent, plain, spoken, t
 from pam_gap.prediction.materiality import GapSize
 from pam_model.effects import EFFECTS
 
+type SizesAtTheEnd = Sequence[tuple[str, str, float, str]]
+"""Effect, parameter, value and unit of sizes at the far end of the range that is searched."""
+MOST_RIVALS = 2
+"""Of explanations at the end of their range that are told."""
 MOST_PARAMETERS = 3
 """Of an effect, in a sentence; the table of the report has all of them."""
 LIKELY = 0.5
@@ -151,7 +155,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
     return _named(diagnosis)
 
 
-def sizes_at_the_end(found: Sequence[tuple[str, str, float, str]]) -> tuple[str, ...]:
+def sizes_at_the_end(found: SizesAtTheEnd) -> tuple[str, ...]:
     """A caution for each named effect with sizes at the far end of the range that is searched.
 
     Parameters
@@ -166,6 +170,27 @@ def sizes_at_the_end(found: Sequence[tuple[str, str, float, str]]) -> tuple[str,
         f"The size found for {spoken(effect)} ({', '.join(values)}) is at the end of the range "
         "that is searched. If the effect cannot be so large on your rig, the cause is another one."
         for effect, values in sizes.items()
+    )
+
+
+def rivals_at_the_end(rivals: Sequence[SizesAtTheEnd]) -> tuple[str, ...]:
+    """A caution for other explanations whose sizes are at the end of the range searched.
+
+    Parameters
+    ----------
+    rivals : sequence of sequence of tuple
+        For each of them, the one that explains most first, the sizes as in `sizes_at_the_end`.
+    """
+    told_sizes = [
+        f"{spoken(effect)} ({spoken(name)} {told(value, unit)}".rstrip() + ")"
+        for effect, name, value, unit in dict.fromkeys(size for one in rivals for size in one)
+    ][:MOST_RIVALS]
+    if not told_sizes:
+        return ()
+    return (
+        f"Explanations with {_listed(told_sizes)} also remove most of the gap, and end at the end "
+        "of the range that is searched. With more of it they might explain as much; the "
+        "probabilities do not know that.",
     )
 
 

@@ -27,6 +27,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from pam_gap.live.recording_advice import RecordingAdvice
 from pam_model.errors import PamError
 from pam_model.rig import Rig
+from pam_ros.joint_state_bytes import stamp_of
 from pam_ros.message_decoder import decode
 from pam_ros.node_end import end_node
 from pam_ros.start import start_ros
@@ -90,11 +91,13 @@ class RecordNode(Node):  # type: ignore[misc]
         self._writer.write(connection, time.time_ns(), data)
         now = time.monotonic()
         if kind is not JointState or now - self._read_at.get(topic, 0.0) < READ_EVERY:
-            self._advice.take(topic, now)
+            self._advice.take(topic, now, stamp=stamp_of(data))
             return
         self._read_at[topic] = now
         message = decode(data, JointState)
-        self._advice.take(topic, now, message.name, message.position, message.effort)
+        self._advice.take(
+            topic, now, message.name, message.position, message.effort, stamp_of(data)
+        )
 
     def keep(self) -> None:
         """Write the messages that are still in the writer's buffer."""

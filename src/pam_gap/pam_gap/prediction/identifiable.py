@@ -14,6 +14,7 @@ from pam_gap.prediction.dead_sensors import dead_encoder, dead_pressure_sensors
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.prediction.wrong_wiring import wrong_wiring
+from pam_gap.recordings.blind_time import BlindTime, blind_time
 from pam_model.gas.constants import (
     GAS_CONSTANT,
     REFERENCE_DENSITY,
@@ -55,6 +56,37 @@ def is_too_still(problem: PredictionProblem) -> bool:
     return True
 
 
+def full_of_holes(problem: PredictionProblem) -> tuple[str, ...]:
+    """Whether gaps of the log spoil most of the recordings, in full sentences."""
+    lost = blind_in(problem)
+    if lost.spoiled_share <= problem.rules.recording.spoiled_share:
+        return ()
+    return (
+        f"The recording, not the robot, can be judged: {lost.words()}. With the "
+        f"{problem.rules.prediction.horizon:g} s after each of them, in which the prediction still "
+        f"errs, {100.0 * lost.spoiled_share:.0f} % of the time tells nothing. The computer that "
+        "recorded was busy, or the network lost messages: record on a computer without other work, "
+        f"and watch what `record` says. {USUAL}",
+    )
+
+
+def blind_in(problem: PredictionProblem) -> BlindTime:
+    """How much of the recordings is lost in holes."""
+    muscles = problem.rig.joints[problem.joint].muscles
+    return blind_time([data.recording for data in problem.data], muscles, problem.rules)
+
+
+def some_holes(problem: PredictionProblem) -> tuple[str, ...]:
+    """Gaps that take a part of the recordings which is worth a word, in full sentences."""
+    lost = blind_in(problem)
+    if lost.missing_share <= problem.rules.recording.told_share:
+        return ()
+    return (
+        f"The recording has holes: {lost.words()}. They are not compared; what happened in them "
+        "is unknown, and the answer rests on the rest.",
+    )
+
+
 def what_is_missing(problem: PredictionProblem) -> tuple[str, ...]:
     """Reasons why a diagnosis is not possible, in full sentences; empty if it is."""
     rules = problem.rules.recording
@@ -88,7 +120,7 @@ def what_is_missing(problem: PredictionProblem) -> tuple[str, ...]:
             "better."
         )
     dead = (*dead_encoder(problem), *dead_pressure_sensors(problem))
-    found = (*missing, *dead, *saturated_channels(problem))
+    found = (*full_of_holes(problem), *missing, *dead, *saturated_channels(problem))
     return tuple(dict.fromkeys(found)) or wrong_wiring(problem)
 
 
@@ -109,9 +141,8 @@ def cautions(problem: PredictionProblem) -> tuple[str, ...]:
         for name, share in data.recording.saturated.items()
         if name in problem.names and name != problem.names[POSITION]
     ]
-    found = tuple(
-        dict.fromkeys((*still, *frozen, *sparse_commands(problem), *held_commands(problem)))
-    )
+    logged = (*some_holes(problem), *frozen, *sparse_commands(problem), *held_commands(problem))
+    found = tuple(dict.fromkeys((*logged, *still)))
     if seconds >= problem.rules.recording.short_seconds:
         return found
     return (

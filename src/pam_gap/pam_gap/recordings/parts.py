@@ -9,27 +9,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from pam_gap.recordings.recording import COMMANDS, PRESSURES, Mask, Recording
+from pam_gap.recordings.blind_time import is_blind, runs
+from pam_gap.recordings.recording import Recording
 from pam_gap.rules import DEFAULT
 from pam_gap.rules.recording_rules import RecordingRules
-
-
-def _is_blind(recording: Recording, muscles: tuple[str, ...]) -> Mask:
-    """Samples at which a command, or every pressure, is unknown."""
-
-    def known(prefix: str) -> list[Mask]:
-        names = [f"{prefix}{muscle}" for muscle in muscles]
-        return [recording.valid[name] for name in names if recording.has(name)]
-
-    blind = np.zeros(recording.time.size, dtype=np.bool_)
-    for valid in known(COMMANDS):
-        blind |= ~valid
-    pressures = known(PRESSURES)
-    if pressures:
-        blind |= ~np.any(pressures, axis=0)
-    return blind
 
 
 def _cut(recording: Recording, start: int, stop: int) -> Recording:
@@ -59,12 +42,9 @@ def parts(
         How long a gap is bridged, and the shortest part that is used.
     """
     step = recording.sample_time
-    edges = np.flatnonzero(
-        np.diff(np.concatenate(([0], _is_blind(recording, muscles).astype(np.int8), [0])))
-    )
     gaps = [
-        (int(start), int(stop))
-        for start, stop in edges.reshape(-1, 2)
+        (start, stop)
+        for start, stop in runs(is_blind(recording, muscles))
         if (stop - start) * step > rules.longest_gap
     ]
     if not gaps:

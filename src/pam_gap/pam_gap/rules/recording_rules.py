@@ -164,6 +164,25 @@ class RecordingRules:
         "recordings with lost rows fall into parts of which the beginning does not count.",
         origin="The horizon within which predictions are corrected by the measurements.",
     )
+    spoiled_share: float = rule(
+        0.5,
+        unit="of the time",
+        decides="Share of the time in gaps of commands or pressures, or within the horizon of the "
+        "predictions after one, above which the verdict is `not_identifiable`.",
+        trades="Larger: what gaps leave is taken for an unknown cause. Smaller: recordings with "
+        "some gaps get no answer.",
+        origin="Most of the recording, by definition.",
+    )
+    told_share: float = rule(
+        0.05,
+        unit="of the time",
+        decides="Share of the time in gaps, or of lost messages, that is told: by `record` while "
+        "it records, and as a caution of an answer.",
+        trades="Larger: bad recordings are told late. Smaller: every recording on a usual computer "
+        "is said to have gaps.",
+        origin="Chosen by hand; it only adds a warning.",
+        acts=PROPOSAL,
+    )
     shortest_part: float = rule(
         3.0,
         unit="s",
@@ -180,6 +199,68 @@ class RecordingRules:
         trades="Larger: wrongly wired rigs are diagnosed. Smaller: a rig with strong effects is "
         "taken for a wrongly wired one.",
         origin="Half of it, by definition.",
+    )
+    direction_coherence: float = rule(
+        0.5,
+        unit="-",
+        decides="Coherence of the pressures with the commands, or of the motion with the "
+        "pressures, at low frequencies, from which their phase tells the direction.",
+        trades="Larger: reversed signs are told less often. Smaller: a motion that has other "
+        "causes tells a direction.",
+        origin="Half of the power of one signal follows from the other.",
+    )
+    direction_phase: float = rule(
+        60.0,
+        unit="deg",
+        decides="Phase up to which two signals agree, and its distance from 180 degrees up to "
+        "which they are opposed.",
+        trades="Larger: lags of friction and hysteresis can look like a reversed sign. Smaller: "
+        "nothing is said on joints with much friction.",
+        origin="Derived: Coulomb friction as large as the torque of the muscles lags by 90 "
+        "degrees; with friction of half of it, the lag stays below 45 degrees.",
+    )
+    direction_band: float = rule(
+        0.4,
+        unit="of the natural frequency",
+        decides="Upper end of the band in which the joint must follow the pressures like a spring.",
+        trades="Larger: the inertia turns the phase. Smaller: short recordings hold no such "
+        "motion.",
+        origin="Derived: the phase turns at the natural frequency, which is off by a third if the "
+        "stated stiffness and inertia are off by a third each, in opposite directions.",
+    )
+    direction_lines: int = rule(
+        3,
+        unit="-",
+        decides="Fewest frequencies in this band.",
+        trades="Larger: short recordings tell no direction. Smaller: a single frequency is always "
+        "coherent.",
+        origin="Two unrelated signals are coherent at one frequency.",
+    )
+    direction_gain: float = rule(
+        0.1,
+        unit="of the RMS error",
+        decides="Share of the simulation's error, mean over the channels that an exchange changes, "
+        "that must disappear when it is undone, where the phases show that something is exchanged.",
+        trades="Larger: reversed signs on rigs with wrong numbers are not told. Smaller: the "
+        "simulation no longer confirms the phase.",
+        origin="Chosen by hand: it only has to point in the same direction as the phase.",
+    )
+    same_pressure: float = rule(
+        0.02,
+        unit="of the pressure's deviation",
+        decides="Difference of the two pressures of a joint that moves, below which both sensors "
+        "are in one muscle.",
+        trades="Larger: muscles that are filled together by a poor loop count as one. Smaller: two "
+        "sensors of different gains in one muscle are not recognised.",
+        origin="Gains of two good sensors differ by less.",
+    )
+    same_motion: float = rule(
+        0.1,
+        unit="of the joint's range",
+        decides="Motion for which the two pressures of a joint must differ.",
+        trades="Larger: small motions are not judged. Smaller: a joint that is only stiffened "
+        "counts as one with a wrong sensor.",
+        origin="Chosen by hand; muscles of unequal size move a joint a little at equal pressures.",
     )
     dead_opening: float = rule(
         0.1,

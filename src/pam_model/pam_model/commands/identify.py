@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pam_model.argument_types import count, input_file, make_parents, number, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser
-from pam_model.commands.muscle_arguments import add_muscle, given_geometry
+from pam_model.commands.muscle_arguments import add_muscle, geometry_to_fit, in_both_words
 from pam_model.errors import PamError
 
 if TYPE_CHECKING:
@@ -16,18 +16,22 @@ if TYPE_CHECKING:
 def _declare_fit(parser: Parser) -> None:
     parser.add_argument("name", help="a length-force model")
     _add_data(parser)
+    parser.add_argument(
+        "--section", metavar="MUSCLE", help="also print the section of this muscle for a rig file"
+    )
 
 
 def _fit(chosen: Arguments) -> Outcome:
     from pam_model.identify.fit import fit  # noqa: PLC0415  (scipy)
     from pam_model.muscles.force_model import registered_models  # noqa: PLC0415
+    from pam_model.rig.from_datasheet import BraidFromDatasheet  # noqa: PLC0415
 
     if chosen.name not in registered_models():
         raise PamError(
             f"{chosen.name} is not a length-force model; known: {', '.join(registered_models())}"
         )
     data = _data(chosen)
-    geometry = given_geometry(chosen)
+    geometry, stated = geometry_to_fit(chosen)
     results: list[dict[str, Any]] = []
     for branch, points in data.branches().items():
         result = fit(
@@ -38,8 +42,13 @@ def _fit(chosen: Arguments) -> Outcome:
             fit_geometry=chosen.fit_geometry or geometry is None,
             residual=_residual(chosen, data),
             starts=chosen.starts,
+            stated=stated,
         )
         print(f"{branch}\n{result.table()}" if branch else result.table())
+        print(f"  {in_both_words(result.geometry)}")
+        if chosen.section:
+            braid = BraidFromDatasheet.of_geometry(result.geometry)
+            print(braid.section(chosen.section, result.model, result.constants))
         results.append({"branch": branch, **result.as_dict()})
         if chosen.plot:
             from pam_model.identify.fit_figures import draw_fit  # noqa: PLC0415  (matplotlib)
@@ -68,7 +77,7 @@ def _compare(chosen: Arguments) -> Outcome:
     from pam_model.identify.compare import compare  # noqa: PLC0415  (scipy)
 
     data = _data(chosen)
-    geometry = given_geometry(chosen)
+    geometry, stated = geometry_to_fit(chosen)
     comparisons = compare(
         data,
         chosen.models,
@@ -76,6 +85,7 @@ def _compare(chosen: Arguments) -> Outcome:
         fit_geometry=chosen.fit_geometry or geometry is None,
         residual=_residual(chosen, data),
         starts=chosen.starts,
+        stated=stated,
     )
     print("\n\n".join(c.table() for c in comparisons))
     _print_assumptions(data)
@@ -180,8 +190,8 @@ COMMANDS = (
         _declare_fit,
         _fit,
         examples=(
-            "pam model fit tondu_lopez points.csv --thread-length 0.25 --turns 2 "
-            "--rest-length 0.23",
+            "pam model fit tondu_lopez points.csv --rest-length 0.23 --diameter 0.02 --angle 23",
+            "pam model fit sarosi points.csv --size DMSP-10 --rest-length 0.2 --section flexor",
         ),
     ),
     Command(

@@ -3,68 +3,37 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
-from typing import Any
+from dataclasses import asdict
 
-from pam_model.argument_types import make_parents, muscle_size, number, output_file
+from pam_model.argument_types import make_parents, output_file
 from pam_model.command_line import Arguments, Command, Outcome, Parser, add_rig, chosen_rig
+from pam_model.commands.muscle_arguments import (
+    EXPECTED,
+    add_geometry,
+    given_geometry,
+    in_both_words,
+)
 from pam_model.errors import PamError
 from pam_model.muscle_sizes import SIZES
 from pam_ros.program_name import PROGRAM
 
 
 def _declare_braid(parser: Parser) -> None:
-    above: dict[str, Any] = {"metavar": "X"}
-    parser.add_argument(
-        "--size",
-        type=muscle_size,
-        metavar="NAME",
-        help=f"a size that can be bought, instead of two numbers: {', '.join(SIZES)}",
-    )
-    parser.add_argument(
-        "--diameter",
-        type=number("m", above=0.0, most=0.5),
-        help="of the braid at rest [m]",
-        **above,
-    )
-    parser.add_argument(
-        "--length",
-        type=number("m", above=0.0, most=10.0),
-        help="between the fittings at rest [m]",
-        required=True,
-        **above,
-    )
-    parser.add_argument(
-        "--angle", type=number("deg", above=1.0, most=90.0),
-        help="between thread and axis at rest [deg]", **above,
-    )  # fmt: skip
-    parser.add_argument(
-        "--wall-thickness", type=number("m", least=0.0, most=0.1), default=0.0, metavar="X",
-        help="of the bladder [m] (default: %(default)g)",
-    )  # fmt: skip
+    add_geometry(parser)
     parser.add_argument("--name", default="muscle", help="(default: %(default)s)")
 
 
 def _braid(chosen: Arguments) -> Outcome:
     from pam_model.rig.from_datasheet import BraidFromDatasheet  # noqa: PLC0415  (numpy)
 
-    numbers = (chosen.diameter, chosen.angle)
-    if chosen.size is not None:
-        if any(value is not None for value in numbers):
-            raise PamError("--size states diameter and angle: expected --size, or both numbers")
-        bought = SIZES[chosen.size]
-        made = replace(
-            BraidFromDatasheet.of_size(chosen.size, chosen.length),
-            wall_thickness=chosen.wall_thickness,
-        )
-    elif any(value is None for value in numbers):
-        raise PamError("expected --diameter X and --angle X, or --size with one of the known sizes")
-    else:
-        made = BraidFromDatasheet.measured(
-            chosen.diameter, chosen.length, math.radians(chosen.angle), chosen.wall_thickness
-        )
+    geometry = given_geometry(chosen)
+    if geometry is None:
+        raise PamError(EXPECTED)
+    made = BraidFromDatasheet.of_geometry(geometry)
     print(made.section(chosen.name))
+    print(f"# {in_both_words(geometry)}")
     if chosen.size is not None:
+        bought = SIZES[chosen.size]
         angle = math.degrees(math.acos(made.rest_length / made.thread_length))
         print(
             f"# {chosen.size}: the angle of the threads is not published. With {angle:.3g} deg the "

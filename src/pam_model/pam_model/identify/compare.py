@@ -129,6 +129,7 @@ def compare(
     residual: Residual = "force",
     starts: int = 4,
     seed: int = 1,
+    stated: Mapping[str, float] | None = None,
 ) -> list[Comparison]:
     """Rank models on each branch of the points.
 
@@ -148,6 +149,8 @@ def compare(
         As in `fit`.
     seed : int
         Seed of the random starts and of the bootstrap.
+    stated : mapping of str to float, optional
+        Known numbers of the geometry, as in `fit`.
 
     Raises
     ------
@@ -180,6 +183,7 @@ def compare(
                         residual=residual,
                         starts=starts,
                         seed=seed,
+                        stated=stated,
                     )
                 )
             except PamError as error:

@@ -26,11 +26,13 @@ from pam_model.identify.fit_search import (
     search_starts,
     solve,
 )
-from pam_model.identify.free_numbers import GEOMETRY_UNITS
+from pam_model.identify.free_numbers import GEOMETRY_UNITS, HOW_TO_STATE
 from pam_model.identify.identifiability import imitated
 from pam_model.identify.measurements import Array, Measurements
 from pam_model.muscles.force_model import MuscleGeometry
 
+_EXCHANGED = 0.1
+"""Share of the effect of a number that another one must take over to be named as its partner."""
 _EXACT = 1e-12
 """Tolerance of the last steps: small, so that the result does not depend on the search path."""
 
@@ -69,6 +71,11 @@ class FitResult:
         Held-out residual of every point, model minus measurement [unit].
     points, blocks : int
         Number of points and of blocks.
+    outside : int
+        Of the points, those outside the model's domain at the fitted numbers. Each counts with an
+        error as large as the largest force.
+    partners : mapping of str to tuple of str
+        For numbers that the data do not determine, the numbers with which they are exchanged.
     """
 
     model: str
@@ -81,6 +88,8 @@ class FitResult:
     held_out: Array = field(repr=False)
     points: int
     blocks: int
+    outside: int = 0
+    partners: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; an infinite bound of an interval becomes null."""
@@ -109,6 +118,7 @@ class FitResult:
             "unit": self.unit,
             "points": self.points,
             "blocks": self.blocks,
+            "outside": self.outside,
         }
 
     def table(self) -> str:
@@ -120,6 +130,11 @@ class FitResult:
             f"{self.model}: {self.points} points in {self.blocks} block{'s'[: self.blocks != 1]}",
             f"  error {self.training_error:.4g} {self.unit} in training, {held_out}",
         ]
+        if self.outside:
+            lines.append(
+                f"  {self.outside} of the points lie outside the domain of the model with these "
+                "numbers; each counts with an error as large as the largest force"
+            )
         for name, p in self.parameters.items():
             if not p.fitted:
                 interval = "" if p.note else "given"
@@ -129,9 +144,35 @@ class FitResult:
                 interval = "not identifiable"
             note = f"  ({p.note})" if p.note else ""
             lines.append(f"  {name:26s} {p.value:12.6g} {p.unit:10s} {interval}{note}")
-        g = self.geometry
-        lines.append(f"  thread_length {g.thread_length:.6g} m, turns {g.turns:.6g}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"  advice: {text}" for text in self.advice())])
+
+    def advice(self) -> list[str]:
+        """For each number that the data do not determine, what would determine it."""
+        found: list[str] = []
+        told: list[set[str]] = []
+        for name, p in self.parameters.items():
+            if math.isfinite(p.high) and math.isfinite(p.low):
+                continue
+            if name in self.partners:
+                alike = self.partners[name]
+                ways = "; ".join(_how_to_state(one) for one in (name, *alike))
+                if {name, *alike} not in told:
+                    found.append(
+                        f"{name} cannot be told from {' and '.join(alike)} at these points; state "
+                        f"one of them: {ways}"
+                    )
+                    told.append({name, *alike})
+            elif p.note == "at its bound":
+                found.append(
+                    f"{name} is at its bound: compare other models, or state it "
+                    f"({_how_to_state(name)})"
+                )
+            elif p.fitted:
+                found.append(
+                    f"{name} changes less than the noise does: measure at more pressures and over "
+                    f"a wider range of lengths, or state it ({_how_to_state(name)})"
+                )
+        return found
 
 
 def fit(
@@ -145,6 +186,7 @@ def fit(
     residual: Residual = "force",
     starts: int = 4,
     seed: int = 1,
+    stated: Mapping[str, float] | None = None,
 ) -> FitResult:
     """Identify a model on measured points.
 
@@ -168,6 +210,8 @@ def fit(
         Number of starts: the given one, and the best of some random ones around it.
     seed : int
         Seed of the random starts.
+    stated : mapping of str to float, optional
+        Numbers of `GEOMETRY_UNITS` that are known, where the geometry is fitted.
 
     Raises
     ------
@@ -184,6 +228,7 @@ def fit(
         fit_geometry=fit_geometry,
         free=free,
         residual=residual,
+        stated=stated,
     )
     held = hold_dependent_numbers(problem, seed) if free is None and problem.free else {}
     blocks = list(dict.fromkeys(str(b) for b in data.block))
@@ -225,7 +270,35 @@ def fit(
         held_out,
         len(data),
         len(blocks),
+        problem.outside(best),
+        _partners(problem, best),
     )
+
+
+def _partners(problem: FitProblem, best: Array) -> dict[str, tuple[str, ...]]:
+    """For each number that the data do not determine, the numbers with which it is exchanged.
+
+    Raises
+    ------
+    DomainError
+        If the model covers no point at the best numbers.
+    """
+    z = problem.inside(best)
+    slopes = problem.jacobian(z) * problem.own_sizes(z)
+    names = [free.name for free in problem.free]
+    found: dict[str, tuple[str, ...]] = {}
+    alike = imitated(slopes)
+    for i in np.flatnonzero(~problem.active | alike).tolist():
+        others = [k for k in range(len(names)) if k != i and (problem.active[k] or alike[k])]
+        size = float(np.linalg.norm(slopes[:, i]))
+        if not others or size <= 0.0:
+            continue
+        shares = np.linalg.lstsq(slopes[:, others], slopes[:, i], rcond=None)[0]
+        sizes = np.abs(shares) * np.linalg.norm(slopes[:, others], axis=0) / size
+        near = [names[k] for k, share in zip(others, sizes, strict=True) if share > _EXCHANGED]
+        if near:
+            found[names[i]] = tuple(near)
+    return found
 
 
 def _intervals(
@@ -288,6 +361,10 @@ def _inverse_information(jacobian: Array, silent: Any) -> Array:
         half = right.T / singular / length[:, None]
         result[np.ix_(determined, determined)] = half @ half.T
     return result
+
+
+def _how_to_state(name: str) -> str:
+    return HOW_TO_STATE.get(name, f"--set {name}=NUMBER")
 
 
 def _root_mean_square(values: Array) -> float:

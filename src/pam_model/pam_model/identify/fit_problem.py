@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal
 
 import numpy as np
 
-from pam_model.dual_numbers import Dual, root_with_slopes
-from pam_model.errors import PamError
+from pam_model.dual_numbers import Dual, root_with_slopes, value_of
+from pam_model.errors import DomainError, PamError
 from pam_model.identify.free_numbers import (
     GEOMETRY_UNITS,
     FreeNumber,
@@ -41,9 +41,14 @@ RESIDUAL_UNITS: Mapping[Residual, str] = {"force": "N", "length": "m"}
 
 
 def predicted_force(model: ForceModel, geometry: MuscleGeometry, data: Measurements) -> Any:
-    """A model's force [N] at the pressures, positions and velocities of measured points."""
+    """A model's force [N] at the pressures, positions and velocities of measured points.
+
+    Where no measured muscle pushes, a model that would push predicts 0: the muscle is slack, as in
+    the simulation. A muscle held short shows this up to a threshold pressure.
+    """
     length = geometry.rest_length - data.position if data.is_shortening else data.position
-    return model.force(data.pressure, length, data.velocity)
+    force = model.force(data.pressure, length, data.velocity)
+    return force * (value_of(force) > 0.0) if data.only_pulls else force
 
 
 class FitProblem:
@@ -59,6 +64,7 @@ class FitProblem:
         fit_geometry: bool,
         free: Iterable[str] | None,
         residual: Residual,
+        stated: Mapping[str, float] | None = None,
     ) -> None:
         models = registered_models()
         if name not in models:
@@ -77,9 +83,10 @@ class FitProblem:
                 f"model {name}: unknown constant {', '.join(unknown)}; "
                 f"it has {', '.join(self.declared) or 'none'}"
             )
-        base = geometry or guess_geometry(data)
+        stated = stated or {}
+        base = geometry or guess_geometry(data, stated)
         self.fixed = {**geometry_numbers(base), **constants}
-        geometric = list(GEOMETRY_UNITS) if fit_geometry else []
+        geometric = [key for key in GEOMETRY_UNITS if fit_geometry and key not in stated]
         known = [*GEOMETRY_UNITS, *self.declared]
         chosen = (
             [*geometric, *(key for key in self.declared if key not in constants)]
@@ -89,7 +96,8 @@ class FitProblem:
         for key in chosen:
             if key not in known:
                 raise PamError(f"model {name}: cannot fit {key!r}; it has {', '.join(known)}")
-        if data.is_shortening and "rest_length" not in chosen and geometry is None:
+        has_length = geometry is not None or "rest_length" in stated
+        if data.is_shortening and "rest_length" not in chosen and not has_length:
             raise PamError(f"{data.name} has shortening, no length: rest_length has to be fitted")
         for key, parameter in self.declared.items():
             if key in chosen:
@@ -132,17 +140,66 @@ class FitProblem:
     def residuals(self, z: Array) -> Array:
         """Model minus measurement, for every point.
 
+        A point that lies outside the domain of a force model costs `outside_cost`.
+
         Raises
         ------
         DomainError
-            Where the model does not cover a point.
+            Where the model covers no point, or, for lengths, not every point.
         """
         if self.residual == "force":
             model, geometry, _ = self.model(z)
-            force = np.asarray(predicted_force(model, geometry, self.data), dtype=float)
-            return force - self.data.force
+            force = self._row_by_row(
+                lambda rows: np.asarray(predicted_force(model, geometry, rows), dtype=float)
+            )
+            return np.where(np.isnan(force), self.outside_cost, force - self.data.force)
         found, geometry = self._equilibrium(z)
         return self._length_residuals(found.length, geometry.rest_length)
+
+    @property
+    def outside_cost(self) -> float:
+        """Residual of a point outside the model's domain: the largest force, none left out [N]."""
+        return float(np.max(np.abs(self.data.force)))
+
+    def outside(self, z: Array) -> int:
+        """Number of points outside the domain of the model at z."""
+        if self.residual != "force":
+            return 0
+        model, geometry, _ = self.model(z)
+        force = self._row_by_row(
+            lambda rows: np.asarray(predicted_force(model, geometry, rows), dtype=float)
+        )
+        return int(np.isnan(force).sum())
+
+    def _row_by_row(self, of: Callable[[Measurements], Array]) -> Array:
+        """A function of all points at once; NaN in the rows of points outside the model's domain.
+
+        Raises
+        ------
+        DomainError
+            Where the model covers no point.
+        """
+        try:
+            return of(self.data)
+        except DomainError as error:
+            refused = error
+        found: list[tuple[Any, Array]] = []
+        left: list[Any] = [*np.array_split(np.arange(len(self.data)), 2)]
+        while left:
+            rows = left.pop()
+            chosen = np.zeros(len(self.data), dtype=bool)
+            chosen[rows] = True
+            try:
+                found.append((rows, of(self.data.select(chosen))))
+            except DomainError:
+                if rows.size > 1:
+                    left += np.array_split(rows, 2)
+        if not found:
+            raise refused
+        values = np.full((len(self.data), *found[0][1].shape[1:]), math.nan)
+        for places, value in found:
+            values[places] = value
+        return values
 
     def _equilibrium(self, z: Array) -> tuple[Equilibrium, MuscleGeometry]:
         model, geometry, _ = self.model(z)
@@ -173,7 +230,9 @@ class FitProblem:
         with np.errstate(divide="ignore", invalid="ignore"):
             if self.residual == "force":
                 model, geometry = self._dual_model(z)
-                slope = self._slopes_of(predicted_force(model, geometry, self.data), len(self.data))
+                slope = self._row_by_row(
+                    lambda rows: self._slopes_of(predicted_force(model, geometry, rows), len(rows))
+                )
             else:
                 slope = self._length_slopes(z)
         return np.where(np.isfinite(slope), slope, 0.0)

@@ -21,6 +21,14 @@ GEOMETRY_UNITS: Mapping[str, str] = {
     "wall_thickness": "m",
 }
 
+HOW_TO_STATE: Mapping[str, str] = {
+    "rest_length": "--rest-length, with a tape measure between the fittings",
+    "braid_angle": "--angle, between thread and axis at rest",
+    "diameter": "--diameter, with a calliper on the braid at rest",
+    "wall_thickness": "--wall-thickness of the bladder",
+}
+"""The option that states a number of the geometry, and how it is measured."""
+
 
 @dataclass(frozen=True, slots=True)
 class FreeNumber:
@@ -71,8 +79,11 @@ def start_of(parameter: ModelParameter, geometry: MuscleGeometry) -> float:
     return 0.5 * (parameter.low + parameter.high)
 
 
-def guess_geometry(data: Measurements) -> MuscleGeometry:
-    """A contracting muscle of plausible size as a start: 20 deg at rest, a stroke of a quarter."""
+def guess_geometry(data: Measurements, stated: Mapping[str, float] | None = None) -> MuscleGeometry:
+    """A contracting muscle of plausible size as a start: 20 deg at rest, a stroke of a quarter.
+
+    Numbers of `GEOMETRY_UNITS` that are `stated` are kept.
+    """
     if data.is_shortening:
         rest = max(float(np.max(data.position)), 1e-3) / 0.25
     else:
@@ -83,6 +94,7 @@ def guess_geometry(data: Measurements) -> MuscleGeometry:
             "braid_angle": math.radians(20.0),
             "diameter": 0.02,
             "wall_thickness": 1e-3,
+            **(stated or {}),
         }
     )
 

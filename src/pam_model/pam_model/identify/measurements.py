@@ -32,6 +32,8 @@ from pam_ros.foreign_text import all_shown, shown
 STANDARD_GRAVITY = 9.80665
 NOMINAL_SPEED = 1e-3
 """Speed assigned to a quasi-static branch, so that dry friction has a direction [m/s]."""
+_ZERO_SHARE = 0.05
+"""Share of the largest pull by which the zero of a load cell may be off."""
 _STAIRCASE_HEADER = ("WEIGHT", "STEPS", "mb per step", "CYCLES")
 _FIRST_DISPLACEMENT = 4
 _LEAST_PRESSURE = 1e3
@@ -86,6 +88,12 @@ class Measurements:
 
     def __len__(self) -> int:
         return int(self.pressure.size)
+
+    @property
+    def only_pulls(self) -> bool:
+        """Whether no point pushes by more than the zero of a load cell may be off."""
+        pull = float(np.max(self.force, initial=0.0))
+        return float(np.min(self.force, initial=0.0)) >= -_ZERO_SHARE * pull
 
     def select(self, mask: npt.NDArray[np.bool_]) -> Measurements:
         """The points where the mask is true."""

@@ -7,11 +7,13 @@ Pneumatic Artificial Muscle": L = b cos(angle), D = b sin(angle) / (n pi).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pam_model.errors import PamError
 from pam_model.muscle_sizes import SIZES
 from pam_model.muscles.braid import NEUTRAL_ANGLE, ThinCylinder, require_positive
+from pam_model.muscles.force_model import MuscleGeometry
 from pam_ros.program_name import PROGRAM
 
 
@@ -71,6 +73,24 @@ class BraidFromDatasheet:
         return cls(thread, thread * math.sin(angle) / (math.pi * diameter), length, wall_thickness)
 
     @classmethod
+    def of_geometry(cls, geometry: MuscleGeometry) -> BraidFromDatasheet:
+        """The braid of a geometry, if it contracts.
+
+        Raises
+        ------
+        DomainError
+            For a quantity not above 0.
+        PamError
+            For an angle at which the braid does not contract.
+        """
+        b, n, rest = geometry.thread_length, geometry.turns, geometry.rest_length
+        require_positive(thread_length=b, turns=n, rest_length=rest)
+        diameter = math.sqrt(max(b * b - rest * rest, 0.0)) / (math.pi * n)
+        angle = math.acos(min(rest / b, 1.0))
+        cls.measured(diameter, rest, angle, geometry.wall_thickness)
+        return cls(b, n, rest, geometry.wall_thickness)
+
+    @classmethod
     def of_force(
         cls, diameter: float, length: float, force: float, pressure: float
     ) -> BraidFromDatasheet:
@@ -124,15 +144,30 @@ class BraidFromDatasheet:
         """Contraction at which the ideal braid has no pull, over rest length [-]."""
         return 1.0 - self.thread_length * math.cos(NEUTRAL_ANGLE) / self.rest_length
 
-    def section(self, name: str) -> str:
-        """The keys of a muscle `name` as YAML, in the rig file's order."""
+    def section(
+        self, name: str, model: str = "chou_hannaford", constants: Mapping[str, float] | None = None
+    ) -> str:
+        """The keys of a muscle `name` as YAML, in the rig file's order.
+
+        Parameters
+        ----------
+        name : str
+            The muscle.
+        model : str
+            Its force model.
+        constants : mapping of str to float, optional
+            Constants of the model.
+        """
+        about = "ideal braid; " if model == "chou_hannaford" else ""
+        written = [f"        {key}: {value:.8g}" for key, value in (constants or {}).items()]
         return "\n".join(
             [
                 f"    {name}:",
-                f"      model: chou_hannaford         # ideal braid; {PROGRAM} model list",
+                f"      model: {model:<22s} # {about}{PROGRAM} model list",
                 f"      thread_length: {self.thread_length:<14.6g} # m",
                 f"      turns: {self.turns:<22.6g} # -",
                 f"      wall_thickness: {self.wall_thickness:<13.6g} # m",
                 f"      rest_length: {self.rest_length:<16.6g} # m",
+                *(["      model_parameters:", *written] if written else []),
             ]
         )

@@ -53,7 +53,7 @@ class TonduLopez(ThinCylinder):
 
     name: ClassVar[str] = "tondu_lopez"
     parameters: ClassVar[Mapping[str, ModelParameter]] = {
-        "k": ModelParameter(1.0, "-", 0.5, 3.0, "factor on the contraction ratio for the ends"),
+        "k": ModelParameter(1.0, "-", 0.5, 5.0, "factor on the contraction ratio for the ends"),
     }
 
     def __init__(
