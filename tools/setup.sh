@@ -68,7 +68,8 @@ if ! is_current lock-stamp "$lock_stamp"; then
 fi
 
 editable=()
-for package in src/*/ proof/; do editable+=(-e "$package"); done
+# a folder without a setup.py is what an older checkout left behind
+for setup in src/*/setup.py proof/setup.py; do editable+=(-e "${setup%setup.py}"); done
 pip_install --no-deps --no-build-isolation "${editable[@]}"
 printf '%s' "$package_stamp" >.venv/.package-stamp
 echo "setup: done in ${SECONDS} s"
