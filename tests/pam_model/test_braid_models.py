@@ -175,5 +175,5 @@ def test_register_refuses_what_no_model_has() -> None:
         create_force_model("chou", geometry)
     with pytest.raises(RigError, match="unknown constant q"):
         create_force_model("tondu_lopez", geometry, {"q": 1.0})
-    with pytest.raises(RigError, match=r"k = 9 - is outside \[0.5, 3\]"):
+    with pytest.raises(RigError, match=r"k = 9 - is outside \[0.5, 5\]"):
         create_force_model("tondu_lopez", geometry, {"k": 9.0})

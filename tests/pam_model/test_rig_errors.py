@@ -106,7 +106,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     (
         "constant out of bounds",
         {f"{F}.model": "tondu_lopez", f"{F}.model_parameters.k": 9.0},
-        "model_parameters.k = 9: must be from 0.5 to 3",
+        "model_parameters.k = 9: must be from 0.5 to 5",
     ),
     ("length in mm", {f"{F}.thread_length": 275.8}, "looks like mm or cm, m expected"),
     (

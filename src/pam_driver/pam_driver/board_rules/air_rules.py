@@ -110,7 +110,7 @@ def _over_pressure(tester: BoardTester) -> str:
     limit = tester.limits.over_pressure
     if limit is None:
         raise NotTriedError(
-            "give the board's own limit with --over-pressure, if the muscles bear 10 % more"
+            "give the board's own limit with --over-pressure, if the muscles withstand 10 % more"
         )
     feed = ValveFeed((tester.limits.opening, -1.0), ON)
     tester.activate(feed)

@@ -46,7 +46,7 @@ def find_board(tester: BoardTester) -> None:
         others = ", ".join(map(str, sorted(tester.others)))
         raise PamError(
             f"no frame from board {tester.number} within {_LISTEN:g} s ("
-            + (f"there is board {others}" if others else "no board was heard")
+            + (f"there is board {others}" if others else "no board has answered")
             + "): check power, wiring, bitrate and the board's number"
         )
 

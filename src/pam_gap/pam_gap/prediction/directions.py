@@ -26,6 +26,9 @@ from pam_gap.recordings.recording import LOCKED, SHUT, TURNED_OVER
 from pam_gap.rules.recording_rules import RecordingRules
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
+from pam_model.robot import compose
+from pam_model.views.gravity import gravity_stiffness, gravity_torque
+from pam_model.views.torque_balance import inertia_torque
 
 
 class Direction(Enum):
@@ -150,10 +153,11 @@ def directions(problem: PredictionProblem) -> Directions:
     except PamError:  # a pressure or length outside the model of the muscle
         return Directions()
     per_pressure = per_pressure / pressure
-    stiffness += max(entry.gravity_torque * math.cos(entry.gravity_angle), 0.0)
+    body = compose(rig).joints[problem.joint]
+    stiffness += max(gravity_stiffness(body, 0.0), 0.0)
     if not stiffness > 0.0:
         return Directions()
-    natural = math.sqrt(stiffness / entry.inertia) / (2.0 * math.pi)
+    natural = math.sqrt(stiffness / inertia_torque(body, 1.0)) / (2.0 * math.pi)
     highest = rules.direction_band * natural
 
     def torque(data: Channels) -> Array:
@@ -179,20 +183,22 @@ def directions(problem: PredictionProblem) -> Directions:
     if not problem.recorded[POSITION]:
         return Directions(drive)
 
-    def motion(sign: float, gravity: float) -> CrossPhase:
+    def motion(sign: float, has_weight: bool) -> CrossPhase:
         """How the joint follows the pressures if its position has this sign."""
         pairs = []
         for data in free:
             position = sign * data.measured[:, POSITION]
             turned = np.pi if data.recording.mounting == TURNED_OVER else 0.0
-            weight = gravity * np.sin(position - entry.gravity_angle - turned)
-            pairs.append((torque(data) - weight, position, data.recording.sample_time))
+            net = torque(data)
+            if has_weight:
+                net = net + np.array([gravity_torque(body, q - turned) for q in position])
+            pairs.append((net, position, data.recording.sample_time))
         return cross_phase(pairs, highest, rules)
 
-    found = motion(1.0, 0.0)
+    found = motion(1.0, has_weight=False)
     is_driven = not problem.has_commands or drive.direction != Direction.UNDECIDED
-    as_written = motion(1.0, entry.gravity_torque).direction
-    turned = motion(-1.0, entry.gravity_torque).direction
+    as_written = motion(1.0, has_weight=True).direction
+    turned = motion(-1.0, has_weight=True).direction
     is_sure = is_driven and (as_written, turned) == (Direction.OPPOSED, Direction.AGREES)
     if found.direction == Direction.OPPOSED and not is_sure:
         found = replace(found, direction=Direction.UNDECIDED)

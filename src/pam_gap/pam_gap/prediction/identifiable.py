@@ -64,7 +64,7 @@ def full_of_holes(problem: PredictionProblem) -> tuple[str, ...]:
     return (
         f"The recording, not the robot, can be judged: {lost.words()}. With the "
         f"{problem.rules.prediction.horizon:g} s after each of them, in which the prediction still "
-        f"errs, {100.0 * lost.spoiled_share:.0f} % of the time tells nothing. The computer that "
+        f"errs, {100.0 * lost.spoiled_share:.0f} % of the time shows nothing. The computer that "
         "recorded was busy, or the network lost messages: record on a computer without other work, "
         f"and watch what `record` says. {USUAL}",
     )

@@ -176,10 +176,10 @@ class RecordingRules:
     told_share: float = rule(
         0.05,
         unit="of the time",
-        decides="Share of the time in gaps, or of lost messages, that is told: by `record` while "
-        "it records, and as a caution of an answer.",
-        trades="Larger: bad recordings are told late. Smaller: every recording on a usual computer "
-        "is said to have gaps.",
+        decides="Share of the time in gaps, or of lost messages, that is reported: by `record` "
+        "while it records, and as a caution of an answer.",
+        trades="Larger: bad recordings are reported late. Smaller: every recording on a usual "
+        "computer is said to have gaps.",
         origin="Chosen by hand; it only adds a warning.",
         acts=PROPOSAL,
     )
@@ -204,9 +204,9 @@ class RecordingRules:
         0.5,
         unit="-",
         decides="Coherence of the pressures with the commands, or of the motion with the "
-        "pressures, at low frequencies, from which their phase tells the direction.",
-        trades="Larger: reversed signs are told less often. Smaller: a motion that has other "
-        "causes tells a direction.",
+        "pressures, at low frequencies, from which their phase shows the direction.",
+        trades="Larger: reversed signs are reported less often. Smaller: a motion that has other "
+        "causes shows a direction.",
         origin="Half of the power of one signal follows from the other.",
     )
     direction_phase: float = rule(
@@ -232,7 +232,7 @@ class RecordingRules:
         3,
         unit="-",
         decides="Fewest frequencies in this band.",
-        trades="Larger: short recordings tell no direction. Smaller: a single frequency is always "
+        trades="Larger: short recordings show no direction. Smaller: a single frequency is always "
         "coherent.",
         origin="Two unrelated signals are coherent at one frequency.",
     )
@@ -241,7 +241,7 @@ class RecordingRules:
         unit="of the RMS error",
         decides="Share of the simulation's error, mean over the channels that an exchange changes, "
         "that must disappear when it is undone, where the phases show that something is exchanged.",
-        trades="Larger: reversed signs on rigs with wrong numbers are not told. Smaller: the "
+        trades="Larger: reversed signs on rigs with wrong numbers are not reported. Smaller: the "
         "simulation no longer confirms the phase.",
         origin="Chosen by hand: it only has to point in the same direction as the phase.",
     )
