@@ -158,8 +158,8 @@ class FitResult:
                 ways = "; ".join(_how_to_state(one) for one in (name, *alike))
                 if {name, *alike} not in told:
                     found.append(
-                        f"{name} cannot be distinguished from {' and '.join(alike)} at these points; "
-                        f"state one of them: {ways}"
+                        f"{name} cannot be distinguished from {' and '.join(alike)} at these "
+                        f"points; state one of them: {ways}"
                     )
                     told.append({name, *alike})
             elif p.note == "at its bound":
