@@ -8,14 +8,19 @@ names is imported. `python -m <package> COMMAND` does the same.
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the imports below, which take time
+    from pam_model.program_signals import end_at_signals
+
+    end_at_signals()
+
 import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import entry_points
 
+from pam_model import program_signals
 from pam_model.command_line import Tool
 from pam_model.linear_algebra_threads import use_one_thread
-from pam_model.program_signals import end_at_signals
 
 GROUP = "pam.tools"
 
@@ -29,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Words of the command line; those of the process by default.
     """
     if arguments is None:  # the program itself, not a caller within another one
-        end_at_signals()
+        program_signals.end_at_signals()
         use_one_thread()
     words = list(sys.argv[1:] if arguments is None else arguments)
     found = {entry.name: entry for entry in entry_points(group=GROUP)}
