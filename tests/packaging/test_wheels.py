@@ -81,7 +81,7 @@ def desk(archives: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "pins.txt").write_text("\n".join(pins))
     run(
         [folder / "env/bin/python", "-m", "pip", "install", "-q", "--disable-pip-version-check",
-         "--find-links", archives, "-c", "pins.txt", *WANTED],
+         "-f", archives, "-c", "pins.txt", *WANTED],
         folder,
     )  # fmt: skip
     return folder
