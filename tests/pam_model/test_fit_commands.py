@@ -62,7 +62,9 @@ def test_a_fit_says_what_to_state_and_a_stated_number_is_kept(tmp_path, capsys) 
     points.write_text("\n".join(["pressure,force,length,block", *rows]))
     assert main(["fit", "tondu_lopez", str(points), "--starts", "1"]) == 0
     said = capsys.readouterr().out
-    told = [line for line in said.splitlines() if "advice:" in line and "distinguished from" in line]
+    told = [
+        line for line in said.splitlines() if "advice:" in line and "distinguished from" in line
+    ]
     assert told and all("state one of them: " in line for line in told)
     assert any("--rest-length, with a tape measure" in line for line in told)
     assert main(["fit", "tondu_lopez", str(points), "--rest-length", "0.235"]) == 0
