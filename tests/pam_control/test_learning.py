@@ -121,7 +121,7 @@ def filter_and_responses(rig):
     channel, settings = controller.channels[0], controller.settings.replace(extra_delay=0.0)
     cases = controller.cases(channel, settings.replace(stiffness_grid=(12.0, 14.0, 16.0)))
     timing = controller.timing(channel, settings)
-    return LearningFilter("elbow", cases, timing, settings.gains["elbow"]), cases, timing
+    return LearningFilter("elbow", cases, timing, settings.gains["elbow"].at(14.0)), cases, timing
 
 
 @pytest.mark.parametrize("delay", UNKNOWN_DELAYS)

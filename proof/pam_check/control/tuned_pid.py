@@ -29,6 +29,7 @@ import numpy as np
 
 from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import LIMIT_CYCLE, SETTLED, TOLD, Muscles, Played, Trace, play
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
@@ -110,7 +111,7 @@ class Bench:
     def first(self) -> TunedPid:
         """The gains and the feedforward that follow from the rig file."""
         settings = self._law.settings
-        gains = settings.gains[self._name]
+        (gains,) = settings.gains[self._name].gains
         coefficients = dataclasses.astuple(self._law.feedforward(self._name))
         return TunedPid(
             (gains.proportional, gains.integral, gains.derivative),
@@ -130,7 +131,9 @@ class Bench:
 
     def _use(self, tuned: TunedPid) -> None:
         settings = TOLD.replace(
-            gains={self._name: PidGains(*tuned.gains, TOLD.derivative_filter)},
+            gains={
+                self._name: GainSchedule.constant(PidGains(*tuned.gains, TOLD.derivative_filter))
+            },
             pressure_gain=tuned.pressure_gain,
             difference_feedforward={self._name: tuned.feedforward},
         )

@@ -25,6 +25,7 @@ from pam_control.control_step import (
 )
 from pam_control.drivable_limits import DrivableLimits
 from pam_control.feedback.kept_designs import KeptDesigns
+from pam_control.feedback.pid import PidGains
 from pam_control.feedback.pressure_loop import PressureDemand, PressureLoopSettings
 from pam_control.joint_channel import JointChannel, Pair, acting_delays
 from pam_control.limited import limited
@@ -252,6 +253,10 @@ class Controller(LoopDesign):
         """Limit of the PID's integral, in the unit of its output."""
         return channel.scale.complete(self.settings).integral_limit
 
+    def _gains(self, channel: JointChannel) -> PidGains:
+        """The gains of a joint at its present stiffness."""
+        return self.settings.gains[channel.joint.name].at(channel.telemetry.stiffness)
+
     def forget_adaptation(self) -> None:
         """Forget what was learnt of the joints and the valves."""
         for channel in self.channels:
@@ -420,7 +425,7 @@ class Controller(LoopDesign):
 
     def _continue(self, index: int, channel: JointChannel) -> None:
         """Go on with changed settings from the desired pressures that the joint has now."""
-        gains, error = self.settings.gains[channel.joint.name], channel.telemetry.error
+        gains, error = self._gains(channel), channel.telemetry.error
         self._begin(index, channel, channel.position, channel.desired)
         channel.pid.continue_at(channel.pid.integral, error, gains)
 
@@ -453,7 +458,7 @@ class Controller(LoopDesign):
             loop.inside(measurement.pressures[i], step)
             for loop, i in zip(channel.loops, channel.indices, strict=True)
         ]
-        gains = settings.gains[name]
+        gains = self._gains(channel)
         measured_at = measurement.pressure_time - settings.measurement_delay
         now_at = measured_at - channel.pressure_lag - channel.late_pressures
         seen_at = measurement.position_time - settings.measurement_delay - channel.position_delay

@@ -147,7 +147,7 @@ class ControllerHealth:
         channel, counts = controller.channels[index], self._counts[index]
         self._counts[index] = JointCounts()
         worst, telemetry = channel.margins[0], channel.telemetry
-        gains = controller.settings.gains[channel.joint.name]
+        gains = controller.settings.gains[channel.joint.name].at(telemetry.stiffness)
         cycles = max(counts.cycles, 1)
         low, high = controller.stiffness_range(index)
         values = {

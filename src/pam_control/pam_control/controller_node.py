@@ -205,13 +205,13 @@ class ControllerNode(Node):  # type: ignore[misc]
             f"pressure loop {settings.pressure_gain:.1f} 1/s"
         )
         for channel in self._controller.channels:
-            gains = settings.gains[channel.joint.name]
+            own = channel.scale.complete(settings)
+            gains = settings.gains[channel.joint.name].at(own.default_stiffness)
             self.get_logger().info(
                 f"{channel.joint.name}: proportional {gains.proportional:.4g}, integral "
                 f"{gains.integral:.4g}, derivative {gains.derivative:.4g}; "
                 f"worst {channel.margins[0]}"
             )
-            own = channel.scale.complete(settings)
             self.get_logger().info(
                 f"{channel.joint.name}: stiffness {own.default_stiffness:.3g} N m/rad until one is "
                 f"commanded, at most {channel.scale.stiffness:.3g} in the middle of the range; "

@@ -8,6 +8,7 @@ from typing import Any
 
 from pam_control.actions.goal_tolerances import tolerance_parameters
 from pam_control.controller import Controller
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.kept_files import file_inside, kept_folder
@@ -152,6 +153,11 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
         _number(
             "pid.derivative_filter", d.derivative_filter, "s", 1e-3, 0.2,
             "filter time constant of measured velocities",
+        ),
+        _number(
+            "pid.lead", d.feedback_lead, "-", 0.0, 1.0,
+            "share of the pressure loops' lag for which the feedback makes up by a lead "
+            "(laws model_based and torque)",
         ),
         _number(
             "pid.integral_limit", d.integral_limit, "N m", BY_SIZE, 1e4,
@@ -339,10 +345,11 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         lead_ratio=number("pressure_loop.lead_ratio"),
         pressure_gain=gain if gain > 0.0 else None,
         derivative_filter=derivative_filter,
+        feedback_lead=number("pid.lead"),
         phase_margin=number("design.phase_margin"),
         sensitivity=number("design.sensitivity"),
         gains={
-            name: PidGains(**given, derivative_filter=derivative_filter)
+            name: GainSchedule.constant(PidGains(**given, derivative_filter=derivative_filter))
             for name, given in partial.items()
             if len(given) == 3
         },

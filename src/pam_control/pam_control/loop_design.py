@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from pam_control.feedback.gain_design import DesignTask, design_pressure_gain
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.linear_joint import LoopTiming
 from pam_control.feedback.margins import (
@@ -101,6 +104,10 @@ class LoopDesign(ABC):
         ]
         self.prepared = self._with_learning(self._designed_and_checked(settings))
 
+    is_scheduled = False
+    """Whether the gains depend on the stiffness."""
+    has_lead = False
+    """Whether the feedback makes up for a part of the pressure loops' lag."""
     has_observer = False
     """Whether the law compensates what a disturbance observer finds."""
     has_adaptation = False
@@ -156,10 +163,25 @@ class LoopDesign(ABC):
             name = channel.joint.name
             if name not in gains:
                 given = settings.partial_gains.get(name, {})
-                gains[name] = dataclasses.replace(self._found(channel, settings), **given)
+                gains[name] = self._schedule(channel, settings).replaced(given)
             if self.has_observer and settings.observer and settings.observer_bandwidth > 0.0:
-                gains[name] = dataclasses.replace(gains[name], observer=settings.observer_bandwidth)
+                gains[name] = gains[name].replaced({"observer": settings.observer_bandwidth})
         return settings.replace(gains=gains)
+
+    def _schedule(self, channel: JointChannel, settings: ControlSettings) -> GainSchedule:
+        """Designed gains; at each stiffness of the grid they serve half the way to the next."""
+        if not self.is_scheduled:
+            return GainSchedule.constant(self._found(channel, settings))
+        grid = channel.scale.complete(settings).stiffness_grid
+        dense = _with_middles(grid)
+        near = [dense[max(2 * index - 1, 0) : 2 * index + 2] for index in range(len(grid))]
+        gains = (self._found(channel, settings.replace(stiffness_grid=each)) for each in near)
+        schedule = GainSchedule(grid, tuple(gains))
+        try:
+            self._margins(channel, settings, schedule)
+        except ControlDesignError:  # not safe between two stiffnesses
+            return GainSchedule.constant(self._found(channel, settings))
+        return schedule
 
     def _task(self, channel: JointChannel, settings: ControlSettings) -> DesignTask:
         return DesignTask(
@@ -168,7 +190,16 @@ class LoopDesign(ABC):
             settings.phase_margin,
             settings.sensitivity,
             settings.derivative_filter,
+            lead=self._lead(channel, settings),
         )
+
+    def _lead(self, channel: JointChannel, settings: ControlSettings) -> float:
+        """Time constant of the lead on the derivative [s]."""
+        if not self.has_lead:
+            return 0.0
+        if self.timing(channel, settings).regulated:
+            return settings.feedback_lead * max(channel.valve_time_constants)
+        return settings.feedback_lead / (settings.pressure_gain or math.inf)
 
     def _found(self, channel: JointChannel, settings: ControlSettings) -> PidGains:
         """Designed gains; without an observer if none keeps the margins."""
@@ -180,17 +211,19 @@ class LoopDesign(ABC):
         return self.designs.pid(name, task)
 
     def _check_observer(self, channel: JointChannel, settings: ControlSettings) -> None:
-        gains = settings.gains[channel.joint.name]
-        if gains.observer == 0.0:
-            return
-        task = self._task(channel, settings)
-        cost = ObserverCost(dataclasses.replace(task, unknown_delay=settings.extra_delay))
-        if not cost.stable(gains):
-            raise ControlDesignError(
-                f"{channel.joint.name}: a disturbance observer of {gains.observer:g} rad/s makes "
-                f"the loop unstable if a measurement is {1e3 * settings.extra_delay:g} ms late or "
-                "the limb is heavier than written"
-            )
+        schedule = settings.gains[channel.joint.name]
+        for stiffness, gains in zip(schedule.stiffnesses, schedule.gains, strict=True):
+            if gains.observer == 0.0:
+                continue
+            near = settings.replace(stiffness_grid=(stiffness,)) if stiffness > 0.0 else settings
+            task = self._task(channel, near)
+            cost = ObserverCost(dataclasses.replace(task, unknown_delay=settings.extra_delay))
+            if not cost.stable(gains):
+                raise ControlDesignError(
+                    f"{channel.joint.name}: a disturbance observer of {gains.observer:g} rad/s "
+                    f"makes the loop unstable if a measurement is {1e3 * settings.extra_delay:g} "
+                    "ms late or the limb is heavier than written"
+                )
 
     def check(self, settings: ControlSettings) -> list[list[Margins]]:
         """Margins of every joint with these settings, the worst operating point first.
@@ -203,11 +236,25 @@ class LoopDesign(ABC):
         found = []
         for channel in self.channels:
             self._check_observer(channel, settings)
-            cases, timing = self.cases(channel, settings), self.timing(channel, settings)
             gains = settings.gains[channel.joint.name]
-            stable = self.designs.stable(cases, timing, gains)
-            found.append(checked_margins(channel.joint.name, cases, timing, gains, stable))
+            found.append(self._margins(channel, settings, gains))
         return found
+
+    def _margins(
+        self, channel: JointChannel, settings: ControlSettings, gains: GainSchedule
+    ) -> list[Margins]:
+        """Margins of one joint at and between the stiffnesses of the grid, the worst first.
+
+        Raises
+        ------
+        ControlDesignError
+            When a loop is not safe.
+        """
+        grid = _with_middles(channel.scale.complete(settings).stiffness_grid)
+        cases = self.cases(channel, settings.replace(stiffness_grid=grid))
+        timing = self.timing(channel, settings)
+        stable = self.designs.stable(cases, timing, gains)
+        return checked_margins(channel.joint.name, cases, timing, gains, stable)
 
     def is_quick(self, settings: ControlSettings) -> bool:
         """Whether `prepare` only copies: it designs, checks and reads nothing."""
@@ -266,7 +313,9 @@ class LoopDesign(ABC):
                     channel, told.replace(stiffness_grid=_near_stiffness(channel, settings))
                 ),
                 self.timing(channel, told),
-                settings.gains[channel.joint.name],
+                settings.gains[channel.joint.name].at(
+                    channel.scale.complete(settings).default_stiffness
+                ),
             )
             for channel in self.channels
         }
@@ -292,6 +341,7 @@ class LoopDesign(ABC):
         with contextlib.suppress(ControlDesignError):
             asked = settings.replace(
                 extra_delay=settings.safe_delay,
+                feedback_lead=0.0,
                 pressure_gain=None,
                 gains={},
                 partial_gains={},
@@ -301,6 +351,12 @@ class LoopDesign(ABC):
             designed = self.designed(asked)
             soft = Loops(designed, self.check(designed), soft=True)
         return PreparedSettings(settings, normal, soft)
+
+
+def _with_middles(grid: tuple[float, ...]) -> tuple[float, ...]:
+    """Increasing stiffnesses and those in the middle between two of them."""
+    middles = [0.5 * (low + high) for low, high in pairwise(grid)]
+    return tuple(sorted((*grid, *middles)))
 
 
 def _near_stiffness(channel: JointChannel, settings: ControlSettings) -> tuple[float, ...]:

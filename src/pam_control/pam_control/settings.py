@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pam_control.feedback.pid import PidGains
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_model.bounds import check_numbers
 
 BY_SIZE = -1.0
@@ -31,6 +31,7 @@ LOOP_FIELDS = (
     "lead_ratio",
     "pressure_gain",
     "derivative_filter",
+    "feedback_lead",
     "feedforward",
     "gains",
     "partial_gains",
@@ -65,9 +66,11 @@ class ControlSettings:
         Gain of the pressure loops [1/s]; None: designed.
     derivative_filter : float
         Time constant for measured velocities and for the PID's derivative [s].
+    feedback_lead : float
+        Share of the pressure loops' lag that the feedback makes up for [-].
     phase_margin, sensitivity : float
         Minimum phase margin [rad] and maximum sensitivity [-] of designed gains.
-    gains : mapping of str to PidGains
+    gains : mapping of str to GainSchedule
         Gains by joint; those of other joints are designed.
     partial_gains : mapping
         By joint and gain ("proportional", ...): these values replace the designed ones.
@@ -141,9 +144,10 @@ class ControlSettings:
     lead_ratio: float = 0.7
     pressure_gain: float | None = None
     derivative_filter: float = 0.01
+    feedback_lead: float = 0.5
     phase_margin: float = math.radians(50.0)
     sensitivity: float = 1.6
-    gains: Mapping[str, PidGains] = field(default_factory=dict)
+    gains: Mapping[str, GainSchedule] = field(default_factory=dict)
     partial_gains: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     feedforward: bool = True
     integral_limit: float = BY_SIZE

@@ -37,6 +37,7 @@ class ImpedanceController(PositionStiffnessController):
 
     has_observer = False
     has_adaptation = False
+    has_lead = False
 
     def __init__(
         self, rig: Rig, settings: ControlSettings, designs: KeptDesigns | None = None
@@ -56,7 +57,7 @@ class ImpedanceController(PositionStiffnessController):
     def _spring(self, request: PlanRequest) -> float:
         """What the feedback adds to the muscles [N m]."""
         channel = request.channel
-        gains = self.settings.gains[channel.joint.name]
+        gains = self._gains(channel)
         position, seen = channel.inside(channel.position), request.seen
         lacking = 0.0
         if not math.isnan(channel.telemetry.stiffness_reached):

@@ -37,6 +37,8 @@ class PositionStiffnessController(Controller):
 
     has_observer = True
     has_adaptation = True
+    is_scheduled = True
+    has_lead = True
 
     def cases(self, channel: JointChannel, settings: ControlSettings) -> list[LoopCase]:
         """The loops over the joint's range and the stiffness grid."""
@@ -49,8 +51,9 @@ class PositionStiffnessController(Controller):
                 LoopStructure(gain, point.per_torque)
                 if settings.feedforward
                 else LoopStructure(gain, point.per_torque, point.per_position, True),
+                stiffness,
             )
-            for point in points
+            for stiffness, point in points
         ]
 
     def _begin(self, index: int, channel: JointChannel, position: float, pressures: Pair) -> None:
@@ -62,7 +65,7 @@ class PositionStiffnessController(Controller):
             torque -= channel.dynamics.gravity(position)
             if self.adapts:
                 torque -= channel.adaptation.at_rest(position, settings.adaptation_limit)
-            if settings.gains[channel.joint.name].observer > 0.0:
+            if self._gains(channel).observer > 0.0:
                 torque -= channel.observer.start(torque, settings.observer_limit)
         limit = settings.integral_limit
         channel.pid.reset(max(-limit, min(limit, torque)))
@@ -70,7 +73,7 @@ class PositionStiffnessController(Controller):
 
     def _continue(self, index: int, channel: JointChannel) -> None:
         settings, telemetry = self.settings, channel.telemetry
-        gains = settings.gains[channel.joint.name]
+        gains = self._gains(channel)
         reference = telemetry.reference
         position = channel.position
         planned = 0.0
@@ -88,7 +91,7 @@ class PositionStiffnessController(Controller):
     def _lost(self, request: PlanRequest, added: float) -> float:
         """Torque of the muscles that the model does not explain [N m]; 0 without the observer."""
         settings, channel, dynamics = self.settings, request.channel, request.channel.dynamics
-        bandwidth = settings.gains[channel.joint.name].observer
+        bandwidth = self._gains(channel).observer
         if bandwidth == 0.0:
             channel.telemetry.disturbance = math.nan
             return 0.0

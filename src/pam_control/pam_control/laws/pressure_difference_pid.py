@@ -143,7 +143,7 @@ class PressureDifferencePid(MeanPressureLaw):
         channel.pid.reset((difference - held) / self._scale(channel))
 
     def _continue(self, index: int, channel: JointChannel) -> None:
-        gains, telemetry = self.settings.gains[channel.joint.name], channel.telemetry
+        gains, telemetry = self._gains(channel), channel.telemetry
         self.begin_mean(index, channel, channel.position, channel.desired)
         given = self.feedforward(channel.joint.name).at(telemetry.reference)
         difference = 0.5 * (channel.desired[0] - channel.desired[1])

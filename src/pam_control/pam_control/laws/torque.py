@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from pam_control.control_step import ControlOutput, Measurement, PlanRequest, PressurePlan
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.linear_joint import LoopStructure, OperatingPoint
 from pam_control.feedback.margins import ControlDesignError, LoopCase, Margins
@@ -67,7 +68,7 @@ class TorqueController(PositionStiffnessController):
         """
         found = super().check(settings)
         for channel in self.channels:
-            none = PidGains(0.0, 0.0, 0.0, settings.derivative_filter)
+            none = GainSchedule.constant(PidGains(0.0, 0.0, 0.0, settings.derivative_filter))
             gain = settings.pressure_gain or 0.0
             grid = channel.scale.complete(settings).stiffness_grid
             cases = [
@@ -75,7 +76,7 @@ class TorqueController(PositionStiffnessController):
                     _on_a_spring(point, channel.dynamics.gravity_stiffness(point.position)),
                     LoopStructure(gain, point.per_torque, point.per_position, True),
                 )
-                for point in operating_grid(channel.joint, channel.model, grid)
+                for _, point in operating_grid(channel.joint, channel.model, grid)
             ]
             if not all(self.designs.stable(cases, self.timing(channel, settings), none)):
                 raise ControlDesignError(
