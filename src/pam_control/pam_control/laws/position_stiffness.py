@@ -107,7 +107,7 @@ class PositionStiffnessController(Controller):
         channel.telemetry.disturbance = -lost
         return lost
 
-    def _learn(self, request: PlanRequest, known: float) -> None:
+    def _learn(self, request: PlanRequest, known: float, used: bool) -> None:
         """Take what the torque of the muscles says about what the model lacks.
 
         Parameters
@@ -116,6 +116,8 @@ class PositionStiffnessController(Controller):
             The present cycle.
         known : float
             Known torque of hysteresis, creep and dry friction at the time of the position [N m].
+        used : bool
+            The plan has what was learnt; a motion that is repeated keeps what it was played with.
         """
         channel = request.channel
         channel.aligned.add(request.measured_at, request.pressures)
@@ -137,7 +139,9 @@ class PositionStiffnessController(Controller):
         )
         beside = known - model + channel.dynamics.gravity(position)
         channel.stiffness.learn(request.fresh, aligned, inside, beside)
-        channel.pid.hand_over(channel.adaptation.learn(request.fresh, sample))
+        learnt = channel.adaptation.learn(request.fresh, sample)
+        if used:
+            channel.pid.hand_over(learnt)
 
     def _repeated(self, request: PlanRequest, usual: float) -> tuple[float, float]:
         """The torque of the adaptation and the learnt correction for a repeated motion [N m].
@@ -218,7 +222,8 @@ class PositionStiffnessController(Controller):
             torque += friction.change(request.seen.velocity, channel.velocity)
             torque += self._lost(request, added)
             if self.adapts:
-                self._learn(request, channel.plan_at(request.seen_at).known)
+                used = channel.adapted == usual
+                self._learn(request, channel.plan_at(request.seen_at).known, used)
                 self._tell(channel)
             channel.pid.integral -= channel.stuck.update(
                 request.seen,
