@@ -145,8 +145,15 @@ class LoopDesign(ABC):
             position_delay=channel.position_delay,
         )
 
-    def designed(self, settings: ControlSettings) -> ControlSettings:
+    def designed(self, settings: ControlSettings, one_set: bool = False) -> ControlSettings:
         """The settings with every missing gain designed.
+
+        Parameters
+        ----------
+        settings : ControlSettings
+            Some gains may be missing.
+        one_set : bool, optional
+            The gains do not depend on the stiffness, even with a law for which they usually do.
 
         Raises
         ------
@@ -163,15 +170,15 @@ class LoopDesign(ABC):
             name = channel.joint.name
             if name not in gains:
                 given = settings.partial_gains.get(name, {})
-                gains[name] = self._schedule(channel, settings).replaced(given)
+                scheduled = self.is_scheduled and not one_set
+                find = self._schedule if scheduled else self._constant
+                gains[name] = find(channel, settings).replaced(given)
             if self.has_observer and settings.observer and settings.observer_bandwidth > 0.0:
                 gains[name] = gains[name].replaced({"observer": settings.observer_bandwidth})
         return settings.replace(gains=gains)
 
     def _schedule(self, channel: JointChannel, settings: ControlSettings) -> GainSchedule:
         """Designed gains; at each stiffness of the grid they serve half the way to the next."""
-        if not self.is_scheduled:
-            return GainSchedule.constant(self._found(channel, settings))
         grid = channel.scale.complete(settings).stiffness_grid
         dense = _with_middles(grid)
         near = [dense[max(2 * index - 1, 0) : 2 * index + 2] for index in range(len(grid))]
@@ -180,8 +187,12 @@ class LoopDesign(ABC):
         try:
             self._margins(channel, settings, schedule)
         except ControlDesignError:  # not safe between two stiffnesses
-            return GainSchedule.constant(self._found(channel, settings))
+            return self._constant(channel, settings)
         return schedule
+
+    def _constant(self, channel: JointChannel, settings: ControlSettings) -> GainSchedule:
+        """Designed gains for the whole range of the stiffness."""
+        return GainSchedule.constant(self._found(channel, settings))
 
     def _task(self, channel: JointChannel, settings: ControlSettings) -> DesignTask:
         return DesignTask(
@@ -348,7 +359,7 @@ class LoopDesign(ABC):
                 observer=False,
                 adaptation=False,
             )
-            designed = self.designed(asked)
+            designed = self.designed(asked, one_set=True)
             soft = Loops(designed, self.check(designed), soft=True)
         return PreparedSettings(settings, normal, soft)
 

@@ -64,8 +64,8 @@ RIVALS: Final = (
     Rival((*SMOOTH, DELAY), -0.5),
     Rival((*SMOOTH, *SLIPS, DELAY), -4.0),
 )
-"""By the numbers of the functions of `motion_functions`, after which comes the delay. Dry friction is
-ordinary, a delay is not, and both at once are rare."""
+"""By the numbers of the functions of `motion_functions`, after which comes the delay. Dry friction
+is ordinary, a delay is not, and both at once are rare."""
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
