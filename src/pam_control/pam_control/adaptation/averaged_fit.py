@@ -52,10 +52,14 @@ class Rival:
     log_odds : float
         Logarithm of its probability before anything was seen, up to a constant that is common to
         all rivals [-].
+    better : float
+        Squared errors of the best ordinary rival over its own, at least, for it to take part [-]; 1
+        for an ordinary one. The evidence alone would prefer it for any trifle that all rivals lack.
     """
 
     functions: tuple[int, ...]
     log_odds: float
+    better: float = 1.0
 
 
 class AveragedFit:
@@ -96,6 +100,7 @@ class AveragedFit:
         self._noise, self._believed, self._threshold = noise, believed, threshold
         count = len(deviations)
         self._odds: Array = np.array([rival.log_odds for rival in rivals])
+        self._better: Array = np.array([rival.better for rival in rivals])
         self._has = np.array([[n in rival.functions for n in range(count)] for rival in rivals])
         self._penalty: Array = np.where(self._has, 1.0, DOUBTED)
         self._penalty /= np.array(deviations, dtype=np.float64) ** 2
@@ -143,11 +148,14 @@ class AveragedFit:
         regular = self._products / variance[:, None, None]
         regular[:, self._diagonal, self._diagonal] += self._penalty
         self._solve(regular, self._wanted / variance[:, None])
-        errors = (self._left() + doubt) / variance
+        left = self._left()
+        errors = (left + doubt) / variance
         errors += (self._penalty * self._solutions**2).sum(axis=1)
         _, size = np.linalg.slogdet(regular)
         occam = size - np.log(self._penalty).sum(axis=1)
         evidence = self._odds - 0.5 * (occam + samples * np.log(variance) + errors)
+        ordinary = self._better == 1.0
+        evidence[~ordinary & (self._better * left > left[ordinary].min())] = -math.inf
         odds = np.exp(evidence - evidence.max())
         self.probabilities = odds / odds.sum()
         weights = self.probabilities @ self._solutions

@@ -61,11 +61,11 @@ DELAY: Final = 7 + len(SLIP_LENGTHS)
 RIVALS: Final = (
     Rival(SMOOTH, 0.0),
     Rival((*SMOOTH, *SLIPS), 2.0),
-    Rival((*SMOOTH, DELAY), -0.5),
-    Rival((*SMOOTH, *SLIPS, DELAY), -4.0),
+    Rival((*SMOOTH, DELAY), 0.0, better=2.0),
+    Rival((*SMOOTH, *SLIPS, DELAY), 0.0, better=2.0),
 )
 """By the numbers of the functions of `motion_functions`, after which comes the delay. Dry friction
-is ordinary, a delay is not, and both at once are rare."""
+is ordinary; a delay has to explain what nothing else does."""
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
