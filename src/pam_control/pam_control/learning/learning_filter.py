@@ -43,7 +43,7 @@ KEPT: Final = 0.995  # Q at rest: what no repetition confirms fades
 REGULARISATION: Final = 0.01  # of the largest squared response
 ITERATIONS: Final = 30
 GRID: Final = np.geomspace(0.05, 300.0, 250)  # rad/s
-CUT_OFFS: Final = np.geomspace(80.0, 3.0, 40)  # rad/s
+CUT_OFFS: Final = np.geomspace(50.0, 3.0, 40)  # rad/s
 PADDING: Final = 1.0  # s of rest before and after a motion, for what looks ahead and behind
 
 Array = npt.NDArray[np.float64]
