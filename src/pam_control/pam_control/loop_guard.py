@@ -5,6 +5,9 @@ stays until the driver has been vented, since the delay still exists. If the joi
 oscillates after a pause, or follows its reference with too large an error, the controller stops.
 The oscillation that a tube in front of a muscle causes until it is found also gets a pause to fade,
 because the pressure loops change then.
+
+Small swings about a target at rest bring the safe gains as well. They do not stop the controller:
+what the safe gains leave of them is no danger.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from collections.abc import Sequence
 from enum import Enum
 
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
+from pam_control.feedback.rest_watch import RestWatch
 from pam_control.joint_channel import JointChannel
 
 PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
@@ -49,6 +53,7 @@ class LoopGuard:
     def __init__(self, channels: Sequence[JointChannel]) -> None:
         self._oscillation = [OscillationWatch(c.joint.max_velocity) for c in channels]
         self._tracking = [TrackingWatch(c.joint.max_tracking_error) for c in channels]
+        self._resting = [RestWatch() for _ in channels]
         self._channels = channels
         self._pause_until = -math.inf
         self._gaps: deque[tuple[float, float]] = deque()
@@ -67,9 +72,8 @@ class LoopGuard:
 
     def restart(self) -> None:
         """The joints were taken over: what was seen before belongs to another motion."""
-        for oscillation, tracking in zip(self._oscillation, self._tracking, strict=True):
-            oscillation.reset()
-            tracking.reset()
+        for watch in (*self._oscillation, *self._tracking, *self._resting):
+            watch.reset()
 
     def watch_gaps(self, time: float, gap: float, longest: float) -> str:
         """Stop a loop that stands still again and again; return why, or an empty text.
@@ -116,6 +120,7 @@ class LoopGuard:
         can_soften : bool
             Whether there are safe gains.
         """
+        rests = all(_rests(channel) for channel in self._channels)
         for index, (channel, oscillation, tracking) in enumerate(
             zip(self._channels, self._oscillation, self._tracking, strict=True)
         ):
@@ -131,6 +136,9 @@ class LoopGuard:
                 wild = oscillation.update(time, telemetry.reference.velocity, channel.velocity)
             if self._fades(index, time):
                 wild = oscillation.too_fast(channel.velocity)
+            swings = self._resting[index].update(time, channel.position, rests)
+            if not wild and can_soften and not self.softened:
+                wild = swings
             if not wild or time < self._pause_until:
                 continue
             if self.softened or not can_soften:
@@ -141,3 +149,10 @@ class LoopGuard:
             self.restart()
             return Verdict.SOFTEN
         return Verdict.NOTHING
+
+
+def _rests(channel: JointChannel) -> bool:
+    """Whether nothing but its own loop moves a joint: no motion, and nobody who leads it."""
+    reference = channel.telemetry.reference
+    still = reference.velocity == 0.0 and reference.acceleration == 0.0
+    return still and not channel.yields and not channel.driven
