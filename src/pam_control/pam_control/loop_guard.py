@@ -72,8 +72,11 @@ class LoopGuard:
 
     def restart(self) -> None:
         """The joints were taken over: what was seen before belongs to another motion."""
-        for watch in (*self._oscillation, *self._tracking, *self._resting):
-            watch.reset()
+        watches = zip(self._oscillation, self._tracking, self._resting, strict=True)
+        for oscillation, tracking, resting in watches:
+            oscillation.reset()
+            tracking.reset()
+            resting.reset()
 
     def watch_gaps(self, time: float, gap: float, longest: float) -> str:
         """Stop a loop that stands still again and again; return why, or an empty text.
