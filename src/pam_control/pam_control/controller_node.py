@@ -205,17 +205,16 @@ class ControllerNode(Node):  # type: ignore[misc]
             f"pressure loop {settings.pressure_gain:.1f} 1/s"
         )
         for channel in self._controller.channels:
-            gains = settings.gains[channel.joint.name]
+            gains, name, own = channel.setup.gains, channel.models.name, channel.setup.settings
             self.get_logger().info(
-                f"{channel.joint.name}: proportional {gains.proportional:.4g}, integral "
+                f"{name}: proportional {gains.proportional:.4g}, integral "
                 f"{gains.integral:.4g}, derivative {gains.derivative:.4g}; "
-                f"worst {channel.margins[0]}"
+                f"worst {channel.setup.margins[0]}"
             )
-            own = channel.scale.complete(settings)
             self.get_logger().info(
-                f"{channel.joint.name}: stiffness {own.default_stiffness:.3g} N m/rad until one is "
-                f"commanded, at most {channel.scale.stiffness:.3g} in the middle of the range; "
-                f"learns up to {own.adaptation_limit:.3g} N m"
+                f"{name}: stiffness {own.default_stiffness:.3g} N m/rad until one is "
+                f"commanded, at most {channel.models.scale.stiffness:.3g} in the middle of the "
+                f"range; learns up to {own.adaptation_limit:.3g} N m"
             )
 
     def _now(self) -> float:
@@ -426,7 +425,7 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._tell_guard(*after)
         if commands is None:
             return
-        self._topics.publish(time.time_ns(), commands, self._controller.channels)
+        self._topics.publish(time.time_ns(), commands, output.joints)
         self._health.count((now - inputs.position_time, now - inputs.pressure_time))
 
     def _tell_guard(self, stopped: str, softened: str) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from pam_control.joint_channel import JointChannel
+from pam_control.control_step import JointTelemetry
 from pam_model.rig import Rig
 from pam_ros.joint_state_publisher import JointStatePublisher
 from pam_ros.message_sources import source_of
@@ -38,7 +38,7 @@ class ControllerTopics:
         self._disturbance = JointStatePublisher(node, "~/disturbance", 1)
 
     def publish(
-        self, stamp: int, commands: Sequence[float], channels: Sequence[JointChannel]
+        self, stamp: int, commands: Sequence[float], telemetry: Sequence[JointTelemetry]
     ) -> None:
         """Publish the result of one cycle.
 
@@ -48,17 +48,16 @@ class ControllerTopics:
             The present time, since 1970 [ns].
         commands : sequence of float
             One for each muscle of the rig.
-        channels : sequence of JointChannel
-            The joints with their telemetry.
+        telemetry : sequence of JointTelemetry
+            Of the joints.
         """
         position, effort = self._format.pack(commands)
         self._commands.publish(stamp, self._muscles, position, effort=effort)
         self._cycles += 1
         if self._cycles % self._telemetry_every == 0:
-            self._publish_telemetry(stamp, channels)
+            self._publish_telemetry(stamp, telemetry)
 
-    def _publish_telemetry(self, stamp: int, channels: Sequence[JointChannel]) -> None:
-        telemetry = [channel.telemetry for channel in channels]
+    def _publish_telemetry(self, stamp: int, telemetry: Sequence[JointTelemetry]) -> None:
         if self._reference.heard():
             self._reference.publish(
                 stamp,
