@@ -1,109 +1,29 @@
-"""The controller node's parameters, and what is made of their values: settings and control law.
-
-Most parameters are declared at the fields of `ControlSettings` and of the control laws. Those of
-the node alone are declared here.
-"""
+"""What is made of the controller node's parameters: settings, control law and controller."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
-from pam_control.actions.goal_tolerances import tolerance_parameters
-from pam_control.controller import MODEL_BASED, Controller
-from pam_control.declared import BY_SIZE, Declared, declarations, read_fields, share_of_stiffness
+from pam_control.controller import Controller
+from pam_control.declared import BY_SIZE, Declared, read_fields
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
-from pam_control.joint_scale import GRID_SHARES
 from pam_control.kept_files import file_inside, kept_folder
 from pam_control.laws.law import AnyLaw
-from pam_control.laws.registry import laws, users
-from pam_control.settings import ADAPTS, DESIGNED, ControlSettings
+from pam_control.laws.registry import laws
+from pam_control.node_parameters import GAINS, declared_parameters
+from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 from pam_model.rig import Rig
 from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import Parameter, Value
 from pam_ros.program_name import PROGRAM
 
-OF_NODE: Final = (
-    Declared(
-        "loop.realtime_priority", 0, "-", 0, 99,
-        "priority of the control thread (SCHED_FIFO) if the system permits it; 0: normal",
-        fixed=True,
-    ),
-    Declared(
-        "loop.align", False, "-", 0, 0,
-        "shift the cycles so that they begin shortly after pressure_states arrives", fixed=True,
-    ),
-    Declared(
-        "telemetry.rate", 100.0, "Hz", 1.0, 2000.0,
-        "rate of ~/reference, ~/error and ~/disturbance", fixed=True,
-    ),
-    Declared(
-        "design.least_stiffness", BY_SIZE, "N m/rad", 0.01, 1e5,
-        "lowest stiffness for which gains are designed and checked",
-        by_size=share_of_stiffness(GRID_SHARES[0]),
-    ),
-    Declared(
-        "design.greatest_stiffness", BY_SIZE, "N m/rad", 0.01, 1e5,
-        "highest stiffness for which gains are designed and checked",
-        by_size=share_of_stiffness(GRID_SHARES[-1]),
-    ),
-    Declared(
-        "stiffness_test.amplitude", 0.0, "rad", 0.0, 0.2,
-        "amplitude of a small motion of a joint that rests, by which its stiffness is estimated; "
-        "0: none",
-        laws=ADAPTS,
-    ),
-    Declared(
-        "stiffness_test.frequency", 1.5, "Hz", 0.2, 2.0, "frequency of this motion", laws=ADAPTS
-    ),
-    Declared(
-        "files.folder", "", "-", 0, 0,
-        "folder of the files that adaptation.rig_file and learning.file name; empty: "
-        "pam_control in $ROS_HOME or ~/.ros",
-        fixed=True,
-    ),
-    Declared(
-        "adaptation.rig_file", "", "-", 0, 0,
-        "new rig file in files.folder that ~/save_adapted_rig writes, with what was learnt",
-        laws=ADAPTS,
-    ),
-    Declared(
-        "trajectory.max_points", 50_000, "-", 1, 1_000_000,
-        "largest number of points of a trajectory; 50,000 are 100 s at 500 Hz",
-    ),
-)  # fmt: skip
-GAINS: Final = {
-    "proportional": "N m/rad",
-    "integral": "N m/(rad s)",
-    "derivative": "N m s/rad",
-}
-
-
-def law_parameter() -> Declared:
-    """The parameter that names the control law."""
-    names = list(laws())
-    text = f"control law: {', '.join(names[:-1])} or {names[-1]}"
-    return Declared("law", MODEL_BASED.name, "-", 0, 0, text, fixed=True)
-
-
-def declared_parameters() -> list[Declared]:
-    """All parameters but those of single joints, those of one group together."""
-    found = {each.key: each for each in (law_parameter(), *OF_NODE)}
-    owners = (ControlSettings, *laws().values())
-    for owner in owners:
-        found.update({each.key: each for _, each in declarations(owner)})
-    groups = list(dict.fromkeys(key.split(".")[0] for key in found))
-    return sorted(found.values(), key=lambda each: groups.index(each.key.split(".")[0]))
-
 
 def _parameter(each: Declared) -> Parameter:
-    described = replace(each, laws=users(each)).description
     return Parameter(
-        each.key, each.default, each.unit, each.lowest, each.high, described,
+        each.key, each.default, each.unit, each.lowest, each.high, each.description,
         changeable=not each.fixed,
     )  # fmt: skip
 
@@ -116,14 +36,7 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
     joint_names : sequence of str
         Names of the joints; each joint has its own gains.
     """
-    table = [_parameter(each) for each in declared_parameters()]
-    table += tolerance_parameters(joint_names)
-    for name in joint_names:
-        for part, unit in GAINS.items():
-            text = f"{part} gain of {name}; -1: designed"
-            key = f"gains.{name}.{part}"
-            table.append(Parameter(key, DESIGNED, unit, -1.0, 1e5, text, changeable=True))
-    return table
+    return [_parameter(each) for each in declared_parameters(joint_names)]
 
 
 def law_from(values: Mapping[str, Value]) -> AnyLaw:
@@ -162,7 +75,7 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
         For a design range whose lower end is above its upper end, a stiffness test without
         anything that would learn from it, or a file outside of files.folder.
     """
-    for each in declared_parameters():  # of other laws, too
+    for each in declared_parameters(()):  # of other laws, too
         each.taken(values[each.key])
     _check_stiffness_test(values)
     kept_file(values, "adaptation.rig_file")
