@@ -7,7 +7,6 @@ import control
 import numpy as np
 import pytest
 
-from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.controller import MODEL_BASED, Controller
 from pam_control.feedback.closed_loop import is_stable, state_space
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
@@ -15,7 +14,6 @@ from pam_control.feedback.margins import ControlDesignError, margins, pid_respon
 from pam_control.feedback.operating_points import operating_point
 from pam_control.feedback.pid import Pid, PidGains
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
-from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
@@ -23,6 +21,7 @@ from pam_model.plant.parameters import PlantParameters
 from pam_model.plant.simulate import initial_state, simulate
 from pam_model.rig import load_rig
 from pam_model.robot import compose
+from pam_model.views.inverse_dynamics import InverseDynamics
 from support.rigs import CONFIG
 
 TWO_JOINTS = CONFIG / "two_joints.yaml"
@@ -126,8 +125,8 @@ def test_inverse_dynamics_gives_the_torque_that_moves_the_plant_so(rig):
     qdd = np.gradient(qd, 1e-3)
     dynamics = InverseDynamics.from_joint(compose(rig).joints[0])
     for row in range(20, 280, 20):
-        reference = JointReference(float(q[row]), float(qd[row]), float(qdd[row]))
-        assert dynamics.torque(reference) == pytest.approx(float(moved.torque[row]), abs=0.02)
+        torque = dynamics.torque(float(q[row]), float(qd[row]), float(qdd[row]))
+        assert torque == pytest.approx(float(moved.torque[row]), abs=0.02)
 
 
 def test_a_clipped_pid_settles_where_its_output_just_saturates():

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.control_step import Measurement
 from pam_control.controller import Controller
 from pam_control.feedback.closed_loop import is_stable
@@ -15,6 +14,7 @@ from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.effects import EFFECTS
 from pam_model.robot import compose
+from pam_model.views.inverse_dynamics import InverseDynamics
 
 SETTLE = 2.0
 

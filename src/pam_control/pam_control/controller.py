@@ -303,7 +303,7 @@ class Controller:
         models, reference = self._models[index], self.channels[index].telemetry.reference
         if math.isnan(reference.position):
             return math.nan, math.nan
-        torque = models.dynamics.torque(reference)
+        torque = models.torque(reference)
         low = models.model.pressures_for(torque, 0.0, reference.position)
         high = models.model.pressures_for(torque, 1e9, reference.position)
         return float(low.stiffness), float(high.stiffness)

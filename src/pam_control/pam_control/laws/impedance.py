@@ -30,13 +30,14 @@ from pam_control.joint_models import JointModels
 from pam_control.laws.law import Law, Start
 from pam_control.laws.position_stiffness import PositionStiffness, PositionStiffnessState
 from pam_control.settings import ControlSettings
+from pam_model.views.torque_balance import critical_damping
 
 START_TIME: Final = 0.3  # s, in which the torque at the take-over passes into that of the law
 DAMPING_RATIO: Final = 0.3  # -, at the default stiffness
 
 
 def _damping(size: Any, settings: ControlSettings) -> float:
-    return 2.0 * DAMPING_RATIO * math.sqrt(settings.default_stiffness * size.inertia)
+    return DAMPING_RATIO * critical_damping(size.joint, settings.default_stiffness)
 
 
 DAMPING: Final = Declared(

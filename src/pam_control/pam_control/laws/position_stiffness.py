@@ -135,12 +135,11 @@ class PositionStiffness(Law[PositionStiffnessState]):
     def init(self, models: JointModels) -> PositionStiffnessState:
         """Nothing is known of the joint but its models."""
         robot, joint, dynamics = models.robot, models.joint, models.dynamics
+        inertia, damping = dynamics.moving_torque(0.0, 1.0), dynamics.moving_torque(1.0, 0.0)
         return PositionStiffnessState(
-            DisturbanceObserver(dynamics.inertia, dynamics.viscous_friction, models.pressure_lag),
+            DisturbanceObserver(inertia, damping, models.pressure_lag),
             AlignedPressures(models.position_delay + KEPT_BEFORE_MEASUREMENT),
-            TorqueAdaptation(
-                dynamics.inertia, dynamics.viscous_friction, models.scale.torque, models.turn
-            ),
+            TorqueAdaptation(inertia, damping, models.scale.torque, models.turn),
             StiffnessEstimate(
                 robot.rig,
                 robot.rig.joints[joint.place],
@@ -150,7 +149,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
                 models.turn + 0.5 / len(robot.joints),
             ),
             StuckIntegral(),
-            HistoryTorque(models.muscles, joint.arms[0].length, dynamics.dry_friction),
+            HistoryTorque(models.muscles, joint.arms[0].length, models.dry_friction),
         )
 
     def rest(self, models: JointModels, state: PositionStiffnessState) -> PositionStiffnessState:
@@ -200,7 +199,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
             added = state.plans[-1].memory_torque if state.plans else 0.0
             if not start.adapts:  # the next plans lack what was learnt
                 added += state.adapted
-            planned = models.dynamics.torque(start.reference) - added
+            planned = models.torque(start.reference) - added
             position = start.reference.position
             lost = state.observer.lost if start.gains.observer > 0.0 else 0.0
         torque = models.model.torque(*start.pressures, models.inside(position))
@@ -299,7 +298,7 @@ def _ahead(
     models: JointModels, state: PositionStiffnessState, request: PlanRequest
 ) -> tuple[_Target, PositionStiffnessState]:
     """Plan the pressures for the time when the valves act, and correct those of now."""
-    settings, dynamics, motion = request.settings, models.dynamics, request.motion
+    settings, motion = request.settings, request.motion
     now, (acts_at, then) = request.now, request.then
     before = state.plans[-1].pressures if state.plans else request.desired
     shown = state.shown if state.plans else before
@@ -309,7 +308,7 @@ def _ahead(
     adapted, correction = _repeated(request, usual)
     added = known - adapted
     planned = models.model.pressures_for(
-        dynamics.torque(then) - added, state.stiffness, then.position
+        models.torque(then) - added, state.stiffness, then.position
     )
     goal = (planned.agonist, planned.antagonist)
     plan = Plan(acts_at, goal, state.stiffness, added, known)
@@ -318,8 +317,8 @@ def _ahead(
     shown = shown_pressures(plans, shown, now.time, models.pressure_lag, request.step)
     state = replace(state, plans=plans, shown=shown, adapted=adapted)
 
-    torque = dynamics.torque(now.reference) - past.memory_torque + request.output + correction
-    friction = dynamics.dry_friction
+    torque = models.torque(now.reference) - past.memory_torque + request.output + correction
+    friction = models.dry_friction
     torque += friction.change(request.seen.reference.velocity, motion.velocity)
     lost = _lost(models, state, request, past.memory_torque)
     torque += lost or 0.0

@@ -186,9 +186,9 @@ def _limited(models: JointModels, request: PlanRequest, torque: float) -> float:
     dynamics, limits = models.dynamics, request.limits
     position, speed, _ = request.motion
     needed = dynamics.static_torque(position, speed)
-    needed += dynamics.viscous_friction * speed + dynamics.dry_friction.torque(speed)
+    needed += dynamics.moving_torque(speed, 0.0) + models.dry_friction.torque(speed)
     muscles = models.model.torque(*request.pressures, models.inside(position))
-    push = (muscles - needed) / dynamics.inertia
+    push = dynamics.acceleration(muscles - needed)
     soon = speed + push * REACTION
     rest = limits.rest(JointReference(position + speed * REACTION, soon, push))
     stiffness = limits.own_push / END_ZONE
@@ -196,10 +196,10 @@ def _limited(models: JointModels, request: PlanRequest, torque: float) -> float:
     high = min(_fading(limits.velocity - soon, limits.own_jerk), stiffness * (upper - rest))
     low = max(-_fading(limits.velocity + soon, limits.own_jerk), stiffness * (lower - rest))
     high, low = max(high, -limits.own_push), min(low, limits.own_push)
-    wanted = (torque - needed) / dynamics.inertia
+    wanted = dynamics.acceleration(torque - needed)
     if low <= wanted <= high:
         return torque
-    return needed + dynamics.inertia * limited(wanted, low, high)
+    return needed + dynamics.moving_torque(0.0, limited(wanted, low, high))
 
 
 def _fading(room: float, jerk: float) -> float:
@@ -209,5 +209,5 @@ def _fading(room: float, jerk: float) -> float:
 
 def _on_a_spring(point: OperatingPoint, weight: float) -> OperatingPoint:
     """The operating point with at least a weak spring in place of the weight's [N m/rad]."""
-    least = point.inertia * (2.0 * math.pi * SLOW_SWING) ** 2
+    least = point.swinging_spring(SLOW_SWING)
     return dataclasses.replace(point, spring=point.spring + max(least - weight, 0.0))
