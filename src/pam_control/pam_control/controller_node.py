@@ -69,7 +69,7 @@ from pam_ros.phase_follower import PhaseFollower
 from pam_ros.slow_work import SlowWork
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
-from pam_ros.subscriptions import subscribe
+from pam_ros.subscriptions import GuardedTopic, subscribe
 
 TEST_EVERY = 0.25  # s
 LARGEST_TRAJECTORY = 2**26  # bytes; the number of points is limited by a parameter
@@ -159,10 +159,12 @@ class ControllerNode(Node):  # type: ignore[misc]
         latest = QoSProfile(depth=1)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         # bytes, which its own reader reads: see pam_control.trajectory_message
-        self._trajectories = subscribe(
+        subscription = subscribe(
             self, JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10,
             read=bytes, most_bytes=LARGEST_TRAJECTORY,
         )  # fmt: skip
+        # taken here, since the main loop puts its own guard around the callbacks
+        self._trajectories: GuardedTopic = subscription.callback
         subscribe(self, JointState, "~/commands", self._on_stream, latest)
         subscribe(self, Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest)
         subscribe(self, Float64MultiArray, "~/torque_commands", self._on_torque, latest)
@@ -258,7 +260,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _on_trajectory_read(self, malformed: str) -> None:
         if malformed:
-            self._trajectories.callback.refuse(malformed)
+            self._trajectories.refuse(malformed)
 
     def _start_of(self, message: TrajectoryMessage) -> float | None:
         return self._seconds(Time(sec=message.seconds, nanosec=message.nanoseconds))
