@@ -36,6 +36,7 @@ def tracked(loop_type, controller, motion, **options):
     return loop.run(duration + 0.2).rms(SETTLE)
 
 
+@pytest.mark.sampled("one of the two motions", cases=1)
 @pytest.mark.parametrize(("motion", "bound"), [("chirp", 0.015), ("reaching", 0.01)])
 def test_tracks_better_than_without_feedforward_and_than_the_pressure_ratio(
     request, closed_loop, laws, motion, bound

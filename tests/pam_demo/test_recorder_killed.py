@@ -13,6 +13,7 @@ from pam_demo.processes import NodeProcess
 from pam_gap.recordings.import_recording import import_recording
 
 SEVERAL_CHUNKS = 20_000  # bytes
+AT_ONCE = 5  # at most what the queue holds
 
 
 @pytest.mark.system
@@ -29,10 +30,11 @@ def test_a_killed_recorder_leaves_a_readable_bag(probe, ros_environment, tmp_pat
 
         def publish() -> bool:
             recorder.check()
-            message = JointState(name=["elbow"], position=[math.sin(0.01 * len(sent))])
-            message.header.stamp = probe.node.get_clock().now().to_msg()
-            publisher.publish(message)
-            sent.append(message)
+            for _ in range(AT_ONCE):
+                message = JointState(name=["elbow"], position=[math.sin(0.01 * len(sent))])
+                message.header.stamp = probe.node.get_clock().now().to_msg()
+                publisher.publish(message)
+                sent.append(message)
             files = list(bag.glob("*.mcap"))
             return bool(files) and files[0].stat().st_size > SEVERAL_CHUNKS
 

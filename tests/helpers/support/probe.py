@@ -26,7 +26,6 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._news = threading.Condition()
-        self._messages: dict[str, list[Any]] = {}
         self._publishers: dict[str, Any] = {}
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
@@ -38,7 +37,7 @@ class Probe:
 
     def listen(self, message_type: Any, topic: str) -> list[Any]:
         """Messages of a topic from now on, as a list that grows."""
-        received: list[Any] = self._messages.setdefault(topic, [])
+        received: list[Any] = []
 
         def keep(message: Any) -> None:
             with self._news:
