@@ -249,7 +249,9 @@ def worst(cases, timing, gains):
     return all(each.stable for each in found), min(each.modulus_margin for each in found)
 
 
-@pytest.mark.sampled("two of what changes the loop: the joint, a delay", cases=2)
+@pytest.mark.sampled(
+    "the load and one of the delays", alike=lambda effect, values: effect == "payload"
+)
 @pytest.mark.parametrize(
     ("effect", "values"),
     [
