@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from pam_demo.chain import BusChoice, Chain, multicast_bus, private_domain
 from pam_demo.processes import Setting
+from pam_model.errors import PamError
 from support.frames import FrameListener
 from support.probe import Probe
 
@@ -121,12 +122,17 @@ class Suite:
 
         self.wait("a controller that has heard the driver", controls, 60.0)
 
-    def is_controlling(self) -> bool:
-        """Whether all nodes run and valves may move."""
-        running = all(process.running for process in self.chain.processes.values())
-        return (
-            running and len(self.chain.processes) == len(NODES) and self.driver_state() == "active"
-        )
+    def get_ready(self) -> None:
+        """Start what has ended and activate what has stopped, as a person would."""
+        ended = [name for name in NODES if not self._runs(name)]
+        for name in ended:
+            self.start(name)
+        if ended or self.driver_state() != "active":
+            self.recover()
+            self.wait_until_controlling()
+
+    def _runs(self, name: str) -> bool:
+        return name in self.chain.processes and self.chain.processes[name].running
 
     def recover(self) -> None:
         """Clear faults and activate, as a person would."""
@@ -210,30 +216,27 @@ def make_suite(
         )
 
 
-@pytest.fixture
-def suite(make_suite: Callable[[Path], Suite], rig_path: Path) -> Suite:
-    """The elbow, controlled, at rest; of this test alone."""
-    return make_suite(rig_path)
-
-
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def shared() -> Iterator[dict[str, Any]]:
-    """What `shared_suite` has started: `suite`, and `close`, which ends it."""
+    """What `suite` has started, as `suite`, and `close`, which ends it."""
     kept: dict[str, Any] = {"close": lambda: None}
     yield kept
     kept["close"]()
 
 
 @pytest.fixture
-def shared_suite(
-    shared: dict[str, Any], rig_path: Path, slow_host: bool, tmp_path_factory: Any
-) -> Suite:
-    """The elbow, controlled; one chain for all tests of a module that leave it as it was.
+def suite(shared: dict[str, Any], rig_path: Path, slow_host: bool, tmp_path_factory: Any) -> Suite:
+    """The elbow, controlled; the same chain for all tests, which leave it somewhere in its range.
 
-    After a test that did not, the next one gets a new chain.
+    A chain that cannot be made to work again is replaced.
     """
-    if "suite" not in shared or not shared["suite"].is_controlling():
-        shared["close"]()
+    if "suite" in shared:
+        try:
+            shared["suite"].get_ready()
+        except (AssertionError, PamError):
+            shared.pop("suite")
+            shared["close"]()
+    if "suite" not in shared:
         stack = ExitStack()
         shared["close"] = stack.close
         folder = tmp_path_factory.mktemp("chain")

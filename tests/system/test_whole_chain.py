@@ -21,8 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.rerun_because(HOST_STALLS)
-def test_step_is_tracked_and_stiffness_delivered(shared_suite):
-    suite = shared_suite
+def test_step_is_tracked_and_stiffness_delivered(suite):
     stiffness = suite.probe.listen(Float64MultiArray, "joint_stiffness")
     suite.move({"elbow": 0.3}, 0.5)
     suite.wait_until_at("elbow", 0.3)
@@ -97,8 +96,7 @@ BAD_INPUTS = {
 
 
 @pytest.mark.rerun_because(HOST_STALLS)
-def test_bad_input_is_refused_by_name_and_moves_nothing(shared_suite):
-    suite = shared_suite
+def test_bad_input_is_refused_by_name_and_moves_nothing(suite):
     suite.move({"elbow": 0.2}, 0.5)
     suite.wait_until_at("elbow", 0.2)
     diagnostics = suite.probe.listen(DiagnosticArray, "/diagnostics")
@@ -171,10 +169,9 @@ LISTED = {
 
 
 @pytest.mark.rerun_because(HOST_STALLS)
-def test_a_recording_opens_with_a_public_reader(shared_suite, tmp_path: Path):
+def test_a_recording_opens_with_a_public_reader(suite, tmp_path: Path):
     from pam_demo.processes import NodeProcess
 
-    suite = shared_suite
     bag = tmp_path / "bag"
     recorder = NodeProcess(
         "pam_demo.recorder_node",
