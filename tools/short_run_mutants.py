@@ -128,6 +128,8 @@ def failed(tree: Path, tests: Sequence[str], which: str, limit: float) -> list[s
             run.communicate()
     if run.returncode in (0, 5):  # 5: no test is selected
         return []
+    if run.returncode == 4:
+        raise RuntimeError(f"pytest was called wrongly: {output}")
     return re.findall(r"^(?:FAILED|ERROR) (tests/\S+?\.py(?:::\w+)*)", output, re.M) or [*tests]
 
 
@@ -178,13 +180,15 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="PART", help="modules whose path contains it")
     parser.add_argument("--limit", type=float, default=240.0, help="time of each run [s]")
     given = parser.parse_args()
-    tests = {path: imported(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))}
-    modules = sorted({m for path, names in tests.items() if has_long_tests(path) for m in names})
-    modules = [m for m in modules if given.only in str(m) and any(changes(ROOT / m))]
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         copy_tree(tree)
+        paths = sorted(path.relative_to(tree) for path in (tree / "tests").rglob("test_*.py"))
+        tests = {ROOT / path: imported(ROOT / path) for path in paths}
+        long = [path for path in tests if has_long_tests(path)]
+        modules = sorted({module for path in long for module in tests[path]})
+        modules = [m for m in modules if given.only in str(m) and any(changes(ROOT / m))]
         for module, (line, old, new, source) in draws(given.count, given.seed, modules):
             begin = time.monotonic()
             (tree / module).write_text(source, encoding="utf-8")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -10,6 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -31,9 +31,12 @@ class Probe:
         self._thread.start()
 
     def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
+        try:
             while self._context.ok():
                 self._executor.spin_once(timeout_sec=0.05)
+        except (ExternalShutdownException, RCLError):
+            if self._context.ok():  # else the context was closed in the middle of a turn
+                raise
 
     def listen(self, message_type: Any, topic: str) -> list[Any]:
         """Messages of a topic from now on, as a list that grows."""
