@@ -85,8 +85,8 @@ def shared_designs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
     Only controllers share that are given no store of designs.
     """
-    from pam_control import loop_design  # noqa: PLC0415  (only some of the tests need it)
-    from pam_control.feedback.kept_designs import KeptDesigns  # noqa: PLC0415
+    from pam_control import loop_design
+    from pam_control.feedback.kept_designs import KeptDesigns
 
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
