@@ -24,6 +24,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -108,41 +109,83 @@ def about(module: Path, tests: dict[Path, set[Path]]) -> list[str]:
     return [str(path.relative_to(ROOT)) for path in found]
 
 
-def failed(tree: Path, tests: Sequence[str], which: str, limit: float) -> list[str]:
-    """The first test of one run that fails, if one does; TIME_IS_OVER if none did until then."""
-    paths = [str(folder) for folder in (*sorted((tree / "src").iterdir()), tree / "proof")]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(tree)])}
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", which]
-    run = subprocess.Popen(
-        [*command, *tests],
-        cwd=tree, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        start_new_session=True,
-    )  # fmt: skip
-    try:
-        output, _ = run.communicate(timeout=limit)
-    except subprocess.TimeoutExpired:
-        return [TIME_IS_OVER]
-    finally:
-        if run.poll() is None:
-            os.killpg(run.pid, signal.SIGKILL)
-            run.communicate()
-    if run.returncode in (0, 5):  # 5: no test is selected
-        return []
-    if run.returncode == 4:
-        raise RuntimeError(f"pytest was called wrongly: {output}")
-    return re.findall(r"^(?:FAILED|ERROR) (tests/\S+?\.py(?:::\w+)*)", output, re.M) or [*tests]
+@dataclass
+class Trial:
+    """A copy of the tree in which changes are tried.
 
+    Attributes
+    ----------
+    tree : Path
+        The copy.
+    limit : float
+        Time of each run [s].
+    unsound : set of str
+        Tests that have failed there without a change; they are left out.
+    """
 
-def tried(tree: Path, tests: Sequence[str], limit: float) -> tuple[str, list[str]]:
-    """Who notices the change in a tree, and the test that does."""
-    short = failed(tree, tests, SHORT, limit)
-    if short and short != [TIME_IS_OVER]:
-        return "short run", short
-    late = " in time" if short else ""
-    long = failed(tree, [test for test in tests if has_long_tests(ROOT / test)], LONG, limit)
-    if long and long != [TIME_IS_OVER]:
-        return f"long run alone{late}", long
-    return f"nobody{late if not long else ' in time'}", []
+    tree: Path
+    limit: float
+    unsound: set[str] = field(default_factory=set)
+
+    def failed(self, tests: Sequence[str], which: str) -> list[str]:
+        """The first test of one run that fails, if one does; TIME_IS_OVER if none did until then."""
+        if not tests:
+            return []
+        paths = [
+            str(folder) for folder in (*sorted((self.tree / "src").iterdir()), self.tree / "proof")
+        ]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(self.tree)])}
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-x",
+            "-p",
+            "no:cacheprovider",
+            "-m",
+            which,
+        ]
+        left_out = [word for test in self.unsound for word in ("--deselect", test)]
+        run = subprocess.Popen(
+            [*command, *left_out, *tests],
+            cwd=self.tree, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            start_new_session=True,
+        )  # fmt: skip
+        try:
+            output, _ = run.communicate(timeout=self.limit)
+        except subprocess.TimeoutExpired:
+            return [TIME_IS_OVER]
+        finally:
+            if run.poll() is None:
+                os.killpg(run.pid, signal.SIGKILL)
+                run.communicate()
+        if run.returncode in (0, 5):  # 5: no test is selected
+            return []
+        if run.returncode == 4:
+            raise RuntimeError(f"pytest was called wrongly: {output}")
+        return re.findall(r"^(?:FAILED|ERROR) (tests/\S+?\.py(?:::\w+)*)", output, re.M) or [*tests]
+
+    def of(self, module: Path, source: str, tests: Sequence[str]) -> tuple[str, list[str]]:
+        """Who notices a change of a module, and the test that does."""
+        while True:
+            (self.tree / module).write_text(source, encoding="utf-8")
+            who, noticed = self._noticed(tests)
+            shutil.copy2(ROOT / module, self.tree / module)
+            again = self.failed(noticed, SHORT if who == "short run" else LONG) if noticed else []
+            if not again or again == [TIME_IS_OVER]:
+                return who, noticed
+            self.unsound.update(again)
+
+    def _noticed(self, tests: Sequence[str]) -> tuple[str, list[str]]:
+        short = self.failed(tests, SHORT)
+        if short and short != [TIME_IS_OVER]:
+            return "short run", short
+        late = " in time" if short else ""
+        long = self.failed([test for test in tests if has_long_tests(ROOT / test)], LONG)
+        if long and long != [TIME_IS_OVER]:
+            return f"long run alone{late}", long
+        return f"nobody{late if not long else ' in time'}", []
 
 
 def copy_tree(tree: Path) -> None:
@@ -189,14 +232,10 @@ def main() -> int:
         long = [path for path in tests if has_long_tests(path)]
         modules = sorted({module for path in long for module in tests[path]})
         modules = [m for m in modules if given.only in str(m) and any(changes(ROOT / m))]
+        trial = Trial(tree, given.limit)
         for module, (line, old, new, source) in draws(given.count, given.seed, modules):
             begin = time.monotonic()
-            (tree / module).write_text(source, encoding="utf-8")
-            who, noticed = tried(tree, about(module, tests), given.limit)
-            shutil.copy2(ROOT / module, tree / module)
-            which = SHORT if who == "short run" else LONG
-            if noticed and failed(tree, noticed, which, given.limit):
-                who = "not tried: fails without a change"
+            who, noticed = trial.of(module, source, about(module, tests))
             counts[who] += 1
             seconds = f"{time.monotonic() - begin:.0f} s"
             test = noticed[0] if noticed else ""

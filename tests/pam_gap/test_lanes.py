@@ -124,7 +124,8 @@ def test_a_batch_side_by_side_equals_one_after_the_other(rig, alone, chosen, thr
     parameters = PlantParameters.from_rig(rig)
     four = np.repeat(one_lane_per_effect(parameters), 4, axis=0)
     kernels = chosen(np.array([derive_constants(v) for v in four]))
-    assert sum(kernel.serves.sum() for kernel in kernels) > len(four)  # most are not left alone
+    # none is left alone
+    assert np.any([kernel.serves for kernel in kernels], axis=0).all()
     state = initial_state(parameters, pressures=(2e5, 1.5e5), position=0.2)
     found = simulate(
         parameters, motion(), SAMPLE_TIME, state, STEP,
