@@ -128,30 +128,22 @@ class Trial:
     unsound: set[str] = field(default_factory=set)
 
     def failed(self, tests: Sequence[str], which: str) -> list[str]:
-        """The first test of one run that fails, if one does; TIME_IS_OVER if none did until then."""
+        """The first test of one run that fails, if one does; else perhaps TIME_IS_OVER."""
         if not tests:
             return []
-        paths = [
-            str(folder) for folder in (*sorted((self.tree / "src").iterdir()), self.tree / "proof")
-        ]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(self.tree)])}
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-q",
-            "-x",
-            "-p",
-            "no:cacheprovider",
-            "-m",
-            which,
-        ]
+        folders = [*sorted((self.tree / "src").iterdir()), self.tree / "proof", self.tree]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))}
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
         left_out = [word for test in self.unsound for word in ("--deselect", test)]
         run = subprocess.Popen(
-            [*command, *left_out, *tests],
-            cwd=self.tree, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            [*command, "-m", which, *left_out, *tests],
+            cwd=self.tree,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
             start_new_session=True,
-        )  # fmt: skip
+        )
         try:
             output, _ = run.communicate(timeout=self.limit)
         except subprocess.TimeoutExpired:
