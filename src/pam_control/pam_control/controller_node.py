@@ -86,7 +86,9 @@ class ControllerNode(Node):  # type: ignore[misc]
     make_link : callable, optional
         Makes the link to the driver; by default over topics.
     make_loop : callable, optional
-        Makes the loop that runs `cycle`; by default a thread of this node.
+        Makes the loop that runs the cycles; by default a thread of this node.
+    arguments : sequence of str, optional
+        Arguments for this node alone, from `--ros-args` on.
 
     Raises
     ------
@@ -94,8 +96,17 @@ class ControllerNode(Node):  # type: ignore[misc]
         For a rig or parameters that cannot be used, or a loop that would not be safe.
     """
 
-    def __init__(self, make_link: MakeLink = TopicLink, make_loop: MakeLoop = PeriodicLoop) -> None:
-        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+    def __init__(
+        self,
+        make_link: MakeLink = TopicLink,
+        make_loop: MakeLoop = PeriodicLoop,
+        arguments: Sequence[str] = (),
+    ) -> None:
+        super().__init__(
+            NAME,
+            cli_args=list(arguments) or None,
+            automatically_declare_parameters_from_overrides=True,
+        )
         self._controller: Any = None
         names = self._joint_names_given()
         self._table = parameter_table(names)

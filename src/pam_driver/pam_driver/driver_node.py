@@ -93,6 +93,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         Makes the loop that runs the cycles; by default a thread of this node.
     partner : Partner, optional
         A controller in the same process. Others are still heard on `valve_commands`.
+    arguments : sequence of str, optional
+        Arguments for this node alone, from `--ros-args` on.
 
     Raises
     ------
@@ -100,8 +102,17 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         If the parameters or the rig cannot be used.
     """
 
-    def __init__(self, make_loop: MakeLoop = PeriodicLoop, partner: Partner | None = None) -> None:
-        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+    def __init__(
+        self,
+        make_loop: MakeLoop = PeriodicLoop,
+        partner: Partner | None = None,
+        arguments: Sequence[str] = (),
+    ) -> None:
+        super().__init__(
+            NAME,
+            cli_args=list(arguments) or None,
+            automatically_declare_parameters_from_overrides=True,
+        )
         self._make_loop, self._partner = make_loop, partner
         self.failure = ""
         self.runs = False  # from now on no exception is a mistake of the user

@@ -52,6 +52,8 @@ class ModelNode(Node):  # type: ignore[misc]
     composed : bool, optional
         Whether a program that has the measurements calls `take` and `publish`, in place of
         subscriptions and timers of this node.
+    arguments : sequence of str, optional
+        Arguments for this node alone, from `--ros-args` on.
 
     Attributes
     ----------
@@ -59,8 +61,12 @@ class ModelNode(Node):  # type: ignore[misc]
         Estimates per second [Hz].
     """
 
-    def __init__(self, *, composed: bool = False) -> None:
-        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+    def __init__(self, *, composed: bool = False, arguments: Sequence[str] = ()) -> None:
+        super().__init__(
+            NAME,
+            cli_args=list(arguments) or None,
+            automatically_declare_parameters_from_overrides=True,
+        )
         self._declared = NodeParameters(
             self, PARAMETERS, rig_of_node, self._change, describe=described_key, usual_name=NAME
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import gc
 import logging
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -22,6 +22,7 @@ from pam_robot.direct_link import DirectLink
 from pam_robot.robot_cycle import RobotCycle, Work
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
+from pam_ros.node_arguments import arguments_by_node
 from pam_ros.node_end import end_node
 from pam_ros.node_help import MISTAKE, NodeHelp, tell_mistake
 from pam_ros.program_name import PROGRAM
@@ -29,6 +30,7 @@ from pam_ros.start import start_ros
 from pam_ros.steady_timers import SteadyTimers, turns
 from pam_ros.unforeseen import BROKEN
 
+NODES: Final = ("pam_driver", "pam_controller", "pam_model")
 SWITCH_INTERVAL: Final = 5e-4  # s; the cycle can run soon after a callback has begun
 
 HELP: Final = NodeHelp(
@@ -50,6 +52,8 @@ class RobotNodes:
     ----------
     make_driver, make_controller, make_model : callable
         The classes of the nodes: `DriverNode`, `ControllerNode`, `ModelNode`.
+    arguments : mapping
+        The arguments of each node alone, by its usual name.
 
     Raises
     ------
@@ -71,6 +75,7 @@ class RobotNodes:
         make_driver: Callable[..., Any],
         make_controller: Callable[..., Any],
         make_model: Callable[..., Any],
+        arguments: Mapping[str, Sequence[str]],
     ) -> None:
         self.source = ""
         self.cycle = RobotCycle()
@@ -79,11 +84,17 @@ class RobotNodes:
         self._link: DirectLink | None = None
         self._made: list[Any] = []
         try:
-            self.driver = self._keep(make_driver(self.cycle.driver_loop, self))
-            self.controller = self._keep(
-                make_controller(self._make_link, self.cycle.controller_loop)
+            self.driver = self._keep(
+                make_driver(self.cycle.driver_loop, self, arguments=arguments["pam_driver"])
             )
-            self.model = self._keep(make_model(composed=True))
+            self.controller = self._keep(
+                make_controller(
+                    self._make_link,
+                    self.cycle.controller_loop,
+                    arguments=arguments["pam_controller"],
+                )
+            )
+            self.model = self._keep(make_model(composed=True, arguments=arguments["pam_model"]))
             self._compose()
         except BaseException:
             self.end()
@@ -195,9 +206,11 @@ def main(
         robot: RobotNodes | None = None
         executor: EventsExecutor | None = None
         try:
-            start_ros(arguments)
+            words = sys.argv[1:] if arguments is None else arguments
+            common, by_node = arguments_by_node(words, NODES)
+            start_ros(common)
             with signals.interruptible():
-                robot = RobotNodes(make_driver, make_controller, make_model)
+                robot = RobotNodes(make_driver, make_controller, make_model, by_node)
             driver = robot.driver
             driver.hurry = lambda: signals.urgent
             gc.collect()
