@@ -3,7 +3,7 @@
 A contact adds a torque u_i within bounds to joint i. It holds the joint (x_i = 0) while the torque
 that this needs is within the bounds; otherwise it is at a bound and does not hinder the motion:
 
-    M x = b + u,    u_i = low_i if x_i > 0,    u_i = high_i if x_i < 0,    else low_i <= u_i <= high_i
+    M x = b + u,  u_i = low_i if x_i > 0,  u_i = high_i if x_i < 0,  else low_i <= u_i <= high_i
 
 With the acceleration as x, dry friction has the bounds -T_s, T_s, and an end stop 0, infinity. A
 held joint is thus a row and a column that are left out of the mass matrix, and u_i is the residual
@@ -31,29 +31,35 @@ TURNS: Final = 200
 """Changes of the set of held joints after which the last set is kept; rounding alone gets there."""
 
 
+def factor_moving(mass: Any, state: Any, factor: Any) -> None:
+    """Factor the rows and columns of M whose joints are not held as L D L^T, into `factor`."""
+    for i in range(len(mass)):
+        if state[i] == HELD:
+            continue
+        for j in range(i + 1):
+            if state[j] == HELD:
+                continue
+            entry = mass[i][j]
+            for k in range(j):
+                if state[k] != HELD:
+                    entry -= factor[i][k] * factor[j][k] * factor[k][k]
+            factor[i][j] = entry if i == j else entry / factor[j][j]
+
+
 def solve_moving(mass: Any, state: Any, right: Any, factor: Any, x: Any) -> None:
     """Solve M x = right for the joints that are not held; x is 0 for those that are.
 
-    The rows and columns of held joints are left out. The rest is factored as L D L^T.
+    The rows and columns of held joints are left out.
     """
     n = len(mass)
+    factor_moving(mass, state, factor)
     for i in range(n):
-        x[i] = 0.0 if state[i] == HELD else right[i]
-    for i in range(n):
+        x[i] = 0.0
         if state[i] != HELD:
-            for j in range(i):
-                if state[j] != HELD:
-                    entry = mass[i][j]
-                    for k in range(j):
-                        if state[k] != HELD:
-                            entry -= factor[i][k] * factor[j][k] * factor[k][k]
-                    factor[i][j] = entry / factor[j][j]
-            pivot = mass[i][i]
+            x[i] = right[i]
             for k in range(i):
                 if state[k] != HELD:
-                    pivot -= factor[i][k] * factor[i][k] * factor[k][k]
                     x[i] -= factor[i][k] * x[k]
-            factor[i][i] = pivot
     for back in range(n):
         i = n - 1 - back
         if state[i] != HELD:

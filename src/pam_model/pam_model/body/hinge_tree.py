@@ -49,7 +49,7 @@ N_LINK_SCRATCH: Final = 43
 def cross(
     ax: float, ay: float, az: float, bx: float, by: float, bz: float
 ) -> tuple[float, float, float]:
-    """a x b."""
+    """Cross product of two vectors."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
@@ -106,7 +106,9 @@ def load_link(link: Any, w: Any) -> None:
     at = _I
     for i in range(3):  # R I R^T, entries xx, yy, zz
         a, b, c = w[_R + 3 * i], w[_R + 3 * i + 1], w[_R + 3 * i + 2]
-        w[at + i] = a * a * xx + b * b * yy + c * c * zz + 2.0 * (a * b * xy + a * c * xz + b * c * yz)
+        w[at + i] = (
+            a * a * xx + b * b * yy + c * c * zz + 2.0 * (a * b * xy + a * c * xz + b * c * yz)
+        )
     for k in range(3):  # xy, xz, yz
         i, j = (0, 1) if k == 0 else (0, 2) if k == 1 else (1, 2)
         a, b, c = w[_R + 3 * i], w[_R + 3 * i + 1], w[_R + 3 * i + 2]

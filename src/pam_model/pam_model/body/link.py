@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from pam_model.body.hinge_tree import N_LINK_NUMBERS
+from pam_model.body.hinge_tree import N_LINK_NUMBERS, N_LINK_SCRATCH, mass_and_bias
 from pam_model.errors import PamError
 
 Array = npt.NDArray[np.float64]
 STANDARD_GRAVITY = (0.0, 0.0, -9.80665)
 """Acceleration of free fall in a base frame whose z axis points up [m/s^2]."""
 _SMALLEST = 1e-9
+_POSTURES = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,3 +88,29 @@ def link_numbers(links: Sequence[Link]) -> Array:
             xx, yy, zz, inertia[0, 1], inertia[0, 2], inertia[1, 2],
         ]  # fmt: skip
     return rows
+
+
+def smallest_inertia(
+    numbers: Array, own: Array, lower: Sequence[float], upper: Sequence[float]
+) -> Array:
+    """Smallest inertia that each joint feels while the others are free, 1/(M^-1)_ii [kg m^2].
+
+    Parameters
+    ----------
+    numbers : (n, N_LINK_NUMBERS) array
+        From `link_numbers`.
+    own : (n,) array
+        What each joint has in addition to its link [kg m^2].
+    lower, upper : (n,) sequence
+        Range of the joints [rad], in which postures are drawn.
+    """
+    n = len(own)
+    least = np.full(n, np.inf)
+    draw = np.random.default_rng(0)
+    mass, bias, still = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    scratch = np.zeros((n, N_LINK_SCRATCH))
+    gravity = np.zeros(3)
+    for _ in range(_POSTURES):
+        mass_and_bias(numbers, gravity, draw.uniform(lower, upper), still, scratch, mass, bias)
+        least = np.minimum(least, 1.0 / np.diag(np.linalg.inv(mass + np.diag(own))))
+    return least

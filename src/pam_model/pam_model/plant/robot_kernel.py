@@ -6,8 +6,8 @@ found for all joints together (pam_model.body.contact). A joint whose speed woul
 stopped by the friction that the rest of the step leaves; an end stop is inelastic. Both are
 impulses, which move the other joints as well. All valves draw from one reservoir.
 
-What the rig file states of a joint alone, its inertia and its gravity torque, is added to the links.
-Without links, the joints do not move each other.
+What the rig file states of a joint alone, its inertia and its gravity torque, is added to the
+links. Without links, the joints do not move each other.
 
 The state has one row per joint in the order of layout.STATE_NAMES; the pressure of the reservoir is
 in each row.
@@ -33,7 +33,6 @@ from pam_model.plant.layout import (
     C_FRICTION,
     C_GRAVITY,
     C_GRAVITY_ANGLE,
-    C_INERTIA,
     C_LOWER,
     C_PRESLIDING,
     C_RATE,
@@ -74,7 +73,7 @@ def robot_rates(
     step: float,
 ) -> None:
     """Write the rates of all states; work[_STATE] and work[_SLIDING] hold the contacts."""
-    links, gravity, scratch, mass, factor = body
+    links, gravity, inertia, scratch, mass, factor = body
     n = len(c)
     drawn = 0.0
     conductance = 0.0
@@ -100,7 +99,7 @@ def robot_rates(
     for i in range(n):
         own = c[i][C_GRAVITY] * sine(y[i][Y_POSITION] - c[i][C_GRAVITY_ANGLE])
         work[_TOTAL][i] -= own + work[_BIAS][i]
-        mass[i][i] += c[i][C_INERTIA]
+        mass[i][i] += inertia[i]
     solve_moving(mass, work[_STATE], work[_TOTAL], factor, work[_ACCELERATION])
     rate = 0.0
     if c[0][C_DROOP] > 0.0:
@@ -115,7 +114,7 @@ def judge_contacts(
     c: Any, tables: Any, body: Any, y: Any, dy: Any, held: Any, drive: Any, work: Any, step: float
 ) -> None:
     """Decide which joints are held in this step, and in which direction friction acts."""
-    _, _, _, mass, factor = body
+    _, _, _, _, mass, factor = body
     n = len(c)
     any_at_rest = False
     for i in range(n):
@@ -150,7 +149,7 @@ def judge_contacts(
 @compiled
 def apply_impulses(y: Any, body: Any, work: Any) -> None:
     """Change all speeds by impulses within the bounds in work[_LOW] and work[_HIGH] [N m s]."""
-    _, _, _, mass, factor = body
+    _, _, _, _, mass, factor = body
     n = len(y)
     for i in range(n):
         work[_TOTAL][i] = 0.0
@@ -258,7 +257,8 @@ def run_robot(
     tables : (2 n, rows, columns) array
         Force tables of both muscles of each joint.
     body : tuple of arrays
-        Links, gravity, and scratch memory for the tree, its mass matrix and its factor.
+        Links, gravity, each joint's own inertia, and scratch memory for the tree, its mass matrix
+        and the factor of this.
     commands : (n_samples, 2 n) array
         Per muscle; row k holds from k sample times to k + 1.
     first : int

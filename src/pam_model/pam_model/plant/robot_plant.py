@@ -1,7 +1,7 @@
 """The joints of a robot, coupled by its links and by the reservoir from which all valves draw.
 
-    M(q) dv/dt + h(q, v) = torques of muscles, friction and end stops
-    dP_s/dt = k R T (mdot_in - sum of mdot_drawn)/V_s
+M(q) dv/dt + h(q, v) = torques of muscles, friction and end stops
+dP_s/dt = k R T (mdot_in - sum of mdot_drawn)/V_s
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pam_model.body.hinge_tree import N_LINK_NUMBERS, N_LINK_SCRATCH
-from pam_model.body.link import STANDARD_GRAVITY, Link, link_numbers
+from pam_model.body.link import STANDARD_GRAVITY, Link, link_numbers, smallest_inertia
 from pam_model.errors import PamError
 from pam_model.plant import layout as lay
 from pam_model.plant.command_history import CommandHistory
@@ -71,6 +71,18 @@ class RobotPlant:
             initial_state(one) if start is None else start
             for one, start in zip(parameters, states or [None] * n, strict=True)
         ]
+        own = np.array([derive_constants(one.values)[lay.C_INERTIA] for one in parameters])
+        numbers = link_numbers(links) if links else np.zeros((0, N_LINK_NUMBERS))
+        if links:
+            lower, upper = (
+                [one[f"joint.{side}_limit"] for one in parameters] for side in ("lower", "upper")
+            )
+            # For the longest stable step and the damping of presliding.
+            felt = smallest_inertia(numbers, own, lower, upper)
+            parameters = [
+                one.forced({"joint.inertia": one["joint.inertia"] + felt[i] - own[i]})
+                for i, one in enumerate(parameters)
+            ]
         self.joints = tuple(
             Plant(one, step, start, reservoir_share=share)
             for one, start in zip(parameters, starts, strict=True)
@@ -88,12 +100,12 @@ class RobotPlant:
         for i, plant in enumerate(self.joints):
             plant.share_memory(self._constants[i], self._y[i], self._outputs[0][i])
         self._tables = for_kernel(_stacked([t for one in parameters for t in one.tables]))
-        numbers = link_numbers(links) if links else np.zeros((0, N_LINK_NUMBERS))
         self._body = tuple(
             for_kernel(array)
             for array in (
                 numbers,
                 np.array(gravity, dtype=float),
+                own,
                 np.zeros((n, N_LINK_SCRATCH)),
                 np.zeros((n, n)),
                 np.zeros((n, n)),
