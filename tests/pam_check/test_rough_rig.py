@@ -88,6 +88,8 @@ def test_without_an_improved_rig_file_the_rest_is_shown_and_the_command_says_so(
     pytest.importorskip("numba", reason="the truth plant is some 300 times slower without numba")
     unknown = SimpleNamespace(improved=None, sentence="Nothing explains it.", to_json=dict)
     monkeypatch.setattr(RoughRig, "diagnosis", lambda *_: unknown)
+    # the search for better gains is held in test_rough_control
+    monkeypatch.setattr("pam_check.control.rough_control.tune", lambda bench, *_: bench.first())
     given = ["rough-rig", "--tries", "1", "--repetitions", "2", "--out", str(tmp_path)]
     given += ["--tuned", str(tmp_path / "tuned.json"), "--json", "--check"]
     assert main(given) == 1

@@ -143,6 +143,11 @@ class ClosedLoop:
         )
 
 
+@pytest.fixture(scope="session", autouse=True)
+def designs_are_shared(shared_designs: None) -> None:
+    """Before any controller is made."""
+
+
 @pytest.fixture(scope="session")
 def rig() -> Rig:
     return load_rig(ELBOW)

@@ -208,6 +208,7 @@ def with_delay(rig, side, delay):
     return rig.with_muscle(dataclasses.replace(muscle, effects=told_delay))
 
 
+@pytest.mark.sampled("two of the differences, one on either muscle", cases=2)
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("difference", [1e-9, 1e-6, 1e-3])
 def test_a_small_difference_of_the_valves_delays_keeps_the_feedforward_of_both(
@@ -247,6 +248,9 @@ def worst(cases, timing, gains):
     return all(each.stable for each in found), min(each.modulus_margin for each in found)
 
 
+@pytest.mark.sampled(
+    "the load and one of the delays", alike=lambda effect, values: effect == "payload"
+)
 @pytest.mark.parametrize(
     ("effect", "values"),
     [

@@ -137,6 +137,7 @@ def test_a_hidden_lag_of_the_pressure_sensors_is_no_limit_cycle(controller, reac
 ENCODER_NOISE = 1.5e-4  # rad; differences of errors below it do not count
 
 
+@pytest.mark.sampled("one of the two motions", cases=1)
 @pytest.mark.parametrize("fixture", ["reaching", "chirp"])
 def test_the_reserve_for_an_unknown_delay_costs_little_on_a_rig_without_one(
     request, rig, closed_loop, fixture

@@ -15,7 +15,7 @@ from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
 
-REPLACEMENTS = 150
+REPLACEMENTS = 60
 
 
 def controller_of(rig: Rig) -> Controller:
@@ -79,7 +79,7 @@ def test_a_motion_beyond_what_the_valves_drive_is_braked_before_the_next(rig):
     swing.append(TrajectoryPoint(4.0, (0.0,), (0.0,), ()))
     references.follow(["elbow"], swing, start=None, now=0.0)
     end = references.spline("elbow").end_time
-    for now in np.linspace(0.3 * end, 0.9 * end, 13):
+    for now in np.linspace(0.3 * end, 0.9 * end, 7):
         references.follow(["elbow"], swing, start=None, now=0.0)
         goal = [TrajectoryPoint(3.0, (0.3,), (0.0,), (0.0,))]
         references.follow(["elbow"], goal, start=None, now=float(now))

@@ -69,6 +69,7 @@ def test_a_joint_that_is_not_as_its_rig_file_says_moves_little(rig, closed_loop,
     assert speed < 0.5
 
 
+@pytest.mark.sampled("each law and each of the pressures once")
 @pytest.mark.parametrize("law", [PressureDifferencePid, PressureRatioPid])
 @pytest.mark.parametrize("mean", [1.6e5, 3.0e5])
 def test_a_new_mean_pressure_leaves_a_turned_joint_where_it_is(rig, closed_loop, law, mean):

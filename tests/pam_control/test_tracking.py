@@ -36,6 +36,7 @@ def tracked(loop_type, controller, motion, **options):
     return loop.run(duration + 0.2).rms(SETTLE)
 
 
+@pytest.mark.sampled("one of the two motions", cases=1)
 @pytest.mark.parametrize(("motion", "bound"), [("chirp", 0.015), ("reaching", 0.01)])
 def test_tracks_better_than_without_feedforward_and_than_the_pressure_ratio(
     request, closed_loop, laws, motion, bound
@@ -52,6 +53,7 @@ def test_tracks_better_than_without_feedforward_and_than_the_pressure_ratio(
     assert max(errors.values()) < 0.2
 
 
+@pytest.mark.sampled("two of the three pairs of delays", cases=2)
 @pytest.mark.parametrize(("measured", "sent"), [(0.0, 0.001), (0.002, 0.002), (0.003, 0.007)])
 def test_another_delay_than_told_costs_little(closed_loop, laws, chirp, measured, sent):
     options = {"measurement_delay": measured, "command_delay": sent}
