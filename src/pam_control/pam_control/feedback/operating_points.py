@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.feedback.linear_joint import OperatingPoint
 from pam_model.errors import PamError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.robot import RobotJoint
+from pam_model.views.inverse_dynamics import InverseDynamics
 
 POSITION_SHARES = (0.05, 0.5, 0.95)
 PRESSURE_STEP = 10.0  # Pa
