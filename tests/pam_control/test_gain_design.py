@@ -9,6 +9,7 @@ import pytest
 
 from pam_control.controller import MODEL_BASED, Controller
 from pam_control.feedback.closed_loop import is_stable, state_space
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.margins import ControlDesignError, margins, pid_response
 from pam_control.feedback.operating_points import operating_point
@@ -57,13 +58,14 @@ def test_exact_delay_and_pade_agree(rig, law, feedforward):
 
 @pytest.mark.sampled("each delay and each set of gains once")
 @pytest.mark.parametrize("delay", [0.004, 0.02, 0.06])
+@pytest.mark.parametrize("lead", [0.0, 0.03])
 @pytest.mark.parametrize("gains", [(6.5, 275.0, 1.0), (20.0, 30.0, 0.2), (0.5, 1.0, 0.0)])
-def test_margins_are_those_of_python_control(rig, delay, gains):
+def test_margins_are_those_of_python_control(rig, delay, gains, lead):
     """Found on the exact response, against splines through a fine grid; stable loops and others."""
     controller = Controller(rig, ControlSettings())
     case = controller.design.cases(controller.channels[0].models, controller.settings)[0]
     timing = LoopTiming(0.002, delay, 0.005, 0.4, 0.01)
-    pid = PidGains(*gains, 0.01)
+    pid = PidGains(*gains, 0.01, lead=lead)
     found = margins(case, timing, pid, is_stable(case, timing, pid))
     omega = np.geomspace(0.05, 500.0, 4000)
     opened = pid_response(pid, omega) * frequency_response(case.point, case.loop, timing, omega)
@@ -74,7 +76,8 @@ def test_margins_are_those_of_python_control(rig, delay, gains):
 
 
 def test_unsafe_gains_are_refused_with_the_figures(rig):
-    settings = ControlSettings(gains={"elbow": PidGains(6.0, 280.0, 8.0, 0.01)})
+    gains = GainSchedule.constant(PidGains(6.0, 280.0, 8.0, 0.01))
+    settings = ControlSettings(gains={"elbow": gains})
     with pytest.raises(ControlDesignError, match=r"elbow.*UNSTABLE.*phase margin.*30 deg"):
         Controller(rig, settings)
 
@@ -86,7 +89,7 @@ def test_a_change_that_breaks_the_margins_leaves_the_settings_alone(rig):
         controller.change(ControlSettings(partial_gains={"elbow": {"integral": 5000.0}}))
     assert controller.settings is before
     controller.change(ControlSettings(partial_gains={"elbow": {"proportional": 5.0}}))
-    assert controller.settings.gains["elbow"].proportional == 5.0
+    assert all(each.proportional == 5.0 for each in controller.settings.gains["elbow"].gains)
     assert controller.channels[0].setup.margins[0].phase_margin > math.radians(30.0)
 
 
@@ -94,8 +97,9 @@ def test_more_delay_means_less_margin_for_the_same_gains(rig):
     controller = Controller(rig, ControlSettings())
     channel, settings = controller.channels[0], controller.settings
     case = controller.design.cases(channel.models, settings)[-1]
+    gains = settings.gains["elbow"].at(case.scheduled)
     found = [
-        margins(case, LoopTiming(0.002, delay, 0.005, 0.4, 0.01), settings.gains["elbow"], True)
+        margins(case, LoopTiming(0.002, delay, 0.005, 0.4, 0.01), gains, True)
         for delay in (0.004, 0.012, 0.02)
     ]
     assert found[0].phase_margin > found[1].phase_margin > found[2].phase_margin

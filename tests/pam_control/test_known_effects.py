@@ -244,7 +244,10 @@ def test_plans_reach_back_over_every_delay_at_every_rate(period):
 
 def worst(cases, timing, gains):
     """Whether all loops are stable, and their least modulus margin."""
-    found = [margins(case, timing, gains, is_stable(case, timing, gains)) for case in cases]
+    found = []
+    for case in cases:
+        there = gains.at(case.scheduled)
+        found.append(margins(case, timing, there, is_stable(case, timing, there)))
     return all(each.stable for each in found), min(each.modulus_margin for each in found)
 
 

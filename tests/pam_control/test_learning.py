@@ -123,7 +123,7 @@ def filter_and_responses(rig):
         channel.models, settings.replace(stiffness_grid=(12.0, 14.0, 16.0))
     )
     timing = controller.design.timing(channel.models, settings)
-    return LearningFilter("elbow", cases, timing, settings.gains["elbow"]), cases, timing
+    return LearningFilter("elbow", cases, timing, settings.gains["elbow"].at(14.0)), cases, timing
 
 
 @pytest.mark.parametrize("delay", UNKNOWN_DELAYS)

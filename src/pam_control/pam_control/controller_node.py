@@ -235,7 +235,8 @@ class ControllerNode(Node):  # type: ignore[misc]
             f"pressure loop {settings.pressure_gain:.1f} 1/s"
         )
         for channel in self._controller.channels:
-            gains, name, own = channel.setup.gains, channel.models.name, channel.setup.settings
+            name, own = channel.models.name, channel.setup.settings
+            gains = channel.setup.gains.at(own.default_stiffness)
             self.get_logger().info(
                 f"{name}: proportional {gains.proportional:.4g}, integral "
                 f"{gains.integral:.4g}, derivative {gains.derivative:.4g}; "

@@ -16,6 +16,7 @@ from pam_control.control_step import (
     PlanRequest,
     PressurePlan,
 )
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid, PidGains
 from pam_control.feedback.pressure_loop import (
@@ -44,7 +45,7 @@ class JointSetup:
         With the values that follow from the size of the joint.
     settings : ControlSettings
         The same.
-    gains : PidGains
+    gains : GainSchedule
         Of the feedback.
     integral_limit : float
         Of the feedback, in the unit of its output.
@@ -60,7 +61,7 @@ class JointSetup:
 
     law: AnyLaw
     settings: ControlSettings
-    gains: PidGains
+    gains: GainSchedule
     integral_limit: float
     acting_delays: Pair
     margins: list[Margins]
@@ -209,13 +210,14 @@ class JointChannel:
 
     def resume(self) -> None:
         """Go on with a changed setup from the pressures that the joint is desired to have."""
+        gains = self._gains()
         found = self._setup.law.resume(self.models, self._state, self._start(self._motion.position))
         if found is None:
             self.begin_again()
             output = self._pid.integral
         else:
             output, self._state = found
-        self._pid.continue_at(output, self._telemetry.error, self._setup.gains)
+        self._pid.continue_at(output, self._telemetry.error, gains)
 
     def _start(self, position: float) -> Start:
         setup = self._setup
@@ -223,10 +225,14 @@ class JointChannel:
             position,
             self._desired,
             setup.settings,
-            setup.gains,
+            self._gains(),
             setup.adapts,
             self._telemetry.reference,
         )
+
+    def _gains(self) -> PidGains:
+        """At the present stiffness."""
+        return self._setup.gains.at(self._setup.law.stiffness(self._state))
 
     def guide(self, step: float, active: bool, held: bool, torque: float | None) -> Guidance:
         """What the law asks of the reference before a cycle; see `GuideRequest`."""
@@ -249,7 +255,7 @@ class JointChannel:
             Commanded [N m]; None if no torque is commanded.
         """
         setup, models = self._setup, self.models
-        settings, gains, name = setup.settings, setup.gains, models.name
+        settings, gains, name = setup.settings, self._gains(), models.name
         measurement, references = cycle.measurement, cycle.references
         position = measurement.positions[models.joint.place]
         first, second = models.joint.muscles

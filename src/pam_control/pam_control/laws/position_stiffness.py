@@ -114,6 +114,8 @@ class PositionStiffness(Law[PositionStiffnessState]):
     """The law of the module's docstring; its parameters are those of all laws."""
 
     name: ClassVar[str] = "model_based"
+    is_scheduled: ClassVar[bool] = True
+    has_lead: ClassVar[bool] = True
     has_observer: ClassVar[bool] = True
     has_adaptation: ClassVar[bool] = True
 
@@ -128,8 +130,9 @@ class PositionStiffness(Law[PositionStiffnessState]):
                 LoopStructure(gain, point.per_torque)
                 if settings.feedforward
                 else LoopStructure(gain, point.per_torque, point.per_position, True),
+                stiffness,
             )
-            for point in points
+            for stiffness, point in points
         ]
 
     def init(self, models: JointModels) -> PositionStiffnessState:
@@ -245,6 +248,10 @@ class PositionStiffness(Law[PositionStiffnessState]):
         )
         return plan, state
 
+    def stiffness(self, state: PositionStiffnessState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.stiffness
+
     def delay(self, state: PositionStiffnessState) -> float:
         """By which the position was found to be later than the pressures [s]."""
         return state.adaptation.delay
@@ -325,7 +332,9 @@ def _ahead(
     disturbance, integral = -lost if lost is not None else math.nan, request.integral
     if request.adapts:
         state, learnt = _learn(models, state, request, plan_at(plans, request.seen.time).known)
-        integral = handed_over(integral, learnt)
+        # a motion that is repeated keeps what it was played with
+        if adapted == usual:
+            integral = handed_over(integral, learnt)
         if state.adaptation.knows:  # so that a payload stays visible
             disturbance = (0.0 if math.isnan(disturbance) else disturbance) - adapted
     integral -= state.stuck.update(

@@ -66,6 +66,8 @@ class Torque(Law[TorqueState]):
     """The law of the module's docstring."""
 
     name: ClassVar[str] = "torque"
+    is_scheduled: ClassVar[bool] = True
+    has_lead: ClassVar[bool] = True
     takes_torques: ClassVar[bool] = True
     bare: ClassVar[str] = "as a source of torque, its muscles are"
 
@@ -87,7 +89,7 @@ class Torque(Law[TorqueState]):
                 _on_a_spring(point, models.dynamics.gravity_stiffness(point.position)),
                 LoopStructure(gain, point.per_torque, point.per_position, True),
             )
-            for point in operating_grid(models.joint, models.model, grid)
+            for _, point in operating_grid(models.joint, models.model, grid)
         ]
 
     def init(self, models: JointModels) -> TorqueState:
@@ -125,6 +127,10 @@ class Torque(Law[TorqueState]):
         if driven:
             return guidance, dataclasses.replace(state, driven=True)
         return guidance, TorqueState(state.hold)
+
+    def stiffness(self, state: TorqueState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.hold.stiffness
 
     def plan(
         self, models: JointModels, state: TorqueState, request: PlanRequest
