@@ -154,7 +154,7 @@ class JointChannel:
     @property
     def gains(self) -> PidGains:
         """Of the feedback at the present stiffness."""
-        return self._setup.gains.at(self._telemetry.law.stiffness)
+        return self._setup.gains.at(self._setup.law.stiffness(self._state))
 
     @property
     def integral(self) -> float:
@@ -215,13 +215,14 @@ class JointChannel:
 
     def resume(self) -> None:
         """Go on with a changed setup from the pressures that the joint is desired to have."""
+        gains = self.gains
         found = self._setup.law.resume(self.models, self._state, self._start(self._motion.position))
         if found is None:
             self.begin_again()
             output = self._pid.integral
         else:
             output, self._state = found
-        self._pid.continue_at(output, self._telemetry.error, self.gains)
+        self._pid.continue_at(output, self._telemetry.error, gains)
 
     def _start(self, position: float) -> Start:
         setup = self._setup

@@ -217,9 +217,9 @@ class LoopDesign:
             cost = ObserverCost(dataclasses.replace(task, unknown_delay=settings.extra_delay))
             if not cost.stable(gains):
                 raise ControlDesignError(
-                    f"{models.name}: a disturbance observer of {gains.observer:g} rad/s makes the "
-                    f"loop unstable if a measurement is {1e3 * settings.extra_delay:g} ms late or "
-                    "the limb is heavier than written"
+                    f"{models.name}: a disturbance observer of {gains.observer:g} rad/s "
+                    f"makes the loop unstable if a measurement is {1e3 * settings.extra_delay:g} "
+                    "ms late or the limb is heavier than written"
                 )
 
     def check(self, settings: ControlSettings) -> list[list[Margins]]:

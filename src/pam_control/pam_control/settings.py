@@ -21,7 +21,6 @@ from pam_control.feedback.gain_schedule import GainSchedule
 
 DESIGNED = -1.0
 ADAPTS = ("model_based",)  # the laws that learn
-LEADS = ("model_based", "torque")  # the laws whose feedback leads the pressure loops' lag
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +202,7 @@ class ControlSettings:
         1.0,
         "share of the pressure loops' lag for which the feedback makes up by a lead",
         loop=True,
-        laws=LEADS,
+        laws=("model_based", "torque"),
     )
     integral_limit: float = declared(
         "pid.integral_limit",

@@ -73,6 +73,7 @@ class Impedance(Law[ImpedanceState]):
     """The law of the module's docstring."""
 
     name: ClassVar[str] = "impedance"
+    is_scheduled: ClassVar[bool] = True
 
     damping: float = DAMPING.field()
 
@@ -107,6 +108,10 @@ class Impedance(Law[ImpedanceState]):
         telemetry = dataclasses.replace(plan.telemetry, yields=True)
         plan = dataclasses.replace(plan, missed=0.0, integral=0.0, telemetry=telemetry)
         return plan, ImpedanceState(muscles, fading, telemetry.stiffness_reached)
+
+    def stiffness(self, state: ImpedanceState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.muscles.stiffness
 
     def _spring(self, models: JointModels, state: ImpedanceState, request: PlanRequest) -> float:
         """What the feedback adds to the muscles [N m]."""

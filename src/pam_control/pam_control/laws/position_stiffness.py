@@ -114,10 +114,10 @@ class PositionStiffness(Law[PositionStiffnessState]):
     """The law of the module's docstring; its parameters are those of all laws."""
 
     name: ClassVar[str] = "model_based"
-    has_observer: ClassVar[bool] = True
-    has_adaptation: ClassVar[bool] = True
     is_scheduled: ClassVar[bool] = True
     has_lead: ClassVar[bool] = True
+    has_observer: ClassVar[bool] = True
+    has_adaptation: ClassVar[bool] = True
 
     def cases(self, models: JointModels, settings: ControlSettings) -> list[LoopCase]:
         """The loops over the joint's range and the stiffness grid."""
@@ -248,6 +248,10 @@ class PositionStiffness(Law[PositionStiffnessState]):
         )
         return plan, state
 
+    def stiffness(self, state: PositionStiffnessState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.stiffness
+
     def delay(self, state: PositionStiffnessState) -> float:
         """By which the position was found to be later than the pressures [s]."""
         return state.adaptation.delay
@@ -328,7 +332,8 @@ def _ahead(
     disturbance, integral = -lost if lost is not None else math.nan, request.integral
     if request.adapts:
         state, learnt = _learn(models, state, request, plan_at(plans, request.seen.time).known)
-        if adapted == usual:  # a motion that is repeated keeps what it was played with
+        # a motion that is repeated keeps what it was played with
+        if adapted == usual:
             integral = handed_over(integral, learnt)
         if state.adaptation.knows:  # so that a payload stays visible
             disturbance = (0.0 if math.isnan(disturbance) else disturbance) - adapted

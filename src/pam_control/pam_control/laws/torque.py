@@ -128,6 +128,10 @@ class Torque(Law[TorqueState]):
             return guidance, dataclasses.replace(state, driven=True)
         return guidance, TorqueState(state.hold)
 
+    def stiffness(self, state: TorqueState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.hold.stiffness
+
     def plan(
         self, models: JointModels, state: TorqueState, request: PlanRequest
     ) -> tuple[PressurePlan, TorqueState]:

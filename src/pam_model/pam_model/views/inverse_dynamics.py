@@ -13,9 +13,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from pam_model.effects import TorqueFeedforward, bound
 from pam_model.effects.slots import JointTorque
 from pam_model.robot.robot import RobotJoint
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +81,9 @@ class InverseDynamics:
         """Torque [N m] for a measured motion [rad], [rad/s]: no inertia, no friction."""
         return self.gravity(position) - self._added(position, velocity)
 
-    def moving_torque(self, velocity: float, acceleration: float) -> float:
+    def moving_torque[Number: (float, Array)](
+        self, velocity: Number, acceleration: Number
+    ) -> Number:
         """Torque [N m] that inertia and viscous friction take of a motion [rad/s], [rad/s^2]."""
         return self.inertia * acceleration + self.viscous_friction * velocity
 
