@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from pam_control.controller import Controller
 from pam_control.feedback.closed_loop import is_stable
 from pam_control.feedback.gain_design import INFEASIBLE, DesignTask, PidCost
 from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.margins import margins
 from pam_control.feedback.pid import Pid, PidGains
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import TrajectoryPoint
 from pam_control.settings import ControlSettings
 
@@ -22,7 +22,7 @@ SCHEDULE = GainSchedule((5.0, 15.0), (SOFT, STIFF))
 
 @pytest.fixture(scope="module")
 def controller(rig):
-    return PositionStiffnessController(rig, ControlSettings(), DESIGNS)
+    return Controller(rig, ControlSettings(), DESIGNS)
 
 
 def test_gains_are_linear_between_two_stiffnesses_and_constant_outside():
@@ -35,10 +35,10 @@ def test_gains_are_linear_between_two_stiffnesses_and_constant_outside():
 def dense_cases(controller):
     """Operating points at 13 stiffnesses, most of which nobody designed."""
     channel, settings = controller.channels[0], controller.settings
-    grid = channel.scale.complete(settings).stiffness_grid
+    grid = channel.models.scale.complete(settings).stiffness_grid
     dense = tuple(np.linspace(grid[0], grid[-1], 13).tolist())
-    cases = controller.cases(channel, settings.replace(stiffness_grid=dense))
-    return cases, controller.timing(channel, settings)
+    cases = controller.design.cases(channel.models, settings.replace(stiffness_grid=dense))
+    return cases, controller.design.timing(channel.models, settings)
 
 
 def test_the_margins_hold_between_the_designed_stiffnesses(controller):
@@ -72,8 +72,8 @@ def plain_task(controller):
     """One set of gains without a lead for the whole range, as the other laws have it."""
     channel, settings = controller.channels[0], controller.settings
     return DesignTask(
-        tuple(controller.cases(channel, settings)),
-        controller.timing(channel, settings),
+        tuple(controller.design.cases(channel.models, settings)),
+        controller.design.timing(channel.models, settings),
         settings.phase_margin,
         settings.sensitivity,
         settings.derivative_filter,
@@ -96,7 +96,7 @@ def test_the_soft_gains_are_one_set_without_a_lead(controller):
 
 def test_a_stiffness_that_changes_as_fast_as_it_may_does_not_make_the_joint_swing(closed_loop, rig):
     """With 10 ms that nobody knows of, and a load that the feedback has to carry."""
-    moving = PositionStiffnessController(rig, ControlSettings(adaptation=False), DESIGNS)
+    moving = Controller(rig, ControlSettings(adaptation=False), DESIGNS)
     effects = {"payload.mass": 0.5, "payload.distance": 0.2}
     loop = closed_loop(moving, effects=effects, command_delay=0.013)
     loop.run(0.5)

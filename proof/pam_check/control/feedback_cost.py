@@ -17,10 +17,10 @@ import numpy as np
 from pam_check.blind.truth_plant import TruthMuscle
 from pam_check.control.closed_loop import PERIOD, TOLD, Trace, play, true_rig
 from pam_check.control.rough_control import NOTHING, RoughControl
+from pam_control.controller import Controller
 from pam_control.feedback.gain_design import DesignTask, PidCost
 from pam_control.feedback.linear_joint import response_parts
 from pam_control.feedback.margins import pid_response
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
 
@@ -31,7 +31,7 @@ REFERENCE_DENSITY: Final = 1.185  # kg/m^3 of ISO 8778
 LITRES: Final = 1e3  # per m^3
 
 
-class OneSet(PositionStiffnessController):
+class OneSet(Controller):
     """The law as it would be with one set of gains."""
 
     is_scheduled = False
@@ -87,21 +87,21 @@ def air_taken(trace: Trace, muscles: tuple[TruthMuscle, TruthMuscle], rig: Rig) 
 
 def measured(rough: RoughControl, scheduled: bool, lead: float, seed: int) -> FeedbackCost:
     """Design one set of gains or a schedule, and play the motion with it."""
-    law = PositionStiffnessController if scheduled else OneSet
+    law = Controller if scheduled else OneSet
     controller = law(rough.rig, TOLD.replace(feedback_lead=lead), rough.designs)
     channel, settings = controller.channels[0], controller.settings
-    schedule = settings.gains[channel.joint.name]
-    timing = controller.timing(channel, settings)
+    schedule = settings.gains[channel.models.name]
+    timing = controller.design.timing(channel.models, settings)
     worst = 0.0
-    for case in controller.cases(channel, settings):
+    for case in controller.design.cases(channel.models, settings):
         gains = schedule.at(case.scheduled)
         task = DesignTask((case,), timing, 0.0, math.inf, gains.derivative_filter, lead=gains.lead)
         worst = max(worst, PidCost(task).of(gains))
     told = settings.replace(extra_delay=0.0)
-    stiffness = channel.scale.complete(settings).default_stiffness
+    stiffness = channel.models.scale.complete(settings).default_stiffness
     omega = 2.0 * math.pi * np.array(DISTURBED_AT)
-    yielding, timing_now = np.zeros(omega.size), controller.timing(channel, told)
-    for case in controller.cases(channel, told.replace(stiffness_grid=(stiffness,))):
+    yielding, timing_now = np.zeros(omega.size), controller.design.timing(channel.models, told)
+    for case in controller.design.cases(channel.models, told.replace(stiffness_grid=(stiffness,))):
         drive, spring, late = response_parts(case.point, case.loop, timing_now, omega)
         fed_back = drive * late * pid_response(schedule.at(stiffness), omega)
         yielding = np.maximum(yielding, np.abs(1.0 / (spring + fed_back)))
