@@ -85,7 +85,7 @@ def test_where_gains_between_two_stiffnesses_are_not_safe_one_set_serves_all(con
     asked = controller.settings.replace(
         extra_delay=0.08, pressure_gain=None, gains={}, feedback_lead=0.0
     )
-    assert len(controller.designed(asked).gains["elbow"].gains) == 1
+    assert len(controller.design.designed(asked).gains["elbow"].gains) == 1
 
 
 def test_the_soft_gains_are_one_set_without_a_lead(controller):
