@@ -30,7 +30,7 @@ from rclpy.node import Node
 
 from pam_control.actions.follow_trajectory import FollowTrajectory
 from pam_control.command_intake import CommandIntake
-from pam_control.control_step import Measurement
+from pam_control.control_step import JointTelemetry, Measurement
 from pam_control.controller_health import ControllerHealth
 from pam_control.controller_parameters import (
     HELP,
@@ -192,7 +192,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         )
         self.polled_topics = self._link.polled_topics
         self._measurement = Measurement((), (), -math.inf, -math.inf)
-        self._sent_at: int | None = None  # when this cycle computed commands, since 1970 [ns]
+        # of this cycle: when commands were computed, since 1970 [ns], and what the joints followed
+        self._sent: tuple[int, Sequence[JointTelemetry]] | None = None
         self.loop = make_loop(self._cycle, 1.0 / self.rate, "control", self.priority)
         self._follower = PhaseFollower(self.loop) if self._declared["loop.align"] else None
         gc.collect()
@@ -292,7 +293,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def control(self) -> None:
         """The part of a cycle that the valves wait for: measurements to commands."""
-        self._sent_at = None
+        self._sent = None
         self._measurement = measurement = self._link.receive()
         if self._follower is not None:
             self._follower.follow(time.time() - self._link.arrival)
@@ -317,14 +318,14 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._tell_guard(*after)
         if commands is None:
             return
-        self._sent_at = time.time_ns()
-        self._link.send(self._sent_at, commands)
+        self._sent = sent_at, _ = time.time_ns(), output.joints
+        self._link.send(sent_at, commands)
         self._health.count((now - measurement.position_time, now - measurement.pressure_time))
 
     def publish(self) -> None:
         """The rest of a cycle: what observers hear of it."""
-        if self._sent_at is not None:
-            self._topics.publish(self._sent_at, self._controller.telemetry)
+        if self._sent is not None:
+            self._topics.publish(*self._sent)
 
     def _tell_guard(self, stopped: str, softened: str) -> None:
         if stopped:
