@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from pam_control.controller import Controller
 from pam_control.feedback.gain_design import DesignTask, PidCost
 from pam_control.feedback.linear_joint import response_parts
 from pam_control.feedback.margins import pid_response
+from pam_control.laws.position_stiffness import PositionStiffness
 from pam_model.command_line import Arguments, Outcome, chosen_rig, progress
 from pam_model.rig import Rig, load_rig
 
@@ -31,10 +32,10 @@ REFERENCE_DENSITY: Final = 1.185  # kg/m^3 of ISO 8778
 LITRES: Final = 1e3  # per m^3
 
 
-class OneSet(Controller):
+class OneSet(PositionStiffness):
     """The law as it would be with one set of gains."""
 
-    is_scheduled = False
+    is_scheduled: ClassVar[bool] = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,21 +88,21 @@ def air_taken(trace: Trace, muscles: tuple[TruthMuscle, TruthMuscle], rig: Rig) 
 
 def measured(rough: RoughControl, scheduled: bool, lead: float, seed: int) -> FeedbackCost:
     """Design one set of gains or a schedule, and play the motion with it."""
-    law = Controller if scheduled else OneSet
-    controller = law(rough.rig, TOLD.replace(feedback_lead=lead), rough.designs)
-    channel, settings = controller.channels[0], controller.settings
-    schedule = settings.gains[channel.models.name]
-    timing = controller.design.timing(channel.models, settings)
+    law = PositionStiffness() if scheduled else OneSet()
+    controller = Controller(rough.rig, TOLD.replace(feedback_lead=lead), rough.designs, law)
+    models, settings, design = controller.channels[0].models, controller.settings, controller.design
+    schedule = settings.gains[models.name]
+    timing = design.timing(models, settings)
     worst = 0.0
-    for case in controller.design.cases(channel.models, settings):
+    for case in design.cases(models, settings):
         gains = schedule.at(case.scheduled)
         task = DesignTask((case,), timing, 0.0, math.inf, gains.derivative_filter, lead=gains.lead)
         worst = max(worst, PidCost(task).of(gains))
     told = settings.replace(extra_delay=0.0)
-    stiffness = channel.models.scale.complete(settings).default_stiffness
+    stiffness = models.scale.complete(settings).default_stiffness
     omega = 2.0 * math.pi * np.array(DISTURBED_AT)
-    yielding, timing_now = np.zeros(omega.size), controller.design.timing(channel.models, told)
-    for case in controller.design.cases(channel.models, told.replace(stiffness_grid=(stiffness,))):
+    yielding, timing_now = np.zeros(omega.size), design.timing(models, told)
+    for case in design.cases(models, told.replace(stiffness_grid=(stiffness,))):
         drive, spring, late = response_parts(case.point, case.loop, timing_now, omega)
         fed_back = drive * late * pid_response(schedule.at(stiffness), omega)
         yielding = np.maximum(yielding, np.abs(1.0 / (spring + fed_back)))

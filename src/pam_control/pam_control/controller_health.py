@@ -152,7 +152,7 @@ class ControllerHealth:
         channel, counts = controller.channels[index], self._counts[index]
         self._counts[index] = JointCounts()
         setup, telemetry, name = channel.setup, channel.telemetry, channel.models.name
-        worst, gains = setup.margins[0], setup.gains.at(telemetry.stiffness)
+        worst, gains = setup.margins[0], channel.gains
         cycles = max(counts.cycles, 1)
         low, high = controller.stiffness_range(index)
         values = {

@@ -114,6 +114,11 @@ class JointChannel:
         return self._state
 
     @property
+    def gains(self) -> PidGains:
+        """Of the feedback at the present stiffness."""
+        return self._setup.gains.at(self._setup.law.stiffness(self._state))
+
+    @property
     def integral(self) -> float:
         """Of the feedback, in the unit of its output."""
         return self._pid.integral
@@ -172,7 +177,7 @@ class JointChannel:
 
     def resume(self) -> None:
         """Go on with a changed setup from the pressures that the joint is desired to have."""
-        gains = self._gains()
+        gains = self.gains
         found = self._setup.law.resume(self.models, self._state, self._start(self._motion.position))
         if found is None:
             self.begin_again()
@@ -187,14 +192,10 @@ class JointChannel:
             position,
             self._desired,
             setup.settings,
-            self._gains(),
+            self.gains,
             setup.adapts,
             self._telemetry.reference,
         )
-
-    def _gains(self) -> PidGains:
-        """At the present stiffness."""
-        return self._setup.gains.at(self._setup.law.stiffness(self._state))
 
     def guide(self, step: float, active: bool, held: bool, torque: float | None) -> Guidance:
         """What the law asks of the reference before a cycle; see `GuideRequest`."""
@@ -217,7 +218,7 @@ class JointChannel:
             Commanded [N m]; None if no torque is commanded.
         """
         setup, models = self._setup, self.models
-        settings, gains, name = setup.settings, self._gains(), models.name
+        settings, gains, name = setup.settings, self.gains, models.name
         measurement, references = cycle.measurement, cycle.references
         position = measurement.positions[models.joint.place]
         first, second = models.joint.muscles

@@ -21,9 +21,6 @@ what a slow joint shows counts by the way, not by the time. Dry friction and pre
 ordinary: an explanation with them is the more probable one before anything was seen. Neither dry
 friction nor the whole viscous friction is negative.
 
-What is learnt at once has been carried by the integral of the feedback until then, and is taken
-from it.
-
 Source: J.-J. E. Slotine and W. Li, Applied Nonlinear Control, Prentice Hall 1991, section 8.7
 (filtered regression without acceleration) and 9.2 (adaptive feedforward of a robot). The function
 of the delay is derived here.
@@ -49,7 +46,7 @@ NOISE: Final = 3e-4  # of the largest torque: what the functions cannot fit, and
 ERRORS: Final = 5e-4  # of the largest torque: what a fit leaves that has seen little
 TRIFLE: Final = 1e-3  # of the largest torque; less is left to the feedback
 SLOW: Final = 0.1  # rad/s; below it a sample counts by the way, not by the time
-MOVING: Final = slice(3, 5)  # indices of speed and acceleration
+VISCOUS: Final = 3  # index of the speed
 STILL: Final = 0.02  # rad/s
 DELAY_DEVIATION: Final = 0.01  # s
 LEAST_DELAY: Final = 2e-3  # s; smaller ones are not believed
@@ -66,6 +63,7 @@ RIVALS: Final = (
 )
 """By the numbers of the functions of `motion_functions`, after which comes the delay. Dry friction
 is ordinary; a delay has to explain what nothing else does."""
+SLOW_FUNCTIONS: Final = 3  # 1, q and q^3: what the integral of the feedback carries meanwhile
 DRY: Final = 0.02  # rad; longer slip elements are hysteresis, by which a joint does not stick
 
 
@@ -123,7 +121,7 @@ class TorqueAdaptation:
             NOISE * largest,
             ERRORS * largest,
             TRIFLE * largest,
-            {MOVING.start: -damping, **dict.fromkeys(SLIPS, 0.0)},
+            {VISCOUS: -damping, **dict.fromkeys(SLIPS, 0.0)},
         )
         self._measured, self._planned = MotionMemory(), MotionMemory()
         self.forget()
@@ -155,7 +153,7 @@ class TorqueAdaptation:
         self._raw: list[float] = []
         self._since = -self._turn * EVERY
         self._planned_at = math.nan
-        self._functions: tuple[float, ...] = ()
+        self._reference = math.nan
 
     def learn(self, step: float, sample: TorqueSample) -> float:
         """Take a new sample, `step` [s] after the last one; 0 if there is no new one.
@@ -163,8 +161,8 @@ class TorqueAdaptation:
         Returns
         -------
         float
-            What was learnt now of the planned torque [N m], but for what ends with the motion. The
-            integral of the feedback has carried it until now.
+            What was learnt now of the slow part of the planned torque [N m]. The integral of the
+            feedback has carried it until now.
         """
         if step <= 0.0:
             return 0.0
@@ -196,10 +194,10 @@ class TorqueAdaptation:
             motion = (speed, (self._speed_once - self._speed_twice) / FILTER)
             model = self._damping * motion[0] + self._inertia * motion[1]
             functions = np.concatenate((smooth[1:4], motion, smooth[4:]))
-            learnt = -self._lasting()
+            learnt = -self._slow_part()
             counted = self._since * min(abs(speed) / SLOW, 1.0)
             self._fit.update(functions, float(smooth[0]) - model, counted)
-            learnt += self._lasting()
+            learnt += self._slow_part()
             self.friction = self._dry_friction()
         self._since = 0.0
         return learnt
@@ -214,16 +212,17 @@ class TorqueAdaptation:
         reach = DELAY_RATE * step
         self.delay += limited(wanted - self.delay, -reach, reach)
 
-    def _lasting(self) -> float:
-        """The learnt torque of the latest plan that does not end with the motion [N m]."""
-        terms = list(map(mul, self._fit.weights, self._functions))
-        terms[MOVING] = []
-        return float(sum(terms))
+    def _slow_part(self) -> float:
+        q = self._reference
+        if math.isnan(q):
+            return 0.0
+        constant, linear, cubic = self._fit.weights[:SLOW_FUNCTIONS]
+        return constant + linear * q + cubic * q**3
 
     def torque(self, time: float, reference: JointReference, limit: float) -> float:
         """Torque [N m] to be added for the reference at a time [s], within a limit [N m]."""
         step = 0.0 if math.isnan(self._planned_at) else max(time - self._planned_at, 0.0)
-        self._planned_at = time
+        self._planned_at, self._reference = time, reference.position
         memory = self._planned.advance(reference.position, step)
         return self._weighted(reference, memory, limit)
 
@@ -236,7 +235,6 @@ class TorqueAdaptation:
     ) -> float:
         q = reference.position
         functions = (1.0, q, q**3, reference.velocity, reference.acceleration, *memory)
-        self._functions = functions
         return limited(float(sum(map(mul, self._fit.weights, functions))), -limit, limit)
 
 

@@ -146,9 +146,8 @@ def minimax_inverse(responses: Complex) -> Complex:
     penalty = REGULARISATION * float(squares.mean(axis=0).max())
     weights: Array = np.full(responses.shape, 1.0 / len(responses))
     for _ in range(ITERATIONS):
-        inverse: Complex = (weights * np.conj(responses)).sum(axis=0) / (
-            (weights * squares).sum(axis=0) + penalty
-        )
+        size = (weights * squares).sum(axis=0) + penalty
+        inverse: Complex = np.asarray((weights * np.conj(responses)).sum(axis=0) / size)
         weights = weights * np.abs(1.0 - inverse * responses)
         weights /= weights.sum(axis=0)
     return inverse
