@@ -108,14 +108,25 @@ def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:
         With one line for every problem: file, key, value, unit, what was expected.
     """
     path = Path(path)
+    return rig_from_parameters(
+        read_parameters(path), other_keys=other_keys, source=str(path), folders=(path.parent,)
+    )
+
+
+def read_parameters(path: Path) -> Mapping[str, Any]:
+    """The content of `ros__parameters` of a rig file, which nothing has checked yet.
+
+    Raises
+    ------
+    RigError
+        For a file that cannot be read or is no rig file.
+    """
     tree = _read(path)
     section = tree.get("/**") if isinstance(tree, Mapping) else None
     parameters = section.get("ros__parameters") if isinstance(section, Mapping) else None
     if not isinstance(parameters, Mapping):
         raise RigError(f"{path}: not a rig file; it must begin with /**: and ros__parameters:")
-    return rig_from_parameters(
-        parameters, other_keys=other_keys, source=str(path), folders=(path.parent,)
-    )
+    return parameters
 
 
 def rig_from_parameters(

@@ -1,0 +1,52 @@
+"""Hand-set constants of a calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationRules:
+    """Hand-set constants of a calibration; none of them changes a diagnosis.
+
+    Attributes
+    ----------
+    angle : float
+        How far a written angle may be off [rad]; a spirit level and a protractor read 3 degrees, and
+        the zero of an encoder is part of it.
+    sensor_gain : float
+        Standard deviation of the gain of a pressure sensor [-]; data sheets state 0.25 to 1 % of
+        the span.
+    sensor_zero : float
+        Standard deviation of its zero, over the gauge pressure of the supply [-].
+    reach : float
+        Bounds of a fit, in tolerances from the written value.
+    unknown_reach : float
+        Bounds of a missing number: this factor to either side of the first regression.
+    stage_steps, last_steps : int
+        Largest number of steps of the fit of one stage, and of the fit of all numbers together.
+    determined : float
+        Half width of the 90 % interval, relative, up to which a number counts as determined.
+    narrowed : float
+        Width of its interval over that of what was known before, above which a log has said
+        nothing of a number.
+    withheld : float
+        Share of a single recording that takes no part in the fit.
+    misfit : float
+        RMS error of the fit over the motion of a channel, above which nothing is written.
+    """
+
+    angle: float = 0.1
+    sensor_gain: float = 0.006
+    sensor_zero: float = 0.003
+    reach: float = 1.2
+    unknown_reach: float = 30.0
+    stage_steps: int = 12
+    last_steps: int = 10
+    determined: float = 0.05
+    narrowed: float = 0.7
+    withheld: float = 0.2
+    misfit: float = 0.15
+
+
+DEFAULT = CalibrationRules()

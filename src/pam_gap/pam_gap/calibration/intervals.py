@@ -1,0 +1,103 @@
+"""How well a fit knows its numbers, and combinations of them.
+
+The covariance of a least squares estimate with correlated errors is H^-1 S H^-1, where H are the
+normal equations and S the covariance of their right side, estimated from blocks of time (White,
+Econometrica 48, 1980; Liang and Zeger, Biometrika 73, 1986). What was known beforehand is further
+observations with independent errors. The amounts of an ordinary background are further numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_gap.inference.confidence import NORMAL_90
+from pam_gap.inference.held_out import Folds
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.prediction.fit import Array, FreeParameter, Scaling, mean_squares
+
+
+@dataclass(frozen=True, slots=True)
+class Knowledge:
+    """Values and covariance of the numbers of a fit.
+
+    Attributes
+    ----------
+    free : tuple of FreeParameter
+        The numbers.
+    values : ndarray, shape (n,)
+        In their own units.
+    covariance : ndarray, shape (n, n)
+        Of the values, or of the logarithms of those that are fitted by their logarithms.
+    before : ndarray, shape (n,)
+        Standard deviations before the log, in the same measure; infinite where nothing was known.
+    """
+
+    free: tuple[FreeParameter, ...]
+    values: Array
+    covariance: Array
+    before: Array
+
+    def deviation(self, weights: Mapping[int, float]) -> float:
+        """Standard deviation of a weighted sum of numbers (or logarithms), by their places."""
+        row = np.zeros(self.values.size)
+        row[list(weights)] = list(weights.values())
+        return float(np.sqrt(max(row @ self.covariance @ row, 0.0)))
+
+    def interval(self, place: int) -> tuple[float, float]:
+        """The 90 % interval of one number, within its bounds."""
+        free, value = self.free[place], float(self.values[place])
+        reach = NORMAL_90 * self.deviation({place: 1.0})
+        low, high = value - reach, value + reach
+        if free.is_logarithmic:
+            low, high = value * np.exp(-reach), value * np.exp(reach)
+        return max(float(low), free.low), min(float(high), free.high)
+
+
+def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis) -> Knowledge:
+    """Covariance of a fit without effects, its ordinary background included.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        The fitter, with the background of the fit.
+    folds : Folds
+        Blocks of time of the problem.
+    fitted : Hypothesis
+        The fit.
+    """
+    free: Sequence[FreeParameter] = [n.free for n in fitter.nuisances]
+    result, own = fitted.result, len(fitter.nuisances)
+    values, jacobian = result.values, result.jacobian.astype(np.float64)
+    if fitter.background is not None and result.amounts.size:
+        terms = fitter.background.terms
+        free = [*free, *terms.free]
+        values = np.concatenate([values, result.amounts])
+        jacobian = np.concatenate([jacobian, terms.columns * Scaling(terms.free).size], axis=-1)
+    scaling = Scaling(free)
+    counted = fitter.problem.counted
+    weights = 1.0 / np.maximum(mean_squares(result.errors, counted), fitter.floor)
+    n = len(free)
+    slopes, hessian = np.zeros((folds.n_blocks, n)), np.zeros((n, n))
+    for channel in np.flatnonzero(fitter.problem.present):
+        e, d = result.errors[:, channel], jacobian[:, channel]
+        known = counted & np.isfinite(e) & np.isfinite(d).all(axis=1)
+        hessian += weights[channel] * d[known].T @ d[known]
+        inside = known & (folds.score_block >= 0)
+        share = known.sum() / max(inside.sum(), 1)
+        pulls = np.sqrt(share) * weights[channel] * d[inside] * e[inside, None]
+        np.add.at(slopes, folds.score_block[inside], pulls)
+    slopes -= slopes.mean(axis=0)
+    score = slopes.T @ slopes * (folds.n_blocks / max(folds.n_blocks - 1, 1)) + hessian
+    prior = np.diag(scaling.weight**2)
+    whole = hessian + prior
+    whole[np.diag_indices(n)] += 1e-9 * np.max(np.diag(whole)) + 1e-12
+    inverse = np.linalg.inv(whole)
+    scaled = inverse @ (score + prior) @ inverse
+    covariance = scaled * np.outer(scaling.size, scaling.size)
+    before = np.array([p.prior if p.prior > 0.0 else np.inf for p in free])
+    return Knowledge(
+        tuple(free[:own]), values[:own], covariance[:own, :own], before[:own]
+    )

@@ -1,0 +1,180 @@
+"""Fits in stages, each with measured inputs, and then of all numbers together.
+
+The gas is simulated along the measured motion, the body along the measured pressures, so that no
+error of one stage passes on to the next. Linear regressions (`pam_model.identify.joint_regression`)
+give the start of each stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_gap.calibration.calibration_rules import CalibrationRules
+from pam_gap.calibration.free_numbers import BODY, GAS, SENSORS, STATICS, FreeNumber
+from pam_gap.inference.candidates import SIDES
+from pam_gap.inference.background import ordinary_background
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
+from pam_gap.prediction.fit import Array, fit
+from pam_gap.prediction.gap_figures import noise_level
+from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
+from pam_gap.recordings.recording import LOCKED, SHUT, TURNED_OVER
+from pam_model.identify.joint_regression import MotionRecord, body_regression, valve_regression
+from pam_model.plant.parameters import INDEX, NAMES
+from pam_model.rig.partial import PartialRig
+
+GAS_SETTINGS = PredictionSettings(follow_motion=True)
+BODY_SETTINGS = PredictionSettings(follow_pressures=True)
+OF_GAS = ("dead_volume", "sonic_conductance", "critical_ratio", "time_constant")
+
+
+def motion_records(problem: PredictionProblem) -> list[MotionRecord]:
+    """The recordings in which the joint moves freely, as regressions take them."""
+    return [
+        MotionRecord(
+            data.recording.sample_time,
+            data.commands if data.has_commands else None,
+            data.measured[:, BOTH_PRESSURES],
+            data.measured[:, POSITION],
+            np.pi if data.recording.mounting == TURNED_OVER else 0.0,
+        )
+        for data in problem.data
+        if data.recording.mounting not in (LOCKED, SHUT)
+        and data.external is None
+        and problem.recorded[POSITION]
+    ]
+
+
+def first_numbers(
+    problem: PredictionProblem, partial: PartialRig, lengths: Mapping[str, float]
+) -> dict[str, float]:
+    """The written numbers, and those of the regressions where they can be used.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        The rig as written, and its recordings.
+    partial : PartialRig
+        What the rig file says.
+    lengths : mapping of str to float
+        Relative standard deviation of each length, by plant parameter.
+    """
+    start = dict(zip(NAMES, problem.base.values.tolist(), strict=True))
+    records = motion_records(problem)
+    if not records:
+        return start
+    for name, value in body_regression(problem.rig, problem.joint, records, lengths).items():
+        if name in start and (value > 0.0 or name.endswith("_angle")):
+            start[name] = value
+        elif name.startswith("factor "):
+            start[name.removeprefix("factor ")] *= value
+    for side, owner in enumerate(SIDES):
+        found = valve_regression(problem.rig, problem.joint, side, records)
+        start |= {f"{owner}.{key}": value for key, value in found.items() if value > 0.0}
+    return start
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One stage: which numbers it finds, from which channels, with which inputs measured."""
+
+    name: str
+    numbers: tuple[str, ...]
+    channels: tuple[int, ...]
+    settings: PredictionSettings
+
+
+def stages(problem: PredictionProblem) -> tuple[Stage, ...]:
+    """The stages that the recorded channels permit."""
+    found = []
+    pressures = tuple(range(N_CHANNELS))[BOTH_PRESSURES]
+    if problem.has_commands and problem.recorded[POSITION]:
+        found.append(Stage(GAS, (GAS, SENSORS), pressures, GAS_SETTINGS))
+    if problem.recorded[POSITION]:
+        others = tuple(c for c in range(N_CHANNELS) if c not in pressures)
+        found.append(Stage(BODY, (STATICS, BODY, SENSORS), others, BODY_SETTINGS))
+    return tuple(found)
+
+
+def fit_stage(
+    problem: PredictionProblem,
+    stage: Stage,
+    numbers: Sequence[FreeNumber],
+    vector: Array,
+    rules: CalibrationRules,
+) -> Array:
+    """The plant with the numbers of one stage fitted.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        The recordings.
+    stage : Stage
+        One of `stages`.
+    numbers : sequence of FreeNumber
+        All free numbers.
+    vector : ndarray, shape (n_parameters,)
+        The plant before.
+    """
+    own = [one for one in numbers if one.stage in stage.numbers]
+    compared = [c for c in stage.channels if problem.recorded[c]]
+    if not own or not compared:
+        return vector
+    left_out = [c for c in range(N_CHANNELS) if c not in compared]
+    places = [np.array([INDEX[one.name]]) for one in own]
+
+    def predict(lanes: Array) -> Array:
+        full = problem.vectors(vector, places, [False] * len(own), lanes)
+        errors = problem.errors(full, stage.settings)
+        errors[..., left_out] = np.nan
+        return errors
+
+    floor = noise_level(problem, vector, stage.settings)
+    start = np.array([vector[INDEX[one.name]] for one in own])
+    found = fit(
+        predict,
+        [one.free for one in own],
+        start,
+        rows=problem.counted,
+        floor=floor,
+        max_iterations=rules.stage_steps,
+    )
+    result: Array = problem.vectors(vector, places, [False] * len(own), found.values[None])[0]
+    return result
+
+
+def fit_together(
+    problem: PredictionProblem,
+    numbers: Sequence[FreeNumber],
+    vector: Array,
+    rules: CalibrationRules,
+) -> tuple[HypothesisFitter, Hypothesis]:
+    """All numbers at once, first alone, then beside an ordinary background of the rig.
+
+    Parameters
+    ----------
+    problem, numbers, vector, rules
+        As for `fit_stage`.
+
+    Returns
+    -------
+    fitter : HypothesisFitter
+        With the background that was fitted.
+    fitted : Hypothesis
+        Without effects; its values are those of `fitter.nuisances`.
+    """
+    floor = noise_level(problem, vector)
+    fitter = HypothesisFitter(problem, floor, [one.nuisance for one in numbers])
+    start = np.array(
+        [vector[INDEX[n.targets[0]]] if n.targets[0] in INDEX else n.free.centre
+         for n in fitter.nuisances]
+    )  # fmt: skip
+    fitted = fitter.fit((), start, max_iterations=rules.last_steps)
+    for _ in range(2):  # the changes by a background are linear about the plant they are made for
+        at = fitter.vector((), fitted.result.values)
+        fitter.parts = fitter.background = ordinary_background(problem, at)
+        fitted = fitter.fit((), fitted.result.values, max_iterations=rules.last_steps)
+    return fitter, fitted
