@@ -67,7 +67,9 @@ class DrawnRig:
     has_load_cells: bool
 
 
-def motion(random: np.random.Generator, joint: TruthJoint, step: float, duration: float) -> Excitation:
+def motion(
+    random: np.random.Generator, joint: TruthJoint, step: float, duration: float
+) -> Excitation:
     """What docs/record_for_diagnosis.md asks for: rest, random steps and sines, co-contraction."""
     while True:
         drawn = draw_excitation(random, joint, step, duration)
@@ -157,9 +159,7 @@ def _apart(random: np.random.Generator, muscle: TruthMuscle) -> TruthMuscle:
     )
 
 
-def true_numbers(
-    joint: TruthJoint, muscles: tuple[TruthMuscle, TruthMuscle]
-) -> dict[str, float]:
+def true_numbers(joint: TruthJoint, muscles: tuple[TruthMuscle, TruthMuscle]) -> dict[str, float]:
     """The true numbers by key of the rig file, with the zero of the encoder as position 0."""
     zero = joint.position_offset
     found = {f"elbow.{n}": float(getattr(joint, n)) for n in (*OF_JOINT, "pulley_radius")}

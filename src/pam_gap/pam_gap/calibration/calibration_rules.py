@@ -23,13 +23,15 @@ class CalibrationRules:
         Bounds of a fit, in tolerances from the written value.
     unknown_reach : float
         Bounds of a missing number: this factor to either side of the first regression.
-    stage_steps, last_steps : int
-        Largest number of steps of the fit of one stage, and of the fit of all numbers together.
+    stage_steps, last_steps, kept_steps : int
+        Largest number of steps of the fit of one stage, of the fit of all numbers together, and of
+        the fit beside numbers that are kept.
     determined : float
         Half width of the 90 % interval, relative, up to which a number counts as determined.
+    determined_angle : float
+        The same for an angle [rad].
     narrowed : float
-        Width of its interval over that of what was known before, above which a log has said
-        nothing of a number.
+        Deviation of a number over that before the log, above which the log has said nothing of it.
     withheld : float
         Share of a single recording that takes no part in the fit.
     misfit : float
@@ -43,7 +45,9 @@ class CalibrationRules:
     unknown_reach: float = 30.0
     stage_steps: int = 12
     last_steps: int = 10
+    kept_steps: int = 4
     determined: float = 0.05
+    determined_angle: float = 0.02
     narrowed: float = 0.7
     withheld: float = 0.2
     misfit: float = 0.15

@@ -10,9 +10,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.inference.candidates import SIDES, Nuisance
 from pam_gap.prediction.fit import FreeParameter
-from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_model.effects import EFFECTS
 from pam_model.plant.parameters import RIG_PLACES, UNITS, bounds_of
 from pam_model.rig import Joint
@@ -212,9 +212,7 @@ def _within(name: str, low: float, high: float) -> FreeParameter:
         middle = math.sqrt(low * high)
         return FreeParameter(name, low, high, 0.15 * width, width / math.sqrt(12.0), middle, True)
     width = high - low
-    return FreeParameter(
-        name, low, high, 0.15 * width, width / math.sqrt(12.0), 0.5 * (low + high)
-    )
+    return FreeParameter(name, low, high, 0.15 * width, width / math.sqrt(12.0), 0.5 * (low + high))
 
 
 def _unknown(

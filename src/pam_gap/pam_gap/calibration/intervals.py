@@ -8,7 +8,7 @@ observations with independent errors. The amounts of an ordinary background are 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,20 +40,55 @@ class Knowledge:
     covariance: Array
     before: Array
 
-    def deviation(self, weights: Mapping[int, float]) -> float:
-        """Standard deviation of a weighted sum of numbers (or logarithms), by their places."""
-        row = np.zeros(self.values.size)
-        row[list(weights)] = list(weights.values())
-        return float(np.sqrt(max(row @ self.covariance @ row, 0.0)))
+    def kept(self, narrowed: float) -> list[int]:
+        """Places of the numbers of which the log says nothing that was not known before.
 
-    def interval(self, place: int) -> tuple[float, float]:
-        """The 90 % interval of one number, within its bounds."""
-        free, value = self.free[place], float(self.values[place])
-        reach = NORMAL_90 * self.deviation({place: 1.0})
+        A log fixes combinations, such as the ratio of an inertia to the pull of the muscles. One
+        number after the other is kept at what was known, the least narrowed one first, and its
+        uncertainty is then taken from the others.
+
+        Parameters
+        ----------
+        narrowed : float
+            Deviation over that before the log, above which a number is kept.
+        """
+        rest, found = self.covariance.copy(), list[int]()
+        while True:
+            share = np.sqrt(np.maximum(np.diag(rest), 0.0)) / self.before
+            share[found] = 0.0
+            place = int(np.argmax(share))
+            if not share[place] > narrowed:
+                return found
+            found.append(place)
+            rest = rest - np.outer(rest[:, place], rest[place]) / rest[place, place]
+
+    def given(self, kept: Sequence[int], values: Array) -> tuple[Array, Array]:
+        """Values (own units) and deviations if some numbers are known to be as in `values`."""
+        own = [i for i in range(self.values.size) if i not in kept]
+        moved, rest = self.values.copy(), np.diag(self.covariance).copy()
+        if kept:
+            logs = np.array([p.is_logarithmic for p in self.free])
+            at = np.where(logs, np.log(np.where(logs, self.values, 1.0)), self.values)
+            goal = np.where(logs, np.log(np.where(logs, values, 1.0)), values)
+            block = self.covariance[np.ix_(kept, kept)]
+            gain = np.linalg.solve(block, self.covariance[np.ix_(kept, own)]).T
+            shifted = at.copy()
+            shifted[kept] = goal[kept]
+            shifted[own] = at[own] + gain @ (goal - at)[kept]
+            moved = np.where(logs, np.exp(np.where(logs, shifted, 0.0)), shifted)
+            rest[own] -= np.einsum("ij,ji->i", gain, self.covariance[np.ix_(kept, own)])
+            rest[kept] = 0.0
+        low = np.array([p.low for p in self.free])
+        high = np.array([p.high for p in self.free])
+        return np.clip(moved, low, high), np.sqrt(np.maximum(rest, 0.0))
+
+    def about(self, place: int, value: float, deviation: float) -> tuple[float, float]:
+        """The 90 % interval of one number about a value, within its bounds."""
+        free, reach = self.free[place], NORMAL_90 * deviation
         low, high = value - reach, value + reach
         if free.is_logarithmic:
-            low, high = value * np.exp(-reach), value * np.exp(reach)
-        return max(float(low), free.low), min(float(high), free.high)
+            low, high = value * float(np.exp(-reach)), value * float(np.exp(reach))
+        return max(low, free.low), min(high, free.high)
 
 
 def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis) -> Knowledge:
@@ -98,6 +133,4 @@ def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis) -> Kno
     scaled = inverse @ (score + prior) @ inverse
     covariance = scaled * np.outer(scaling.size, scaling.size)
     before = np.array([p.prior if p.prior > 0.0 else np.inf for p in free])
-    return Knowledge(
-        tuple(free[:own]), values[:own], covariance[:own, :own], before[:own]
-    )
+    return Knowledge(tuple(free[:own]), values[:own], covariance[:own, :own], before[:own])

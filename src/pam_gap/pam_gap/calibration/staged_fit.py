@@ -14,8 +14,8 @@ import numpy as np
 
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import BODY, GAS, SENSORS, STATICS, FreeNumber
-from pam_gap.inference.candidates import SIDES
 from pam_gap.inference.background import ordinary_background
+from pam_gap.inference.candidates import SIDES
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
 from pam_gap.prediction.fit import Array, fit
@@ -178,3 +178,37 @@ def fit_together(
         fitter.parts = fitter.background = ordinary_background(problem, at)
         fitted = fitter.fit((), fitted.result.values, max_iterations=rules.last_steps)
     return fitter, fitted
+
+
+def fit_beside_kept(
+    fitter: HypothesisFitter, kept: Sequence[int], values: Array, rules: CalibrationRules
+) -> Array:
+    """Values of all numbers if some are not fitted but kept.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        After `fit_together`, with its background.
+    kept : sequence of int
+        Places of the numbers that are kept.
+    values : ndarray, shape (n,)
+        Of all numbers; those that are kept, and where the fit of the others begins.
+    rules : CalibrationRules
+        Steps of the fit.
+    """
+    nuisances = fitter.nuisances
+    own = [place for place in range(len(nuisances)) if place not in kept]
+    problem = fitter.problem.based_on(
+        {
+            nuisances[k].targets[0]: float(values[k])
+            for k in kept
+            if nuisances[k].targets[0] in INDEX
+        }
+    )
+    beside = HypothesisFitter(problem, fitter.floor, [nuisances[k] for k in own])
+    beside.nuisances = tuple(nuisances[k] for k in own)
+    beside.parts = beside.background = fitter.background
+    fitted = beside.fit((), values[own], max_iterations=rules.kept_steps)
+    result = values.copy()
+    result[own] = fitted.result.values
+    return result

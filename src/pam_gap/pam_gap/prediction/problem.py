@@ -7,7 +7,7 @@ calls.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -282,6 +282,12 @@ class PredictionProblem:
         other = copy(self)
         other.data = tuple(change(data) for data in self.data)
         other.compared = tuple(other._compared(data) for data in other.data)
+        return other
+
+    def based_on(self, changes: Mapping[str, float]) -> PredictionProblem:
+        """The same problem with other numbers of the rig file, by plant parameter."""
+        other = copy(self)
+        other.base = self.base.forced(changes)
         return other
 
     def predictor(

@@ -78,9 +78,7 @@ def kept_rows(count: int, sample_time: float) -> slice:
     return slice(edge, count - edge, max(1, round(1.0 / (ROWS_PER_SECOND * sample_time))))
 
 
-def ridge(
-    columns: Array, target: Array, spread: Sequence[float]
-) -> tuple[Array, float]:
+def ridge(columns: Array, target: Array, spread: Sequence[float]) -> tuple[Array, float]:
     """Least squares in which some unknowns are known to be near 0.
 
     Parameters

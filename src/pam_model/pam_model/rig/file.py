@@ -190,7 +190,27 @@ def _parameter_file_folders() -> list[Path]:
     return [path.parent for path in reversed(named)]
 
 
-def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
+def _commented(text: str, comments: Mapping[str, str]) -> str:
+    """A dumped rig file with comments behind its keys."""
+    path: list[str] = []
+    lines = []
+    for line in text.splitlines():
+        name, colon, _ = line.strip().partition(":")
+        if colon and not name.startswith("-"):
+            depth = (len(line) - len(line.lstrip())) // 2
+            path[depth:] = [name]
+            comment = comments.get(".".join(path[2:]), "")  # below /** and ros__parameters
+            line += f"  # {' '.join(comment.split())}" if comment else ""
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def save_rig(
+    rig: Rig,
+    path: str | Path,
+    notes: Sequence[str] = (),
+    comments: Mapping[str, str] | None = None,
+) -> None:
     """Write a rig file that `load_rig` reads back to an equal rig.
 
     Parameters
@@ -201,6 +221,8 @@ def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
         The file.
     notes : sequence of str, optional
         Lines of comment at the beginning of the file, such as where its numbers come from.
+    comments : mapping of str to str, optional
+        Comments behind single numbers, by key, as `elbow.inertia`.
 
     Raises
     ------
@@ -222,7 +244,7 @@ def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
     draft = path.with_name(path.name + ".part")
     try:
         with draft.open("w", encoding="utf-8") as file:
-            file.write(heading + text)
+            file.write(heading + _commented(text, comments or {}))
             file.flush()
             os.fsync(file.fileno())  # the new content is on the disk before the old one goes
         draft.replace(path)

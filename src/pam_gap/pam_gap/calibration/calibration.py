@@ -1,0 +1,268 @@
+"""The calibration of one joint: from a rig file that is off, and a log, to one that fits.
+
+The order is that of the stages whose inputs are measured (`staged_fit`): wiring, regressions, gas
+and valves, body, then all numbers together beside an ordinary background. What the log has not
+narrowed stays as it is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pam_gap.answer.improved_rig import with_number
+from pam_gap.calibration.calibration_rules import DEFAULT as DEFAULT_RULES
+from pam_gap.calibration.calibration_rules import CalibrationRules
+from pam_gap.calibration.free_numbers import STATICS, FreeNumber, Said, free_numbers
+from pam_gap.calibration.intervals import Knowledge, knowledge
+from pam_gap.calibration.staged_fit import (
+    first_numbers,
+    fit_beside_kept,
+    fit_stage,
+    fit_together,
+    stages,
+)
+from pam_gap.diagnose_recordings import usable_parts
+from pam_gap.inference.held_out import make_folds
+from pam_gap.inference.hypothesis import Hypothesis
+from pam_gap.inference.search import Progress, silent
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.gap_figures import GapFigure, gap_figures
+from pam_gap.prediction.identifiable import what_is_missing
+from pam_gap.prediction.materiality import squared_motion
+from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.prediction.wrong_wiring import wrong_wiring
+from pam_gap.recordings.recording import Recording
+from pam_model.plant.parameters import INDEX, NAMES
+from pam_model.rig import Rig
+from pam_model.rig.partial import PartialRig
+
+DETERMINED, RELATIVE, NARROWED, KEPT = "determined", "relative", "narrowed", "kept"
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedNumber:
+    """What a calibration says of one number.
+
+    Attributes
+    ----------
+    key, unit, stage : str
+        Key in the rig file, its unit, and the stage that finds it.
+    written : float or None
+        As it was written; None if it was missing.
+    value : float
+        As it is in the new rig file.
+    low, high : float
+        90 % interval.
+    status : str
+        `determined`; `relative` if it is known as well only beside the numbers that are kept;
+        `narrowed` if it is known better than before, but not well; `kept` if the log says nothing
+        of it, so that it is as written.
+    beside : tuple of (float, float)
+        90 % interval if the numbers that are kept are right.
+    """
+
+    key: str
+    unit: str
+    stage: str
+    written: float | None
+    value: float
+    low: float
+    high: float
+    status: str
+    beside: tuple[float, float]
+
+
+@dataclass(slots=True)
+class Calibration:
+    """The result for one joint.
+
+    Attributes
+    ----------
+    joint : str
+        Its name.
+    rig : Rig or None
+        The calibrated rig; None if there is none, which `refused` explains.
+    numbers : tuple of CalibratedNumber
+        Every number that was free.
+    refused : tuple of str
+        Why no rig file is written, in full sentences.
+    wiring : tuple of str
+        What is exchanged or reversed, in full sentences; it is part of `refused`, too.
+    notes : tuple of str
+        What was assumed or is missing.
+    withheld : tuple of GapFigure
+        Errors on recordings that took no part in the fit, with the numbers as written and as found.
+    stage_errors : mapping of str to (float, float)
+        RMS error of each stage before and after its fit, in multiples of the noise.
+    """
+
+    joint: str
+    rig: Rig | None = None
+    numbers: tuple[CalibratedNumber, ...] = ()
+    refused: tuple[str, ...] = ()
+    wiring: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    withheld: tuple[GapFigure, ...] = ()
+    stage_errors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    problem: PredictionProblem | None = field(default=None, repr=False)
+    before: Array | None = field(default=None, repr=False)
+    after: Array | None = field(default=None, repr=False)
+
+
+def calibrate_joint(
+    partial: PartialRig,
+    number: int,
+    recordings: Sequence[Recording],
+    withheld: Sequence[Recording] = (),
+    *,
+    said: Said,
+    rules: CalibrationRules = DEFAULT_RULES,
+    threads: int = 1,
+    progress: Progress = silent,
+) -> Calibration:
+    """Find the numbers of one joint from recordings of it.
+
+    Parameters
+    ----------
+    partial : PartialRig
+        What the rig file says.
+    number : int
+        Number of the joint.
+    recordings, withheld : sequence of Recording
+        Recordings that are fitted, and others on which the result is tried.
+    said : Said
+        How far plain numbers of the rig file may be off.
+    rules : CalibrationRules
+        Hand-set constants.
+    threads : int
+        Number of simulations that run in parallel.
+    progress : callable
+        Called with the current task and the completed share.
+    """
+    rig = partial.rig
+    joint = rig.joints[number]
+    result = Calibration(joint.name)
+
+    def problem_of(what: Rig, some: Sequence[Recording]) -> PredictionProblem:
+        return PredictionProblem(what, number, usable_parts(what, number, some), threads=threads)
+
+    progress("wiring", 0.0)
+    problem = problem_of(rig, recordings)
+    missing = what_is_missing(problem)
+    if missing:
+        result.refused = tuple(missing)
+        return result
+    result.wiring = wrong_wiring(problem)
+    if result.wiring:
+        result.refused = result.wiring
+        return result
+    progress("first regressions", 0.05)
+    start = dict(zip(NAMES, problem.base.values.tolist(), strict=True))
+    numbers = free_numbers(partial, joint, start, said, rules, has_commands=problem.has_commands)
+    lengths = {one.name: one.free.prior for one in numbers if one.stage == STATICS}
+    first = first_numbers(problem, partial, lengths)
+    start |= {one.name: first[one.name] for one in numbers if one.written is None}
+    numbers = free_numbers(partial, joint, start, said, rules, has_commands=problem.has_commands)
+    vector = problem.base.values.copy()
+    for one in numbers:
+        vector[INDEX[one.name]] = min(max(first[one.name], one.free.low), one.free.high)
+    errors: dict[str, tuple[float, float]] = {}
+    for step, stage in enumerate(stages(problem)):
+        progress(f"stage: {stage.name}", 0.1 + 0.15 * step)
+        old = vector
+        vector = fit_stage(problem, stage, numbers, vector, rules)
+        both = problem.errors(np.array([old, vector]), stage.settings)[..., list(stage.channels)]
+        rms = np.sqrt(np.nanmean(both[:, problem.counted] ** 2, axis=(1, 2)))
+        errors[stage.name] = (float(rms[0]), float(rms[1]))
+    progress("all numbers together", 0.4)
+    fitter, fitted = fit_together(problem, numbers, vector, rules)
+    result.stage_errors = errors
+    misfit = _misfit(problem, fitted, rules)
+    known = knowledge(fitter, make_folds(problem), fitted)
+    kept = known.kept(rules.narrowed)
+    written = np.array([p.centre for p in known.free])
+    values, beside = known.given(
+        kept, np.where(np.isin(np.arange(written.size), kept), written, known.values)
+    )
+    values = fit_beside_kept(fitter, kept, values, rules)
+    found = _numbers(numbers, known, kept, values, beside, rules)
+    result.numbers = tuple(found)
+    result.rig = _calibrated(rig, joint.name, numbers, found)
+    result.problem, result.before = problem, problem.base.values
+    calibrated = problem_of(result.rig, recordings)
+    result.after = calibrated.base.values
+    progress("withheld recordings", 0.9)
+    result.wiring = wrong_wiring(calibrated)
+    result.refused = (*result.wiring, *misfit)
+    if result.refused:
+        result.rig = None
+        return result
+    if withheld:
+        judged = problem_of(rig, withheld)
+        result.withheld = tuple(gap_figures(judged, result.before, result.after))
+    return result
+
+
+def _misfit(
+    problem: PredictionProblem, fitted: Hypothesis, rules: CalibrationRules
+) -> tuple[str, ...]:
+    """Channels that no numbers explain: the rig has something that no rig file describes."""
+    share = np.sqrt(fitted.mean_square / np.maximum(squared_motion(problem), 1e-300))
+    return tuple(
+        f"{problem.names[c]}: the best numbers leave {100.0 * share[c]:.0f} % of the motion "
+        "unexplained, so that none of them can be trusted. Check names, units and which robot was "
+        "recorded (`pam gap import`), then run `pam gap diagnose`."
+        for c in np.flatnonzero(problem.present)
+        if share[c] > rules.misfit
+    )
+
+
+def _numbers(
+    numbers: Sequence[FreeNumber],
+    known: Knowledge,
+    kept: Sequence[int],
+    values: Array,
+    beside: Array,
+    rules: CalibrationRules,
+) -> list[CalibratedNumber]:
+    """Values, intervals, and what the log says of each number."""
+    found = []
+    for place, one in enumerate(numbers):
+        value = float(values[place])
+        ends = known.about(place, value, float(np.sqrt(known.covariance[place, place])))
+        near = known.about(place, value, float(beside[place]))
+        if place in kept:
+            status = KEPT
+        elif _is_narrow(one, value, ends, rules):
+            status = DETERMINED
+        elif _is_narrow(one, value, near, rules):
+            status = RELATIVE
+        else:
+            status = NARROWED
+        found.append(
+            CalibratedNumber(one.key, one.unit, one.stage, one.written, value, *ends, status, near)
+        )
+    return found
+
+
+def _is_narrow(
+    one: FreeNumber, value: float, ends: tuple[float, float], rules: CalibrationRules
+) -> bool:
+    """Whether an interval is narrow enough for a number to count as determined."""
+    half = 0.5 * (ends[1] - ends[0])
+    if one.unit == "rad":
+        return half <= rules.determined_angle
+    if one.is_sensor and one.unit == "Pa":
+        return half <= one.free.prior
+    return half <= rules.determined * abs(value)
+
+
+def _calibrated(
+    rig: Rig, joint: str, numbers: Sequence[FreeNumber], found: Sequence[CalibratedNumber]
+) -> Rig:
+    for one, what in zip(numbers, found, strict=True):
+        rig = with_number(rig, joint, one.name, what.value)
+    return rig
