@@ -34,6 +34,7 @@ MISSING = 0.2
 LOAD_CELLS = 0.25
 DURATION, WITHHELD = 40.0, 20.0  # s
 REST = 2.0  # s
+SAMPLE_TIMES = (0.0025, 0.005)  # s
 MAX_TRIES = 20
 OF_JOINT = ("inertia", "viscous_friction", "gravity_torque")
 OF_MUSCLE = ("dead_volume", "sonic_conductance", "critical_ratio", "time_constant")
@@ -70,20 +71,14 @@ class DrawnRig:
 def motion(
     random: np.random.Generator, joint: TruthJoint, step: float, duration: float
 ) -> Excitation:
-    """What docs/record_for_diagnosis.md asks for: rest, random steps and sines, co-contraction."""
-    while True:
-        drawn = draw_excitation(random, joint, step, duration)
-        swing = float(np.std(np.diff(drawn.difference[:: max(1, round(0.05 / step))])))
-        if swing > 0.0:
-            break
-    wave = drawn.difference / max(float(np.max(np.abs(drawn.difference))), 1e-9)
-    time = np.arange(wave.size) * step
-    wave = wave * np.clip((time - REST) / 0.5, 0.0, 1.0)
-    strength = float(random.uniform(0.6, 1.0))
+    """What docs/record_for_diagnosis.md asks for: rest, then steps, sines and co-contraction."""
+    drawn = draw_excitation(random, joint, step, duration)
+    time = np.arange(drawn.level.size) * step
+    moving = np.clip((time - REST) / 0.5, 0.0, 1.0)
     return replace(
         drawn,
-        difference=wave * strength * (3.0e4 if drawn.position_gain > 0.0 else 1.0e5),
-        reference_position=wave * strength * 0.5 * joint.upper_limit,
+        difference=moving * drawn.difference,
+        reference_position=moving * drawn.reference_position,
     )
 
 
@@ -124,7 +119,7 @@ def _drawn(random: np.random.Generator, kind: Variety) -> DrawnRig | None:
     draw.on_joint(position_offset=ENCODER * random.uniform(-1.0, 1.0))
     sensors = kind.sensors(background_sensors(draw, draw_sensors(random)))
     supply = background_supply(draw)
-    step = float(random.choice([0.001, 0.002, 0.002, 0.0025, 0.005]))
+    step = float(random.choice(SAMPLE_TIMES))
     true_joint = kind.joint(draw.joint)
     first, second = (kind.muscle(one) for one in draw.muscles)
     has_cells = bool(random.random() < LOAD_CELLS)

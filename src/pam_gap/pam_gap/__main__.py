@@ -356,7 +356,7 @@ COMMANDS = (
     ),
     Command(
         "calibrate",
-        "find the numbers of a rough rig file from recordings: with intervals, and what is left open",
+        "find the numbers of a rough rig file from recordings, and say what they leave open",
         _declare_calibrate,
         _calibrate,
         bad_news="if no rig file follows, as with a reversed sign",

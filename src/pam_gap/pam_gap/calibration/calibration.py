@@ -7,7 +7,7 @@ narrowed stays as it is written.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,10 +15,10 @@ import numpy as np
 from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration_rules import DEFAULT as DEFAULT_RULES
 from pam_gap.calibration.calibration_rules import CalibrationRules
-from pam_gap.calibration.free_numbers import STATICS, FreeNumber, Said, free_numbers
+from pam_gap.calibration.free_numbers import FreeNumber, Said
 from pam_gap.calibration.intervals import Knowledge, knowledge
 from pam_gap.calibration.staged_fit import (
-    first_numbers,
+    first_plant,
     fit_beside_kept,
     fit_stage,
     fit_together,
@@ -26,7 +26,7 @@ from pam_gap.calibration.staged_fit import (
 )
 from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.held_out import make_folds
-from pam_gap.inference.hypothesis import Hypothesis
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.inference.search import Progress, silent
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import GapFigure, gap_figures
@@ -35,7 +35,6 @@ from pam_gap.prediction.materiality import squared_motion
 from pam_gap.prediction.problem import PredictionProblem
 from pam_gap.prediction.wrong_wiring import wrong_wiring
 from pam_gap.recordings.recording import Recording
-from pam_model.plant.parameters import INDEX, NAMES
 from pam_model.rig import Rig
 from pam_model.rig.partial import PartialRig
 
@@ -106,7 +105,7 @@ class Calibration:
     wiring: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     withheld: tuple[GapFigure, ...] = ()
-    stage_errors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    stage_errors: dict[str, tuple[float, float]] = field(default_factory=dict)
     problem: PredictionProblem | None = field(default=None, repr=False)
     before: Array | None = field(default=None, repr=False)
     after: Array | None = field(default=None, repr=False)
@@ -143,67 +142,58 @@ def calibrate_joint(
         Called with the current task and the completed share.
     """
     rig = partial.rig
-    joint = rig.joints[number]
-    result = Calibration(joint.name)
+    result = Calibration(rig.joints[number].name)
 
     def problem_of(what: Rig, some: Sequence[Recording]) -> PredictionProblem:
         return PredictionProblem(what, number, usable_parts(what, number, some), threads=threads)
 
     progress("wiring", 0.0)
     problem = problem_of(rig, recordings)
-    missing = what_is_missing(problem)
-    if missing:
-        result.refused = tuple(missing)
-        return result
-    result.wiring = wrong_wiring(problem)
-    if result.wiring:
-        result.refused = result.wiring
+    result.refused = tuple(what_is_missing(problem))
+    if not result.refused:
+        result.refused = result.wiring = wrong_wiring(problem)
+    if result.refused:
         return result
     progress("first regressions", 0.05)
-    start = dict(zip(NAMES, problem.base.values.tolist(), strict=True))
-    numbers = free_numbers(partial, joint, start, said, rules, has_commands=problem.has_commands)
-    lengths = {one.name: one.free.prior for one in numbers if one.stage == STATICS}
-    first = first_numbers(problem, partial, lengths)
-    start |= {one.name: first[one.name] for one in numbers if one.written is None}
-    numbers = free_numbers(partial, joint, start, said, rules, has_commands=problem.has_commands)
-    vector = problem.base.values.copy()
-    for one in numbers:
-        vector[INDEX[one.name]] = min(max(first[one.name], one.free.low), one.free.high)
-    errors: dict[str, tuple[float, float]] = {}
+    numbers, vector = first_plant(problem, partial, said, rules)
     for step, stage in enumerate(stages(problem)):
         progress(f"stage: {stage.name}", 0.1 + 0.15 * step)
-        old = vector
-        vector = fit_stage(problem, stage, numbers, vector, rules)
-        both = problem.errors(np.array([old, vector]), stage.settings)[..., list(stage.channels)]
-        rms = np.sqrt(np.nanmean(both[:, problem.counted] ** 2, axis=(1, 2)))
-        errors[stage.name] = (float(rms[0]), float(rms[1]))
+        vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
     progress("all numbers together", 0.4)
     fitter, fitted = fit_together(problem, numbers, vector, rules)
-    result.stage_errors = errors
-    misfit = _misfit(problem, fitted, rules)
-    known = knowledge(fitter, make_folds(problem), fitted)
-    kept = known.kept(rules.narrowed)
-    written = np.array([p.centre for p in known.free])
-    values, beside = known.given(
-        kept, np.where(np.isin(np.arange(written.size), kept), written, known.values)
-    )
-    values = fit_beside_kept(fitter, kept, values, rules)
-    found = _numbers(numbers, known, kept, values, beside, rules)
-    result.numbers = tuple(found)
-    result.rig = _calibrated(rig, joint.name, numbers, found)
-    result.problem, result.before = problem, problem.base.values
-    calibrated = problem_of(result.rig, recordings)
-    result.after = calibrated.base.values
+    found = _conclusion(numbers, fitter, fitted, rules)
+    calibrated = rig
+    for one, what in zip(numbers, found, strict=True):
+        calibrated = with_number(calibrated, result.joint, one.name, what.value)
+    result.numbers, result.problem, result.before = found, problem, problem.base.values
     progress("withheld recordings", 0.9)
-    result.wiring = wrong_wiring(calibrated)
-    result.refused = (*result.wiring, *misfit)
+    after = problem_of(calibrated, recordings)
+    result.after = after.base.values
+    result.wiring = wrong_wiring(after)
+    result.refused = (*result.wiring, *_misfit(problem, fitted, rules))
     if result.refused:
-        result.rig = None
         return result
+    result.rig = calibrated
     if withheld:
         judged = problem_of(rig, withheld)
         result.withheld = tuple(gap_figures(judged, result.before, result.after))
     return result
+
+
+def _conclusion(
+    numbers: Sequence[FreeNumber],
+    fitter: HypothesisFitter,
+    fitted: Hypothesis,
+    rules: CalibrationRules,
+) -> tuple[CalibratedNumber, ...]:
+    """The numbers, fitted once more beside those of which the log says nothing."""
+    known = knowledge(fitter, make_folds(fitter.problem), fitted)
+    kept = known.kept(rules.narrowed)
+    values = known.values.copy()
+    values[kept] = [known.free[place].centre for place in kept]
+    values, beside = known.given(kept, values)
+    values = fit_beside_kept(fitter, kept, values, rules)
+    return tuple(_numbers(numbers, known, kept, values, beside, rules))
 
 
 def _misfit(
@@ -258,11 +248,3 @@ def _is_narrow(
     if one.is_sensor and one.unit == "Pa":
         return half <= one.free.prior
     return half <= rules.determined * abs(value)
-
-
-def _calibrated(
-    rig: Rig, joint: str, numbers: Sequence[FreeNumber], found: Sequence[CalibratedNumber]
-) -> Rig:
-    for one, what in zip(numbers, found, strict=True):
-        rig = with_number(rig, joint, one.name, what.value)
-    return rig

@@ -12,8 +12,7 @@ class CalibrationRules:
     Attributes
     ----------
     angle : float
-        How far a written angle may be off [rad]; a spirit level and a protractor read 3 degrees, and
-        the zero of an encoder is part of it.
+        How far a written angle may be off [rad]: that of a protractor and the zero of the encoder.
     sensor_gain : float
         Standard deviation of the gain of a pressure sensor [-]; data sheets state 0.25 to 1 % of
         the span.

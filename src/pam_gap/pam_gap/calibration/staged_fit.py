@@ -13,7 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pam_gap.calibration.calibration_rules import CalibrationRules
-from pam_gap.calibration.free_numbers import BODY, GAS, SENSORS, STATICS, FreeNumber
+from pam_gap.calibration.free_numbers import (
+    BODY,
+    GAS,
+    SENSORS,
+    STATICS,
+    FreeNumber,
+    Said,
+    free_numbers,
+)
 from pam_gap.inference.background import ordinary_background
 from pam_gap.inference.candidates import SIDES
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
@@ -77,6 +85,43 @@ def first_numbers(
     return start
 
 
+def first_plant(
+    problem: PredictionProblem, partial: PartialRig, said: Said, rules: CalibrationRules
+) -> tuple[tuple[FreeNumber, ...], Array]:
+    """The free numbers, and the plant with the first numbers of the regressions.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        The rig as written, and its recordings.
+    partial : PartialRig
+        What the rig file says.
+    said : Said
+        How far plain numbers of it may be off.
+    rules : CalibrationRules
+        Hand-set constants.
+
+    Returns
+    -------
+    numbers : tuple of FreeNumber
+        What a calibration may change.
+    vector : ndarray, shape (n_parameters,)
+        The plant from which the first stage begins.
+    """
+    joint = partial.rig.joints[problem.joint]
+    start = dict(zip(NAMES, problem.base.values.tolist(), strict=True))
+    has = problem.has_commands
+    numbers = free_numbers(partial, joint, start, said, rules, has_commands=has)
+    lengths = {one.name: one.free.prior for one in numbers if one.stage == STATICS}
+    first = first_numbers(problem, partial, lengths)
+    start |= {one.name: first[one.name] for one in numbers if one.written is None}
+    numbers = free_numbers(partial, joint, start, said, rules, has_commands=has)
+    vector = problem.base.values.copy()
+    for one in numbers:
+        vector[INDEX[one.name]] = min(max(first[one.name], one.free.low), one.free.high)
+    return numbers, vector
+
+
 @dataclass(frozen=True, slots=True)
 class Stage:
     """One stage: which numbers it finds, from which channels, with which inputs measured."""
@@ -105,8 +150,10 @@ def fit_stage(
     numbers: Sequence[FreeNumber],
     vector: Array,
     rules: CalibrationRules,
-) -> Array:
-    """The plant with the numbers of one stage fitted.
+) -> tuple[Array, tuple[float, float]]:
+    """The plant with the numbers of one stage fitted, and the RMS errors before and after.
+
+    The errors are those of the channels of the stage, in multiples of their noise.
 
     Parameters
     ----------
@@ -122,7 +169,7 @@ def fit_stage(
     own = [one for one in numbers if one.stage in stage.numbers]
     compared = [c for c in stage.channels if problem.recorded[c]]
     if not own or not compared:
-        return vector
+        return vector, (float("nan"), float("nan"))
     left_out = [c for c in range(N_CHANNELS) if c not in compared]
     places = [np.array([INDEX[one.name]]) for one in own]
 
@@ -131,6 +178,10 @@ def fit_stage(
         errors = problem.errors(full, stage.settings)
         errors[..., left_out] = np.nan
         return errors
+
+    def rms(lane: Array) -> float:
+        error = predict(lane[None])[0, problem.counted]
+        return float(np.sqrt(np.nanmean(error[:, compared] ** 2)))
 
     floor = noise_level(problem, vector, stage.settings)
     start = np.array([vector[INDEX[one.name]] for one in own])
@@ -143,7 +194,7 @@ def fit_stage(
         max_iterations=rules.stage_steps,
     )
     result: Array = problem.vectors(vector, places, [False] * len(own), found.values[None])[0]
-    return result
+    return result, (rms(start), rms(found.values))
 
 
 def fit_together(

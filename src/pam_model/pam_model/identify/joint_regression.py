@@ -154,7 +154,7 @@ def body_regression(
         speed = np.gradient(angle, step)
         rows = kept_rows(angle.size, step)
         q = record.position
-        # the balance holds for the signals themselves: nonlinear terms are filtered, not their input
+        # the balance holds for the signals themselves: nonlinear terms are filtered, not inputs
         fine = slice(None, None, max(1, rows.step // 4))
         thin = step * (fine.step or 1)
         pressures, position = record.pressures[fine], q[fine]

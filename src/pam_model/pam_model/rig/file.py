@@ -196,12 +196,12 @@ def _commented(text: str, comments: Mapping[str, str]) -> str:
     lines = []
     for line in text.splitlines():
         name, colon, _ = line.strip().partition(":")
+        comment = ""
         if colon and not name.startswith("-"):
             depth = (len(line) - len(line.lstrip())) // 2
             path[depth:] = [name]
             comment = comments.get(".".join(path[2:]), "")  # below /** and ros__parameters
-            line += f"  # {' '.join(comment.split())}" if comment else ""
-        lines.append(line)
+        lines.append(f"{line}  # {' '.join(comment.split())}" if comment else line)
     return "\n".join(lines) + "\n"
 
 
