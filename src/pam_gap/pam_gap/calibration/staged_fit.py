@@ -81,7 +81,11 @@ def first_numbers(
             start[name.removeprefix("factor ")] *= value
     for side, owner in enumerate(SIDES):
         found = valve_regression(problem.rig, problem.joint, side, records)
-        start |= {f"{owner}.{key}": value for key, value in found.items() if value > 0.0}
+        muscle = problem.rig.joints[problem.joint].muscles[side]
+        for key, value in found.items():
+            # a dead volume is the small difference of large ones: better than nothing, no more
+            if value > 0.0 and (key != "dead_volume" or f"{muscle}.{key}" in partial.missing):
+                start[f"{owner}.{key}"] = value
     return start
 
 

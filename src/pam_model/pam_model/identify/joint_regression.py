@@ -78,7 +78,9 @@ def kept_rows(count: int, sample_time: float) -> slice:
     return slice(edge, count - edge, max(1, round(1.0 / (ROWS_PER_SECOND * sample_time))))
 
 
-def ridge(columns: Array, target: Array, spread: Sequence[float]) -> tuple[Array, float]:
+def ridge(
+    columns: Array, target: Array, spread: Sequence[float], zero: Array | None = None
+) -> tuple[Array, float]:
     """Least squares in which some unknowns are known to be near 0.
 
     Parameters
@@ -87,6 +89,8 @@ def ridge(columns: Array, target: Array, spread: Sequence[float]) -> tuple[Array
         Of the linear equations.
     spread : sequence of float
         Standard deviation of each unknown; infinite where nothing is known.
+    zero : ndarray, shape (n,), optional
+        Weights of a sum of unknowns that is 0.
 
     Returns
     -------
@@ -100,11 +104,18 @@ def ridge(columns: Array, target: Array, spread: Sequence[float]) -> tuple[Array
     weight = np.array([0.0 if np.isinf(s) else 1.0 / s for s in spread]) / size
     sigma = 0.05 * float(np.std(target)) + 1e-300
     found = np.zeros(columns.shape[1])
+    tied = np.zeros((0, size.size)) if zero is None else (zero / size)[None]
+    tied *= (
+        1e4
+        * float(np.std(target))
+        * np.sqrt(len(target))
+        / (np.abs(tied).max(initial=0.0) + 1e-300)
+    )
     # neighbouring rows are correlated by the filter: they count once per period of its corner
     share = min(1.0, CORNER / ROWS_PER_SECOND)
     for _ in range(ROUNDS):
-        left = np.vstack([scaled * np.sqrt(share), np.diag(weight * sigma)])
-        right = np.concatenate([target * np.sqrt(share), np.zeros(weight.size)])
+        left = np.vstack([scaled * np.sqrt(share), np.diag(weight * sigma), tied])
+        right = np.concatenate([target * np.sqrt(share), np.zeros(weight.size + len(tied))])
         found = np.linalg.lstsq(left, right, rcond=1e-10)[0]
         sigma = max(float(np.std(target - scaled @ found)), 1e-6 * float(np.std(target)) + 1e-300)
     return found / size, sigma
@@ -147,7 +158,7 @@ def body_regression(
         Values by plant parameter; empty if the joint does not move within the muscles' models.
     """
     names = [n for n in _length_changes(rig, joint) if spread.get(n, 0.0) > 0.0]
-    targets, blocks = [], []
+    targets, blocks, pulls = [], [], []
     for record in records:
         step = record.sample_time
         angle = smooth(record.position, step)
@@ -172,9 +183,13 @@ def body_regression(
         ]
         turned = position - record.turned
         raw = [np.sin(turned), -np.cos(turned), np.sign(columns[1]) * (np.abs(columns[1]) > 0.02)]
+        size = np.nansum(np.abs(plain))
+        growth = []
         for name in names:
-            change = _length_changes(rig, joint)[name]
-            raw.append((plain.sum(axis=1) - of(change(1.0 + SMALL)).sum(axis=1)) / SMALL)
+            changed = of(_length_changes(rig, joint)[name](1.0 + SMALL))
+            raw.append((plain.sum(axis=1) - changed.sum(axis=1)) / SMALL)
+            growth.append((np.nansum(np.abs(changed)) / size - 1.0) / SMALL)
+        pulls.append(growth)
         whole = np.column_stack([plain.sum(axis=1), *raw])
         whole = np.where(known[:, None], whole, 0.0)
         filtered = smooth(whole, thin)
@@ -186,7 +201,10 @@ def body_regression(
     if not blocks or sum(map(len, blocks)) < 100:
         return {}
     known_by = [np.inf, np.inf, np.inf, np.inf, np.inf, *(spread[n] for n in names)]
-    found, _ = ridge(np.vstack(blocks), np.concatenate(targets), known_by)
+    # All terms could shrink together, muscles included: the balance has no scale of its own. That
+    # of the muscles as written is kept.
+    scale = np.concatenate([np.zeros(5), np.mean(pulls, axis=0)]) if names else None
+    found, _ = ridge(np.vstack(blocks), np.concatenate(targets), known_by, scale)
     inertia, friction, sine, cosine = (float(x) for x in found[:4])
     result = {
         "joint.inertia": inertia,
