@@ -18,6 +18,7 @@ from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import FreeNumber, Said
 from pam_gap.calibration.intervals import Knowledge, knowledge
 from pam_gap.calibration.staged_fit import (
+    JointFit,
     first_plant,
     fit_beside_kept,
     fit_stage,
@@ -26,7 +27,7 @@ from pam_gap.calibration.staged_fit import (
 )
 from pam_gap.diagnose_recordings import usable_parts
 from pam_gap.inference.held_out import make_folds
-from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.inference.hypothesis import Hypothesis
 from pam_gap.inference.search import Progress, silent
 from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import GapFigure, gap_figures
@@ -94,7 +95,9 @@ class Calibration:
         What was assumed or is missing.
     withheld : tuple of GapFigure
         Errors on recordings that took no part in the fit, with the numbers as written and as found.
-    stage_errors : mapping of str to (float, float)
+    small : dict of str to float
+        Sizes of small effects that every good rig has, as they were fitted; not in the rig file.
+    stage_errors : dict of str to (float, float)
         RMS error of each stage before and after its fit, in multiples of the noise.
     """
 
@@ -105,6 +108,7 @@ class Calibration:
     wiring: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     withheld: tuple[GapFigure, ...] = ()
+    small: dict[str, float] = field(default_factory=dict)
     stage_errors: dict[str, tuple[float, float]] = field(default_factory=dict)
     problem: PredictionProblem | None = field(default=None, repr=False)
     before: Array | None = field(default=None, repr=False)
@@ -160,17 +164,18 @@ def calibrate_joint(
         progress(f"stage: {stage.name}", 0.1 + 0.15 * step)
         vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
     progress("all numbers together", 0.4)
-    fitter, fitted = fit_together(problem, numbers, vector, rules)
-    found = _conclusion(numbers, fitter, fitted, rules)
+    joint = fit_together(problem, numbers, vector, rules)
+    found, result.small = _conclusion(numbers, joint, rules)
+    names = {one.key: one.name for one in numbers}
     calibrated = rig
-    for one, what in zip(numbers, found, strict=True):
-        calibrated = with_number(calibrated, result.joint, one.name, what.value)
+    for what in found:
+        calibrated = with_number(calibrated, result.joint, names[what.key], what.value)
     result.numbers, result.problem, result.before = found, problem, problem.base.values
     progress("withheld recordings", 0.9)
     after = problem_of(calibrated, recordings)
     result.after = after.base.values
     result.wiring = wrong_wiring(after)
-    result.refused = (*result.wiring, *_misfit(problem, fitted, rules))
+    result.refused = (*result.wiring, *_misfit(problem, joint.fitted, rules))
     if result.refused:
         return result
     result.rig = calibrated
@@ -181,19 +186,19 @@ def calibrate_joint(
 
 
 def _conclusion(
-    numbers: Sequence[FreeNumber],
-    fitter: HypothesisFitter,
-    fitted: Hypothesis,
-    rules: CalibrationRules,
-) -> tuple[CalibratedNumber, ...]:
-    """The numbers, fitted once more beside those of which the log says nothing."""
-    known = knowledge(fitter, make_folds(fitter.problem), fitted)
-    kept = known.kept(rules.narrowed)
+    numbers: Sequence[FreeNumber], joint: JointFit, rules: CalibrationRules
+) -> tuple[tuple[CalibratedNumber, ...], dict[str, float]]:
+    """The numbers, fitted once more beside those of which the log says nothing; small effects."""
+    fitter = joint.fitter
+    known = knowledge(fitter, make_folds(fitter.problem), joint.fitted, rules.lags)
+    stated = [place for place, one in enumerate(numbers) if not one.is_ordinary]
+    kept = known.kept(rules.narrowed, stated)
     values = known.values.copy()
     values[kept] = [known.free[place].centre for place in kept]
     values, beside = known.given(kept, values)
     values = fit_beside_kept(fitter, kept, values, rules)
-    return tuple(_numbers(numbers, known, kept, values, beside, rules))
+    small = {one.key: float(values[k]) for k, one in enumerate(numbers) if one.is_ordinary}
+    return tuple(_numbers(numbers, known, kept, values, beside, rules)), small
 
 
 def _misfit(
@@ -221,6 +226,8 @@ def _numbers(
     """Values, intervals, and what the log says of each number."""
     found = []
     for place, one in enumerate(numbers):
+        if one.is_ordinary:
+            continue
         value = float(values[place])
         ends = known.about(place, value, float(np.sqrt(known.covariance[place, place])))
         near = known.about(place, value, float(beside[place]))

@@ -18,13 +18,25 @@ class CalibrationRules:
         the span.
     sensor_zero : float
         Standard deviation of its zero, over the gauge pressure of the supply [-].
+    usual, usual_spread, usual_most : float
+        Size of a small effect of a good rig: mean, standard deviation and most, over the largest
+        ordinary size in the file of the effect.
+    usual_shape : float
+        Standard deviation of the logarithm of a length or time that shapes such an effect.
     reach : float
         Bounds of a fit, in tolerances from the written value.
     unknown_reach : float
         Bounds of a missing number: this factor to either side of the first regression.
     stage_steps, last_steps, kept_steps : int
-        Largest number of steps of the fit of one stage, of the fit of all numbers together, and of
+        Largest number of steps of the fit of one stage, of a fit of all numbers together, and of
         the fit beside numbers that are kept.
+    rounds : int
+        Fits of all numbers together; each begins with the play of the valves that the one before
+        has found.
+    tolerance : float
+        Decrease of the mean log error in one step below which the fit of all numbers ends.
+    lags : int
+        Seconds up to which errors are correlated: a supply wanders, friction depends on the motion.
     determined : float
         Half width of the 90 % interval, relative, up to which a number counts as determined.
     determined_angle : float
@@ -40,11 +52,18 @@ class CalibrationRules:
     angle: float = 0.1
     sensor_gain: float = 0.006
     sensor_zero: float = 0.003
+    usual: float = 0.5
+    usual_spread: float = 0.35
+    usual_most: float = 1.5
+    usual_shape: float = 1.0
     reach: float = 1.2
     unknown_reach: float = 30.0
     stage_steps: int = 12
-    last_steps: int = 10
+    last_steps: int = 12
     kept_steps: int = 4
+    rounds: int = 3
+    tolerance: float = 2e-4
+    lags: int = 4
     determined: float = 0.05
     determined_angle: float = 0.02
     narrowed: float = 0.7

@@ -11,14 +11,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from pam_gap.calibration.calibration_rules import CalibrationRules
-from pam_gap.inference.candidates import SIDES, Nuisance
+from pam_gap.inference.candidates import SIDES, Nuisance, ordinary_sizes, rig_scales
 from pam_gap.prediction.fit import FreeParameter
 from pam_model.effects import EFFECTS
 from pam_model.plant.parameters import RIG_PLACES, UNITS, bounds_of
-from pam_model.rig import Joint
+from pam_model.rig import Joint, Rig
 from pam_model.rig.partial import PartialRig
 
 STATICS, GAS, BODY, SENSORS = "statics", "gas and valve", "body", "sensors"
+ORDINARY_VALVE, ORDINARY_BODY = "small effects of the valve", "small effects of the body"
+"""What every good rig has a little of; the rig file does not state it."""
 JOINT = {"pulley_radius": STATICS, "inertia": BODY, "viscous_friction": BODY,
          "gravity_torque": BODY, "gravity_angle": BODY}  # fmt: skip
 MUSCLE = {"thread_length": STATICS, "turns": STATICS, "neutral_length": STATICS,
@@ -63,6 +65,8 @@ class FreeNumber:
         Bounds, prior and scale of the fit.
     written : float or None
         Value in the rig file, the middle of a range; None if it is missing.
+    others : tuple of str
+        Further plant parameters that it sets, those of the other muscle.
     """
 
     name: str
@@ -71,11 +75,22 @@ class FreeNumber:
     stage: str
     free: FreeParameter
     written: float | None
+    others: tuple[str, ...] = ()
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """The plant parameters that it sets."""
+        return (self.name, *self.others)
 
     @property
     def nuisance(self) -> Nuisance:
         """The number as a fit of hypotheses takes it."""
-        return Nuisance(self.free, (self.name,), is_factor=False)
+        return Nuisance(self.free, self.targets, is_factor=False)
+
+    @property
+    def is_ordinary(self) -> bool:
+        """Whether it is the size of a small effect of a good rig."""
+        return self.stage in (ORDINARY_VALVE, ORDINARY_BODY)
 
     @property
     def is_sensor(self) -> bool:
@@ -153,6 +168,54 @@ def free_numbers(
             found.append(
                 FreeNumber(name, key_in_file(name, joint), UNITS[name], SENSORS, free, centre)
             )
+    return (*found, *ordinary_numbers(partial.rig, joint, rules, has_commands=has_commands))
+
+
+def ordinary_numbers(
+    rig: Rig, joint: Joint, rules: CalibrationRules, *, has_commands: bool
+) -> tuple[FreeNumber, ...]:
+    """Sizes of the small effects that a good rig has, and the shapes of these effects.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig as written.
+    joint : Joint
+        The joint.
+    rules : CalibrationRules
+        How much of them is usual.
+    has_commands : bool
+        Whether valve commands were recorded.
+    """
+    found = []
+    scales = rig_scales(rig, joint)
+    for effect, paths, size in ordinary_sizes(rig, joint):
+        stage = ORDINARY_VALVE if EFFECTS[effect].stage == "valve" else ORDINARY_BODY
+        if stage == ORDINARY_VALVE and not has_commands:
+            continue
+        for path in paths:
+            middle, spread = rules.usual * size, rules.usual_spread * abs(size)
+            ends = sorted((0.0, rules.usual_most * size))
+            free = FreeParameter(path, ends[0], ends[1], 0.5 * spread, spread, middle)
+            found.append(
+                FreeNumber(path, key_in_file(path, joint), UNITS[path], stage, free, middle)
+            )
+        for key, entry in EFFECTS[effect].parameters.items():
+            reach = EFFECTS[effect].search.ranges(scales)[key]
+            if not entry.is_shape or not reach.logarithmic:
+                continue
+            owners = [path.rpartition(".")[0] for path in paths]
+            names = tuple(f"{owner}.{key}" for owner in owners)
+            start = reach.starts[0]
+            free = FreeParameter(
+                names[0], reach.low, reach.high, 0.3, rules.usual_shape, start, True
+            )
+            found.append(
+                FreeNumber(
+                    names[0], key_in_file(names[0], joint), UNITS[names[0]], stage, free, start,
+                    names[1:],
+                )
+            )  # fmt: skip
     return tuple(found)
 
 

@@ -40,7 +40,7 @@ class Knowledge:
     covariance: Array
     before: Array
 
-    def kept(self, narrowed: float) -> list[int]:
+    def kept(self, narrowed: float, places: Sequence[int]) -> list[int]:
         """Places of the numbers of which the log says nothing that was not known before.
 
         A log fixes combinations, such as the ratio of an inertia to the pull of the muscles. One
@@ -51,11 +51,14 @@ class Knowledge:
         ----------
         narrowed : float
             Deviation over that before the log, above which a number is kept.
+        places : sequence of int
+            The numbers that may be kept.
         """
         rest, found = self.covariance.copy(), list[int]()
+        others = np.setdiff1d(np.arange(self.values.size), places)
         while True:
             share = np.sqrt(np.maximum(np.diag(rest), 0.0)) / self.before
-            share[found] = 0.0
+            share[[*found, *others]] = 0.0
             place = int(np.argmax(share))
             if not share[place] > narrowed:
                 return found
@@ -91,7 +94,27 @@ class Knowledge:
         return max(low, free.low), min(high, free.high)
 
 
-def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis) -> Knowledge:
+def long_run_covariance(pulls: Array, lags: int) -> Array:
+    """Covariance of a sum of terms of which neighbours are correlated.
+
+    Source: Newey and West, Econometrica 55 (1987), Bartlett weights.
+
+    Parameters
+    ----------
+    pulls : ndarray, shape (blocks, n)
+        Terms with mean 0, in the order of time.
+    lags : int
+        Blocks up to which they are correlated.
+    """
+    total = pulls.T @ pulls
+    for lag in range(1, min(lags, len(pulls) - 1) + 1):
+        part = pulls[lag:].T @ pulls[:-lag]
+        total = total + (1.0 - lag / (lags + 1.0)) * (part + part.T)
+    result: Array = total
+    return result
+
+
+def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis, lags: int) -> Knowledge:
     """Covariance of a fit without effects, its ordinary background included.
 
     Parameters
@@ -102,6 +125,8 @@ def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis) -> Kno
         Blocks of time of the problem.
     fitted : Hypothesis
         The fit.
+    lags : int
+        Number of blocks up to which errors are correlated.
     """
     free: Sequence[FreeParameter] = [n.free for n in fitter.nuisances]
     result, own = fitted.result, len(fitter.nuisances)
@@ -124,8 +149,7 @@ def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis) -> Kno
         share = known.sum() / max(inside.sum(), 1)
         pulls = np.sqrt(share) * weights[channel] * d[inside] * e[inside, None]
         np.add.at(slopes, folds.score_block[inside], pulls)
-    slopes -= slopes.mean(axis=0)
-    score = slopes.T @ slopes * (folds.n_blocks / max(folds.n_blocks - 1, 1)) + hessian
+    score = long_run_covariance(slopes - slopes.mean(axis=0), lags) + hessian
     prior = np.diag(scaling.weight**2)
     whole = hessian + prior
     whole[np.diag_indices(n)] += 1e-9 * np.max(np.diag(whole)) + 1e-12

@@ -16,13 +16,16 @@ from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import (
     BODY,
     GAS,
+    ORDINARY_BODY,
+    ORDINARY_VALVE,
     SENSORS,
     STATICS,
     FreeNumber,
     Said,
     free_numbers,
 )
-from pam_gap.inference.background import ordinary_background
+from pam_gap.calibration.small_errors import ValvePlay, small_errors
+from pam_gap.inference.background import Background
 from pam_gap.inference.candidates import SIDES
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
 from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
@@ -122,7 +125,8 @@ def first_plant(
     numbers = free_numbers(partial, joint, start, said, rules, has_commands=has)
     vector = problem.base.values.copy()
     for one in numbers:
-        vector[INDEX[one.name]] = min(max(first[one.name], one.free.low), one.free.high)
+        begin = one.free.centre if one.is_ordinary else first[one.name]
+        vector[[INDEX[name] for name in one.targets]] = min(max(begin, one.free.low), one.free.high)
     return numbers, vector
 
 
@@ -141,10 +145,10 @@ def stages(problem: PredictionProblem) -> tuple[Stage, ...]:
     found = []
     pressures = tuple(range(N_CHANNELS))[BOTH_PRESSURES]
     if problem.has_commands and problem.recorded[POSITION]:
-        found.append(Stage(GAS, (GAS, SENSORS), pressures, GAS_SETTINGS))
+        found.append(Stage(GAS, (GAS, SENSORS, ORDINARY_VALVE), pressures, GAS_SETTINGS))
     if problem.recorded[POSITION]:
         others = tuple(c for c in range(N_CHANNELS) if c not in pressures)
-        found.append(Stage(BODY, (STATICS, BODY, SENSORS), others, BODY_SETTINGS))
+        found.append(Stage(BODY, (STATICS, BODY, SENSORS, ORDINARY_BODY), others, BODY_SETTINGS))
     return tuple(found)
 
 
@@ -175,7 +179,8 @@ def fit_stage(
     if not own or not compared:
         return vector, (float("nan"), float("nan"))
     left_out = [c for c in range(N_CHANNELS) if c not in compared]
-    places = [np.array([INDEX[one.name]]) for one in own]
+    places = [np.array([INDEX[name] for name in one.targets]) for one in own]
+    problem = ValvePlay.usual(problem).applied(problem)
 
     def predict(lanes: Array) -> Array:
         full = problem.vectors(vector, places, [False] * len(own), lanes)
@@ -201,38 +206,53 @@ def fit_stage(
     return result, (rms(start), rms(found.values))
 
 
+@dataclass(frozen=True)
+class JointFit:
+    """The fit of all numbers together.
+
+    Attributes
+    ----------
+    fitter : HypothesisFitter
+        Its numbers, and the small errors of valves and sensors beside them.
+    fitted : Hypothesis
+        The result, without effects of the table.
+    """
+
+    fitter: HypothesisFitter
+    fitted: Hypothesis
+
+
 def fit_together(
     problem: PredictionProblem,
     numbers: Sequence[FreeNumber],
     vector: Array,
     rules: CalibrationRules,
-) -> tuple[HypothesisFitter, Hypothesis]:
-    """All numbers at once, first alone, then beside an ordinary background of the rig.
+) -> JointFit:
+    """All numbers at once, beside the small errors of valves and sensors of a good rig.
 
     Parameters
     ----------
     problem, numbers, vector, rules
         As for `fit_stage`.
-
-    Returns
-    -------
-    fitter : HypothesisFitter
-        With the background that was fitted.
-    fitted : Hypothesis
-        Without effects; its values are those of `fitter.nuisances`.
     """
     floor = noise_level(problem, vector)
-    fitter = HypothesisFitter(problem, floor, [one.nuisance for one in numbers])
-    start = np.array(
-        [vector[INDEX[n.targets[0]]] if n.targets[0] in INDEX else n.free.centre
-         for n in fitter.nuisances]
-    )  # fmt: skip
-    fitted = fitter.fit((), start, max_iterations=rules.last_steps)
-    for _ in range(2):  # the changes by a background are linear about the plant they are made for
-        at = fitter.vector((), fitted.result.values)
-        fitter.parts = fitter.background = ordinary_background(problem, at)
-        fitted = fitter.fit((), fitted.result.values, max_iterations=rules.last_steps)
-    return fitter, fitted
+    valves = ValvePlay.usual(problem)
+    values = np.array([vector[INDEX[one.name]] for one in numbers])
+    for turn in range(rules.rounds):
+        played = valves.applied(problem)
+        fitter = HypothesisFitter(played, floor, [one.nuisance for one in numbers])
+        values = np.concatenate(  # a bag adds the transport time of its messages
+            [values, [n.free.centre for n in fitter.nuisances[len(values) :]]]
+        )
+        at = fitter.vector((), values)
+        terms = small_errors(problem, valves, at)
+        fitter.parts = fitter.background = Background(("",) * len(terms.free), terms)
+        tolerance = rules.tolerance if turn else None
+        fitted = fitter.fit((), values, max_iterations=rules.last_steps, tolerance=tolerance)
+        values = fitted.result.values
+        if turn < rules.rounds - 1:
+            valves = valves.moved(fitted.result.amounts)
+    return JointFit(fitter, fitted)
 
 
 def fit_beside_kept(
@@ -243,7 +263,7 @@ def fit_beside_kept(
     Parameters
     ----------
     fitter : HypothesisFitter
-        After `fit_together`, with its background.
+        Of `fit_together`.
     kept : sequence of int
         Places of the numbers that are kept.
     values : ndarray, shape (n,)
