@@ -31,7 +31,7 @@ MORE: Mapping[str, str] = {
     "critical_ratio": "filling until the pressure is near the supply, emptying until near ambient",
     "time_constant": "steps of the commands, recorded at 500 Hz or more",
     "supply_pressure": "a pressure gauge at the supply, or filling until the pressure stands still",
-    "gain": "a reference gauge beside the sensor",
+    "gain": "a reference gauge at the sensor",
     "bias": "a rest with both muscles vented",
 }
 """What would determine a number that a log leaves open, by the last part of its key."""
@@ -62,7 +62,7 @@ def comment_of(number: CalibratedNumber) -> str:
     was = "it was missing" if number.written is None else f"was {plain(number.written, 4)}"
     text = f"90 %: {interval_words(number)}, by the stage {number.stage}; {was}"
     if number.status == RELATIVE:
-        text += f"; beside the numbers kept as written: {interval_words(number, beside=True)}"
+        text += f"; if the numbers kept as written are right: {interval_words(number, beside=True)}"
     return text
 
 

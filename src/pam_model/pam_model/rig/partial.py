@@ -148,9 +148,9 @@ def _range(section: Section, name: str, key: Key) -> tuple[float, float] | None:
     ends = given.get(BETWEEN)
     is_pair = isinstance(ends, Sequence) and not isinstance(ends, str) and len(ends) == 2
     if set(given) != {BETWEEN} or not is_pair:
-        section.add(
-            name, f": must be a number or a range in {key.unit}, as {{between: [1.0, 2.0]}}"
-        )
+        unit = "" if key.unit == "-" else f" in {key.unit}"
+        text = f": must be a number{unit}, or a range as {{{BETWEEN}: [1.0, 2.0]}}"
+        section.add(name, text)
         return None
     low, high = (section.check(name, end, key) for end in ends)
     if low is None or high is None:
