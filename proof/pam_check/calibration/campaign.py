@@ -25,7 +25,6 @@ from pam_gap.calibration.calibration import (
     DETERMINED,
     KEPT,
     NARROWED,
-    RELATIVE,
     CalibratedNumber,
     Calibration,
     calibrate_joint,
@@ -37,8 +36,6 @@ from pam_model.command_line import Arguments, Outcome
 from pam_model.rig.partial import PartialRig, load_partial_rig
 
 TOLERANCES = Said(1.0 / 3.0, 0.05)
-SCALED = ("inertia", "viscous_friction", "gravity_torque", "dead_volume", "sonic_conductance")
-"""Numbers that grow with the torque per pressure."""
 GOAL, LEAST, MOST = 0.03, 0.85, 0.95
 """Median error of determined numbers, and coverage of 90 % intervals, that are aimed at."""
 
@@ -60,7 +57,7 @@ class Compared:
     ratio_error : float
         Error of the ratio to the torque per pressure; NaN for numbers without one.
     ratio_holds : bool
-        Whether the interval beside the kept numbers, as a ratio, contains the true ratio.
+        Whether its 90 % interval contains the true ratio.
     """
 
     rig: int
@@ -95,7 +92,7 @@ def compare(
         if one.key not in truth:
             continue
         true = truth[one.key]
-        has_ratio = one.key.rpartition(".")[2] in SCALED
+        has_ratio = one.relative is not None
         goal = scale * true  # what the number is in a rig of the found torque per pressure
         if one.unit == "rad":
             written = math.nan if one.written is None else angle_error(one.written, true)
@@ -108,7 +105,7 @@ def compare(
                 rig, one.key, one.status, written, error,
                 bool(one.low <= true <= one.high),
                 one.value / goal - 1.0 if has_ratio else math.nan,
-                bool(one.beside[0] <= goal <= one.beside[1]) if has_ratio else True,
+                one.relative is None or one.relative[0] <= goal <= one.relative[1],
             )
         )  # fmt: skip
     return rows
@@ -153,8 +150,7 @@ def score(rows: Sequence[Compared], rigs: Sequence[Mapping[str, Any]]) -> dict[s
     rigs : sequence of mapping
         What was found of each rig.
     """
-    relative = [r for r in rows if r.status in (DETERMINED, RELATIVE, NARROWED)]
-    relative = [r for r in relative if math.isfinite(r.ratio_error)]
+    relative = [r for r in rows if r.status != KEPT and math.isfinite(r.ratio_error)]
     lengthwise = [r for r in rows if r.status == DETERMINED and not r.key.endswith("angle")]
     swapped = [rig for rig in rigs if rig["exchanged"]]
     right = [rig for rig in rigs if not rig["exchanged"]]
@@ -196,7 +192,7 @@ def text_of(result: Mapping[str, Any]) -> str:
             f"90 % intervals hold: {cover('coverage')} of all that are not kept, "
             f"{cover('coverage_determined')} of determined ones, {cover('coverage_relative')} of "
             "ratios",
-            f"exchanges told: {told} of {swapped}; refused without an exchange: {refused} of {right}",
+            f"exchanges told: {told} of {swapped}; refused without one: {refused} of {right}",
             f"RMS error of the angle in a free run of a withheld recording, median: "
             f"{1e3 * result['withheld_before']:.0f} mrad as written, "
             f"{1e3 * result['withheld_after']:.1f} mrad calibrated",

@@ -37,7 +37,7 @@ MORE: Mapping[str, str] = {
 """What would determine a number that a log leaves open, by the last part of its key."""
 STATUS = {
     DETERMINED: "determined",
-    RELATIVE: "determined relative to the numbers kept as written",
+    RELATIVE: "determined relative to the torque per pressure",
     NARROWED: "narrowed",
     KEPT: "kept as written: this log does not determine it",
 }
@@ -48,9 +48,8 @@ def what_would_help(number: CalibratedNumber) -> str:
     return MORE.get(number.key.rpartition(".")[2], "")
 
 
-def interval_words(number: CalibratedNumber, *, beside: bool = False) -> str:
+def interval_words(low: float, high: float) -> str:
     """The ends of an interval, as `0.0498 to 0.0531`."""
-    low, high = number.beside if beside else (number.low, number.high)
     digits = interval_digits(low, high)
     return f"{plain(low, digits)} to {plain(high, digits)}"
 
@@ -60,9 +59,9 @@ def comment_of(number: CalibratedNumber) -> str:
     if number.status == KEPT:
         return f"as written; this log does not determine it ({what_would_help(number)})"
     was = "it was missing" if number.written is None else f"was {plain(number.written, 4)}"
-    text = f"90 %: {interval_words(number)}, by the stage {number.stage}; {was}"
-    if number.status == RELATIVE:
-        text += f"; if the numbers kept as written are right: {interval_words(number, beside=True)}"
+    text = f"90 %: {interval_words(number.low, number.high)}, by the stage {number.stage}; {was}"
+    if number.relative is not None:
+        text += f"; if the torque per pressure is right: {interval_words(*number.relative)}"
     return text
 
 
@@ -80,7 +79,7 @@ def sentence(calibration: Calibration) -> str:
         f"{count[status]} {word}"
         for status, word in (
             (DETERMINED, "numbers determined"),
-            (RELATIVE, "relative to those that are kept"),
+            (RELATIVE, "relative to the torque per pressure"),
             (NARROWED, "narrowed"),
             (KEPT, "kept as written"),
         )
@@ -112,6 +111,7 @@ def to_json(calibration: Calibration) -> dict[str, Any]:
             asdict(one) | {"would_help": what_would_help(one) if one.status != DETERMINED else ""}
             for one in calibration.numbers
         ],
+        "small_effects": calibration.small,
         "stages": {
             name: {"before": before, "after": after, "unit": "RMS over noise"}
             for name, (before, after) in calibration.stage_errors.items()

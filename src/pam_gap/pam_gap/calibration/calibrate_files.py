@@ -139,8 +139,9 @@ def _as_known(rig: Rig, found: Sequence[Calibration]) -> Rig:
 
     def widest(stages: Collection[str], usual: float) -> float:
         known = [
-            0.5 * (one.beside[1] - one.beside[0]) / abs(one.value)
+            0.5 * (high - low) / abs(one.value)
             for one in numbers
+            for low, high in (one.relative or (one.low, one.high),)
             if one.stage in stages and one.status != KEPT and one.unit != "rad" and one.value
         ]
         return round(min(max(known, default=usual), usual), 3)

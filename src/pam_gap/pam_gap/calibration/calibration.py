@@ -16,7 +16,8 @@ from pam_gap.answer.improved_rig import with_number
 from pam_gap.calibration.calibration_rules import DEFAULT as DEFAULT_RULES
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import FreeNumber, Said
-from pam_gap.calibration.intervals import Knowledge, knowledge
+from pam_gap.calibration.intervals import knowledge
+from pam_gap.calibration.scale_of_forces import grows, scale_weights
 from pam_gap.calibration.staged_fit import (
     JointFit,
     first_plant,
@@ -57,11 +58,12 @@ class CalibratedNumber:
     low, high : float
         90 % interval.
     status : str
-        `determined`; `relative` if it is known as well only beside the numbers that are kept;
+        `determined`; `relative` if only its ratio to the torque per pressure is known as well;
         `narrowed` if it is known better than before, but not well; `kept` if the log says nothing
         of it, so that it is as written.
-    beside : tuple of (float, float)
-        90 % interval if the numbers that are kept are right.
+    relative : tuple of (float, float) or None
+        90 % interval if the torque per pressure is right; None for numbers that do not grow with
+        it.
     """
 
     key: str
@@ -72,7 +74,7 @@ class CalibratedNumber:
     low: float
     high: float
     status: str
-    beside: tuple[float, float]
+    relative: tuple[float, float] | None = None
 
 
 @dataclass(slots=True)
@@ -165,7 +167,7 @@ def calibrate_joint(
         vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
     progress("all numbers together", 0.4)
     joint = fit_together(problem, numbers, vector, rules)
-    found, result.small = _conclusion(numbers, joint, rules)
+    found, result.small = _conclusion(rig, result.joint, numbers, joint, rules)
     names = {one.key: one.name for one in numbers}
     calibrated = rig
     for what in found:
@@ -186,7 +188,7 @@ def calibrate_joint(
 
 
 def _conclusion(
-    numbers: Sequence[FreeNumber], joint: JointFit, rules: CalibrationRules
+    rig: Rig, name: str, numbers: Sequence[FreeNumber], joint: JointFit, rules: CalibrationRules
 ) -> tuple[tuple[CalibratedNumber, ...], dict[str, float]]:
     """The numbers, fitted once more beside those of which the log says nothing; small effects."""
     fitter = joint.fitter
@@ -195,10 +197,32 @@ def _conclusion(
     kept = known.kept(rules.narrowed, stated)
     values = known.values.copy()
     values[kept] = [known.free[place].centre for place in kept]
-    values, beside = known.given(kept, values)
-    values = fit_beside_kept(fitter, kept, values, rules)
+    values = fit_beside_kept(fitter, kept, known.given(kept, values), rules)
     small = {one.key: float(values[k]) for k, one in enumerate(numbers) if one.is_ordinary}
-    return tuple(_numbers(numbers, known, kept, values, beside, rules)), small
+    weights = np.zeros(known.values.size)
+    weights[: len(numbers)] = scale_weights(rig, name, numbers)
+    found = []
+    for place in stated:
+        one, value = numbers[place], float(values[place])
+        deviation = float(np.sqrt(known.covariance[place, place]))
+        ends = known.about(place, value, deviation)
+        relative = None
+        if grows(one) and one.free.is_logarithmic:
+            relative = known.about(place, value, known.relative_deviation(place, weights))
+        if place in kept:
+            status = KEPT
+        elif _is_narrow(one, value, ends, rules):
+            status = DETERMINED
+        elif relative is not None and _is_narrow(one, value, relative, rules):
+            status = RELATIVE
+        else:
+            status = NARROWED
+        found.append(
+            CalibratedNumber(
+                one.key, one.unit, one.stage, one.written, value, *ends, status, relative
+            )
+        )
+    return tuple(found), small
 
 
 def _misfit(
@@ -213,36 +237,6 @@ def _misfit(
         for c in np.flatnonzero(problem.present)
         if share[c] > rules.misfit
     )
-
-
-def _numbers(
-    numbers: Sequence[FreeNumber],
-    known: Knowledge,
-    kept: Sequence[int],
-    values: Array,
-    beside: Array,
-    rules: CalibrationRules,
-) -> list[CalibratedNumber]:
-    """Values, intervals, and what the log says of each number."""
-    found = []
-    for place, one in enumerate(numbers):
-        if one.is_ordinary:
-            continue
-        value = float(values[place])
-        ends = known.about(place, value, float(np.sqrt(known.covariance[place, place])))
-        near = known.about(place, value, float(beside[place]))
-        if place in kept:
-            status = KEPT
-        elif _is_narrow(one, value, ends, rules):
-            status = DETERMINED
-        elif _is_narrow(one, value, near, rules):
-            status = RELATIVE
-        else:
-            status = NARROWED
-        found.append(
-            CalibratedNumber(one.key, one.unit, one.stage, one.written, value, *ends, status, near)
-        )
-    return found
 
 
 def _is_narrow(

@@ -65,25 +65,30 @@ class Knowledge:
             found.append(place)
             rest = rest - np.outer(rest[:, place], rest[place]) / rest[place, place]
 
-    def given(self, kept: Sequence[int], values: Array) -> tuple[Array, Array]:
-        """Values (own units) and deviations if some numbers are known to be as in `values`."""
+    def given(self, kept: Sequence[int], values: Array) -> Array:
+        """Values (own units) of all numbers if some are known to be as in `values`."""
+        if not kept:
+            return self.values
         own = [i for i in range(self.values.size) if i not in kept]
-        moved, rest = self.values.copy(), np.diag(self.covariance).copy()
-        if kept:
-            logs = np.array([p.is_logarithmic for p in self.free])
-            at = np.where(logs, np.log(np.where(logs, self.values, 1.0)), self.values)
-            goal = np.where(logs, np.log(np.where(logs, values, 1.0)), values)
-            block = self.covariance[np.ix_(kept, kept)]
-            gain = np.linalg.solve(block, self.covariance[np.ix_(kept, own)]).T
-            shifted = at.copy()
-            shifted[kept] = goal[kept]
-            shifted[own] = at[own] + gain @ (goal - at)[kept]
-            moved = np.where(logs, np.exp(np.where(logs, shifted, 0.0)), shifted)
-            rest[own] -= np.einsum("ij,ji->i", gain, self.covariance[np.ix_(kept, own)])
-            rest[kept] = 0.0
+        logs = np.array([p.is_logarithmic for p in self.free])
+        at, goal = (
+            np.where(logs, np.log(np.where(logs, x, 1.0)), x) for x in (self.values, values)
+        )
+        block = self.covariance[np.ix_(kept, kept)]
+        moved = at.copy()
+        moved[kept] = goal[kept]
+        moved[own] += self.covariance[np.ix_(own, kept)] @ np.linalg.solve(block, (goal - at)[kept])
+        own_units = np.where(logs, np.exp(np.where(logs, moved, 0.0)), moved)
         low = np.array([p.low for p in self.free])
         high = np.array([p.high for p in self.free])
-        return np.clip(moved, low, high), np.sqrt(np.maximum(rest, 0.0))
+        result: Array = np.clip(own_units, low, high)
+        return result
+
+    def relative_deviation(self, place: int, weights: Array) -> float:
+        """Deviation of the logarithm of one number less a weighted sum of those of others."""
+        row = -weights.copy()
+        row[place] += 1.0
+        return float(np.sqrt(max(row @ self.covariance @ row, 0.0)))
 
     def about(self, place: int, value: float, deviation: float) -> tuple[float, float]:
         """The 90 % interval of one number about a value, within its bounds."""

@@ -11,7 +11,7 @@ from pam_gap.answer.page_style import STYLE
 from pam_gap.answer.traces import Trace, draw
 from pam_gap.answer.user_units import plain, told
 from pam_gap.calibration.answer import STATUS, interval_words, sentence, what_would_help
-from pam_gap.calibration.calibration import DETERMINED, KEPT, Calibration
+from pam_gap.calibration.calibration import DETERMINED, Calibration
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.channels import block_means
 from pam_gap.prediction.problem import PredictionProblem
@@ -34,8 +34,9 @@ _PAGE = """<!doctype html>
 <td>{{ row.stage }}</td><td>{{ row.says }}</td></tr>
 {% endfor %}</table></div>
 <p class="quiet">A log of pressures and angles fixes ratios: inertia, gravity, conductance and
-volumes all grow with the pull of the muscles. What is determined relative to the numbers that are
-kept is right for the motion of this robot as soon as these are right.</p>{% endif %}
+volumes all grow with the pull of the muscles. The interval in brackets holds if the torque per
+pressure is right, which only measured forces or a known weight determine. The motion that this rig
+file predicts does not depend on it.</p>{% endif %}
 {% if figures %}<h2>Prediction of {{ withheld }}</h2>
 <div class="wide" tabindex="0"><table><tr><th>horizon</th><th>channel</th>
 <th class="n">as written</th><th class="n">calibrated</th><th class="n">noise alone</th></tr>
@@ -90,16 +91,12 @@ def render(calibration: Calibration, withheld: str) -> str:
             "key": one.key,
             "written": "missing" if one.written is None else plain(one.written, 4),
             "value": plain(one.value, 4),
-            "interval": interval_words(one),
+            "interval": interval_words(one.low, one.high),
             "unit": one.unit,
             "stage": one.stage,
             "says": STATUS[one.status]
             + ("" if one.status == DETERMINED else f"; would help: {what_would_help(one)}")
-            + (
-                f" ({interval_words(one, beside=True)})"
-                if one.status not in (DETERMINED, KEPT)
-                else ""
-            ),
+            + ("" if one.relative is None else f" ({interval_words(*one.relative)})"),
         }
         for one in calibration.numbers
     ]
