@@ -10,17 +10,23 @@ import json
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from pam_gap.calibration.answer import comments, sentence, table_lines, to_json
+from pam_gap.calibration.bench import (
+    bench_muscles_recorded,
+    calibrate_bench_muscle,
+    expected_channels,
+)
 from pam_gap.calibration.calibration import KEPT, Calibration, calibrate_joint
 from pam_gap.calibration.calibration_rules import DEFAULT
 from pam_gap.calibration.free_numbers import BODY, GAS, STATICS, Said
 from pam_gap.calibration.page import write_page
 from pam_gap.diagnose_recordings import joints_to_diagnose
-from pam_gap.diagnosis_files import import_as_mounted, joint_folder, joint_progress
+from pam_gap.diagnosis_files import import_as_mounted, joint_progress
 from pam_gap.recordings.column_map import load_column_map
 from pam_gap.recordings.parts import part_of
-from pam_gap.recordings.recording import Recording
+from pam_gap.recordings.recording import Recording, RecordingError
 from pam_model.command_line import Arguments, Outcome, progress
 from pam_model.rig import Rig, save_rig
 from pam_model.rig.partial import load_partial_rig
@@ -88,28 +94,40 @@ def calibrate_files(
     partial = load_partial_rig(rig_path)
     column_map = None if map_path is None else load_column_map(map_path)
     read = import_as_mounted(logs, partial.rig, turned_over, (), (), column_map=column_map)
-    numbers = joints_to_diagnose(partial.rig, read, joint)
-    if withheld:
-        kept, tried = (
-            read,
-            import_as_mounted(withheld, partial.rig, (), (), (), column_map=column_map),
+    tried = import_as_mounted(withheld, partial.rig, (), (), (), column_map=column_map)
+    benches = [] if joint else bench_muscles_recorded(partial.rig, [*read, *tried])
+    if not partial.rig.joints and not benches:
+        raise RecordingError(
+            f"{rig_path}: no joint, and no recording holds all channels of a muscle "
+            f"on a bench; expected {expected_channels(partial.rig)}"
         )
-        joints_to_diagnose(partial.rig, tried, joint)
-        words = "recordings that took no part in the fit"
-    else:
-        kept, tried = without_the_end(read, DEFAULT.withheld)
+    joints: list[int] = []
+    if partial.rig.joints and not benches:
+        joints = joints_to_diagnose(partial.rig, read, joint)
+        if tried:
+            joints_to_diagnose(partial.rig, tried, joint)
+    words = "recordings that took no part in the fit"
+    if not tried:
+        read, tried = without_the_end(read, DEFAULT.withheld)
         words = f"the last {100 * DEFAULT.withheld:.0f} % of the recording, which were not fitted"
+    subjects = [partial.rig.joint_names[number] for number in joints] + benches
     found = []
     rig: Rig = partial.rig
     notes: dict[str, str] = {}
-    for number in numbers:
-        name = partial.rig.joint_names[number]
+    for name in subjects:
         with progress(1.0, name, wanted=show_progress) as bar:
-            one = calibrate_joint(
-                partial, number, kept, tried, said=said,
-                threads=threads if threads > 0 else 1, progress=joint_progress(bar, name),
-            )  # fmt: skip
-        folder = joint_folder(out, partial.rig, numbers, number)
+            how: dict[str, Any] = {
+                "said": said,
+                "threads": max(threads, 1),
+                "progress": joint_progress(bar, name),
+            }
+            one = (
+                calibrate_bench_muscle(partial, name, read, tried, **how)
+                if name in benches
+                else calibrate_joint(partial, partial.rig.joint_number(name), read, tried, **how)
+            )
+        folder = Path(out) if len(subjects) == 1 else Path(out) / name
+        folder.mkdir(parents=True, exist_ok=True)
         (folder / "calibration.json").write_text(
             json.dumps(to_json(one), indent=1) + "\n", encoding="utf-8"
         )
@@ -125,12 +143,14 @@ def calibrate_files(
 
 
 def _merged(rig: Rig, calibrated: Rig, name: str) -> Rig:
-    """The rig with one joint and its muscles as calibrated."""
+    """The rig with one joint and its muscles, or one muscle on a bench, as calibrated."""
+    rig = replace(rig, supply_pressure=calibrated.supply_pressure)
+    if name not in rig.joint_names:
+        return rig.with_muscle(calibrated.muscle(name))
     joint = calibrated.joint(name)
-    rig = replace(rig.with_joint(joint), supply_pressure=calibrated.supply_pressure)
     for muscle in joint.muscles:
         rig = rig.with_muscle(calibrated.muscle(muscle))
-    return rig
+    return rig.with_joint(joint)
 
 
 def _as_known(rig: Rig, found: Sequence[Calibration]) -> Rig:

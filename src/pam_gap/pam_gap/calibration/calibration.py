@@ -167,7 +167,7 @@ def calibrate_joint(
         vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
     progress("all numbers together", 0.4)
     joint = fit_together(problem, numbers, vector, rules)
-    found, result.small = _conclusion(rig, result.joint, numbers, joint, rules)
+    found, result.small = conclusion(rig, result.joint, numbers, joint, rules)
     names = {one.key: one.name for one in numbers}
     calibrated = rig
     for what in found:
@@ -177,7 +177,7 @@ def calibrate_joint(
     after = problem_of(calibrated, recordings)
     result.after = after.base.values
     result.wiring = wrong_wiring(after)
-    result.refused = (*result.wiring, *_misfit(problem, joint.fitted, rules))
+    result.refused = (*result.wiring, *misfit(problem, joint.fitted, rules))
     if result.refused:
         return result
     result.rig = calibrated
@@ -187,7 +187,7 @@ def calibrate_joint(
     return result
 
 
-def _conclusion(
+def conclusion(
     rig: Rig, name: str, numbers: Sequence[FreeNumber], joint: JointFit, rules: CalibrationRules
 ) -> tuple[tuple[CalibratedNumber, ...], dict[str, float]]:
     """The numbers, fitted once more beside those of which the log says nothing; small effects."""
@@ -225,7 +225,7 @@ def _conclusion(
     return tuple(found), small
 
 
-def _misfit(
+def misfit(
     problem: PredictionProblem, fitted: Hypothesis, rules: CalibrationRules
 ) -> tuple[str, ...]:
     """Channels that no numbers explain: the rig has something that no rig file describes."""
