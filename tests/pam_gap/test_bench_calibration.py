@@ -75,7 +75,7 @@ def test_the_prediction_gets_better(found: Calibration) -> None:
     assert all(one.after < 0.4 * one.before for one in found.withheld)
 
 
-def test_a_held_length_without_commands_gives_the_force(bench: Rig, log: Recording) -> None:
+def test_without_commands_the_force_is_enough(bench: Rig, log: Recording) -> None:
     values = {name: v for name, v in log.values.items() if not name.startswith("valve")}
     partial = PartialRig(rough(bench), {}, frozenset())
     answer = calibrate_bench_muscle(partial, MUSCLE, [replace(log, values=values)], said=SAID)
@@ -83,6 +83,30 @@ def test_a_held_length_without_commands_gives_the_force(bench: Rig, log: Recordi
     assert not any(".valve." in one.key for one in answer.numbers)
     muscle = answer.rig.muscle(MUSCLE)
     assert muscle.turns == pytest.approx(bench.muscle(MUSCLE).turns, rel=0.02)
+
+
+def test_three_held_lengths_are_enough(bench: Rig) -> None:
+    muscle = bench.muscle(MUSCLE)
+    model = bench.force_model(MUSCLE)
+    random = np.random.default_rng(1)
+    step, hold = 0.005, 1200
+    lengths = np.repeat([0.97, 1.0, 1.03], hold) * muscle.neutral_length
+    time = np.arange(lengths.size) * step
+    pressure = 2.5e5 + 1.5e5 * np.sin(2.0 * np.pi * 0.3 * time)
+    force = np.array(
+        [model.force(p, x) for p, x in zip(pressure.tolist(), lengths.tolist(), strict=True)]
+    )
+    values = {
+        f"pressure_states.{MUSCLE}": pressure + 150.0 * random.standard_normal(time.size),
+        f"muscle_states.{MUSCLE}.position": lengths + 5e-6 * random.standard_normal(time.size),
+        f"muscle_states.{MUSCLE}.effort": force + random.standard_normal(time.size),
+    }
+    valid = {name: np.ones(time.size, dtype=np.bool_) for name in values}
+    held = Recording(Path("held"), step, time, values, valid, ())
+    partial = PartialRig(rough(bench), {}, frozenset())
+    answer = calibrate_bench_muscle(partial, MUSCLE, [held], said=SAID)
+    assert answer.rig is not None
+    assert answer.rig.muscle(MUSCLE).turns == pytest.approx(muscle.turns, rel=0.02)
 
 
 def test_a_reversed_force_is_named(bench: Rig, log: Recording) -> None:

@@ -112,7 +112,9 @@ def test_combinations_are_fixed_and_one_number_is_kept() -> None:
 
 
 def test_the_prediction_gets_better(found: Calibration) -> None:
-    angles = [f for f in found.withheld if f.channel.endswith("position")]
+    angles = [
+        f for f in found.withheld if f.channel.endswith("position") and f.horizon == "free run"
+    ]
     assert angles
     assert all(f.after < 0.3 * f.before for f in angles)
 
@@ -167,7 +169,7 @@ def test_from_files_to_a_rig_file_that_every_tool_reads(
     inertia = calibrated.joints[0].inertia / scale
     assert inertia == pytest.approx(rig.joints[0].inertia, rel=0.05)
     text = (out / "calibrated.yaml").read_text(encoding="utf-8")
-    assert "it was missing" in text and "90 %:" in text and "does not determine it" in text
+    assert "it was missing" in text and "90 %:" in text
     answer = json.loads((out / "calibration.json").read_text(encoding="utf-8"))
     assert {one["key"] for one in answer["numbers"]} >= {"elbow.inertia", "supply_pressure"}
     page = (out / "calibration.html").read_text(encoding="utf-8")

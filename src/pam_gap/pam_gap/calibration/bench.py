@@ -32,7 +32,7 @@ from pam_gap.prediction.channel_order import AGONIST_FORCE, AGONIST_PRESSURE, UN
 from pam_gap.prediction.directions import Direction, cross_phase
 from pam_gap.prediction.fit import Array, mean_squares
 from pam_gap.prediction.gap_figures import GapFigure, noise_level
-from pam_gap.prediction.identifiable import what_is_missing
+from pam_gap.prediction.identifiable import counted_seconds
 from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.recordings.recording import (
     COMMANDS,
@@ -48,7 +48,7 @@ from pam_model.rig.partial import PartialRig
 
 INVENTED = "invented"
 RADIUS = 0.05  # m, of the invented pulley; it changes nothing but the unit of the length
-HEAVY = 1e9  # kg m^2: between two samples the length goes on at its measured speed
+HEAVY = 1e3  # kg m^2: between two samples the length goes on at its measured speed
 LONG = 4.0
 """Thread of the invented second muscle, in threads of the first."""
 ALONG_LENGTH = PredictionSettings(follow_motion=True)
@@ -143,6 +143,22 @@ def _of_the_muscle(numbers: Sequence[FreeNumber]) -> tuple[FreeNumber, ...]:
     )
 
 
+def _too_little(problem: PredictionProblem) -> tuple[str, ...]:
+    """Why nothing can be found, in full sentences; empty if something can."""
+    rules = problem.rules
+    seconds = float(counted_seconds(problem).max())
+    if seconds < rules.recording.least_seconds:
+        return (
+            f"Too short: {seconds:.3g} s of data count, and at least "
+            f"{rules.recording.least_seconds:g} s are needed; the first "
+            f"{rules.prediction.settling:g} s of a recording never count.",
+        )
+    pressure = problem.data[0].measured[:, AGONIST_PRESSURE]
+    if not np.ptp(pressure) > 0.0:
+        return (f"{problem.names[AGONIST_PRESSURE]} never changes; expected several pressures.",)
+    return ()
+
+
 def _wiring(problem: PredictionProblem, muscle: str) -> tuple[str, ...]:
     """Whether the pressure follows the command, and the force the pressure, by their phases."""
     found = []
@@ -206,9 +222,8 @@ def calibrate_bench_muscle(
     result = Calibration(muscle)
     progress("wiring", 0.0)
     problem = problem_of(recordings)
-    result.refused = tuple(what_is_missing(problem))
-    if not result.refused:
-        result.refused = result.wiring = _wiring(problem, muscle)
+    result.wiring = _wiring(problem, muscle)
+    result.refused = result.wiring or _too_little(problem)
     if result.refused:
         return result
     start = dict(zip(NAMES, problem.base.values.tolist(), strict=True))

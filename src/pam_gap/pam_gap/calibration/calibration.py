@@ -155,9 +155,8 @@ def calibrate_joint(
 
     progress("wiring", 0.0)
     problem = problem_of(rig, recordings)
-    result.refused = tuple(what_is_missing(problem))
-    if not result.refused:
-        result.refused = result.wiring = wrong_wiring(problem)
+    result.wiring = wrong_wiring(problem)
+    result.refused = result.wiring or tuple(what_is_missing(problem))
     if result.refused:
         return result
     progress("first regressions", 0.05)
