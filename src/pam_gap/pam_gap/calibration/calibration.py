@@ -34,7 +34,7 @@ from pam_gap.prediction.fit import Array
 from pam_gap.prediction.gap_figures import GapFigure, gap_figures
 from pam_gap.prediction.identifiable import what_is_missing
 from pam_gap.prediction.materiality import squared_motion
-from pam_gap.prediction.problem import PredictionProblem
+from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 from pam_gap.prediction.wrong_wiring import wrong_wiring
 from pam_gap.recordings.recording import Recording
 from pam_model.rig import Rig
@@ -151,7 +151,9 @@ def calibrate_joint(
     result = Calibration(rig.joints[number].name)
 
     def problem_of(what: Rig, some: Sequence[Recording]) -> PredictionProblem:
-        return PredictionProblem(what, number, usable_parts(what, number, some), threads=threads)
+        parts = usable_parts(what, number, some)
+        usual = PredictionSettings(rules.horizon)
+        return PredictionProblem(what, number, parts, threads=threads, usual=usual)
 
     progress("wiring", 0.0)
     problem = problem_of(rig, recordings)

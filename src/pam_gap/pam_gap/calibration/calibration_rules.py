@@ -33,6 +33,9 @@ class CalibrationRules:
     rounds : int
         Fits of all numbers together; each begins with the play of the valves that the one before
         has found.
+    horizon : float
+        Time constant with which the pressures are corrected by the measured ones [s]: short, so
+        that an error of a valve does not pass on to the body.
     tolerance : float
         Decrease of the mean log error in one step below which the fit of all numbers ends.
     lags : int
@@ -62,6 +65,7 @@ class CalibrationRules:
     last_steps: int = 12
     kept_steps: int = 4
     rounds: int = 3
+    horizon: float = 0.06
     tolerance: float = 2e-4
     lags: int = 4
     determined: float = 0.05
