@@ -29,6 +29,8 @@ VALVE = {"sonic_conductance": GAS, "critical_ratio": GAS, "time_constant": GAS}
 OF_LENGTHS = ("pulley_radius", "thread_length", "turns", "neutral_length", "supply_pressure")
 """Numbers that a tape, a count or a gauge gives, which are known better than the others."""
 ANGLES = ("gravity_angle",)
+LINEAR = ("creep",)
+"""Small effects that are no numbers but changes of the errors (`small_errors`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +192,8 @@ def ordinary_numbers(
     found = []
     scales = rig_scales(rig, joint)
     for effect, paths, size in ordinary_sizes(rig, joint):
+        if effect in LINEAR:
+            continue
         stage = ORDINARY_VALVE if EFFECTS[effect].stage == "valve" else ORDINARY_BODY
         if stage == ORDINARY_VALVE and not has_commands:
             continue

@@ -1,8 +1,8 @@
 """Small errors of valves and sensors that every good rig has, beside the numbers of a calibration.
 
 The play of a valve is known to be there, and it looks like a slower valve: it is assumed in its
-usual width, and the width of each valve is fitted. Zeros and gains of regulators, nonlinearity and
-drift of sensors are changes of the errors in amounts that are fitted, as in a diagnosis
+usual width, and the width of each valve is fitted. Creep of the bladders over decades of time,
+zeros and gains of regulators, nonlinearity and drift of sensors are changes of the errors in amounts that are fitted, as in a diagnosis
 (`pam_gap.inference.background`).
 """
 
@@ -17,12 +17,19 @@ from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.fit import Array, FreeParameter
 from pam_gap.prediction.linear_terms import LinearTerms
 from pam_gap.prediction.problem import PredictionProblem
+from pam_model.plant.layout import MUSCLES
+from pam_model.plant.parameters import INDEX
 
 USUAL, SPREAD, MOST = 0.75, 0.3, 1.5
 """Width of the play of a valve over the largest ordinary one: mean, deviation and most."""
 STEP = 0.25
 """Step of the width, in ordinary ones, for the derivative."""
 VALVES = 2
+CREEP_TIMES = (0.3, 1.0, 3.0, 10.0, 30.0)
+"""Time constants of the creep of a bladder [s]: rubber relaxes over decades of time, which a sum of
+elements describes (Ferry, Viscoelastic Properties of Polymers, Wiley 1980)."""
+CREEP_RATIO = 0.01
+"""Unit of the amount of each element, over the stiffness of the braid at 3 bar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +89,12 @@ def small_errors(problem: PredictionProblem, valves: ValvePlay, vector: Array) -
         free.append(
             FreeParameter("play of a valve", -width, MOST - width, 0.3, SPREAD, USUAL - width)
         )
+    lanes = np.repeat(vector[None], len(CREEP_TIMES), axis=0)
+    for lane, time in zip(lanes, CREEP_TIMES, strict=True):
+        lane[[INDEX[f"{side}.creep.ratio"] for side in MUSCLES]] += CREEP_RATIO
+        lane[[INDEX[f"{side}.creep.time_constant"] for side in MUSCLES]] = time
+    changes += list(played.errors(lanes) - base)
+    free += [FreeParameter("creep", 0.0, 3.0, 0.3, 0.6, 1.0)] * len(CREEP_TIMES)
     for part in sensor_parts(played):
         if not part.is_one_way:  # the play is above
             changes.append(part.errors(played, vector, 1.0) - base)
