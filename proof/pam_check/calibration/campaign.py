@@ -31,6 +31,7 @@ from pam_gap.calibration.calibration import (
 )
 from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.calibration.free_numbers import Said
+from pam_gap.inference.confidence import NORMAL_90
 from pam_gap.recordings.recording import Recording, from_columns, resample
 from pam_model.command_line import Arguments, Outcome
 from pam_model.rig.partial import PartialRig, load_partial_rig
@@ -58,6 +59,8 @@ class Compared:
         Error of the ratio to the torque per pressure; NaN for numbers without one.
     ratio_holds : bool
         Whether its 90 % interval contains the true ratio.
+    deviations, ratio_deviations : float
+        Errors over the standard deviations that the intervals state; NaN without one.
     """
 
     rig: int
@@ -68,6 +71,8 @@ class Compared:
     holds: bool
     ratio_error: float
     ratio_holds: bool
+    deviations: float
+    ratio_deviations: float
 
 
 def torque_per_pressure(numbers: Mapping[str, float]) -> float:
@@ -78,6 +83,12 @@ def torque_per_pressure(numbers: Mapping[str, float]) -> float:
         length = numbers[f"{muscle}.neutral_length"]
         total += (3.0 * length**2 - b**2) / (4.0 * math.pi * turns**2)
     return 0.5 * numbers["elbow.pulley_radius"] * total
+
+
+def over_deviation(true: float, value: float, ends: tuple[float, float]) -> float:
+    """Error over the standard deviation that a 90 % interval states."""
+    reach = ends[1] - value if true > value else value - ends[0]
+    return (value - true) / max(reach / NORMAL_90, 1e-300)
 
 
 def compare(
@@ -106,6 +117,8 @@ def compare(
                 bool(one.low <= true <= one.high),
                 one.value / goal - 1.0 if has_ratio else math.nan,
                 one.relative is None or one.relative[0] <= goal <= one.relative[1],
+                over_deviation(true, one.value, (one.low, one.high)),
+                math.nan if one.relative is None else over_deviation(goal, one.value, one.relative),
             )
         )  # fmt: skip
     return rows

@@ -193,7 +193,7 @@ def conclusion(
 ) -> tuple[tuple[CalibratedNumber, ...], dict[str, float]]:
     """The numbers, fitted once more beside those of which the log says nothing; small effects."""
     fitter = joint.fitter
-    known = knowledge(fitter, make_folds(fitter.problem), joint.fitted, rules.lags)
+    known = knowledge(fitter, make_folds(fitter.problem), joint.fitted, rules)
     stated = [place for place, one in enumerate(numbers) if not one.is_ordinary]
     kept = known.kept(rules.narrowed, stated)
     values = known.values.copy()

@@ -84,10 +84,9 @@ class FreeNumber:
         """The plant parameters that it sets."""
         return (self.name, *self.others)
 
-    @property
-    def nuisance(self) -> Nuisance:
+    def nuisance(self, rules: CalibrationRules) -> Nuisance:
         """The number as a fit of hypotheses takes it."""
-        return Nuisance(self.free, self.targets, is_factor=False)
+        return Nuisance(rules.weighted(self.free), self.targets, is_factor=False)
 
     @property
     def is_ordinary(self) -> bool:

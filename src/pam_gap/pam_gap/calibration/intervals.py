@@ -3,7 +3,9 @@
 The covariance of a least squares estimate with correlated errors is H^-1 S H^-1, where H are the
 normal equations and S the covariance of their right side, estimated from blocks of time (White,
 Econometrica 48, 1980; Liang and Zeger, Biometrika 73, 1986). What was known beforehand is further
-observations with independent errors. The amounts of an ordinary background are further numbers.
+observations with independent errors. They have more weight than one sample of the log, whose errors
+are correlated (`CalibrationRules.correlation`). The amounts of an ordinary background are further
+numbers.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.inference.confidence import NORMAL_90
 from pam_gap.inference.held_out import Folds
 from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
@@ -119,7 +122,9 @@ def long_run_covariance(pulls: Array, lags: int) -> Array:
     return result
 
 
-def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis, lags: int) -> Knowledge:
+def knowledge(
+    fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis, rules: CalibrationRules
+) -> Knowledge:
     """Covariance of a fit without effects, its ordinary background included.
 
     Parameters
@@ -130,8 +135,8 @@ def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis, lags: 
         Blocks of time of the problem.
     fitted : Hypothesis
         The fit.
-    lags : int
-        Number of blocks up to which errors are correlated.
+    rules : CalibrationRules
+        How far errors are correlated, and how much more than they show the laws of a rig differ.
     """
     free: Sequence[FreeParameter] = [n.free for n in fitter.nuisances]
     result, own = fitted.result, len(fitter.nuisances)
@@ -154,12 +159,14 @@ def knowledge(fitter: HypothesisFitter, folds: Folds, fitted: Hypothesis, lags: 
         share = known.sum() / max(inside.sum(), 1)
         pulls = np.sqrt(share) * weights[channel] * d[inside] * e[inside, None]
         np.add.at(slopes, folds.score_block[inside], pulls)
-    score = long_run_covariance(slopes - slopes.mean(axis=0), lags) + hessian
+    score = long_run_covariance(slopes - slopes.mean(axis=0), rules.lags) + hessian
     prior = np.diag(scaling.weight**2)
     whole = hessian + prior
     whole[np.diag_indices(n)] += 1e-9 * np.max(np.diag(whole)) + 1e-12
     inverse = np.linalg.inv(whole)
-    scaled = inverse @ (score + prior) @ inverse
+    # what was known beforehand has the weight of `correlation` independent observations
+    scaled = inverse @ (rules.discrepancy**2 * score + rules.correlation * prior) @ inverse
     covariance = scaled * np.outer(scaling.size, scaling.size)
-    before = np.array([p.prior if p.prior > 0.0 else np.inf for p in free])
+    known_before = np.sqrt(rules.correlation) * np.array([p.prior for p in free])
+    before = np.where(known_before > 0.0, known_before, np.inf)
     return Knowledge(tuple(free[:own]), values[:own], covariance[:own, :own], before[:own])

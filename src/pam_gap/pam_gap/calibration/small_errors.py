@@ -2,8 +2,8 @@
 
 The play of a valve is known to be there, and it looks like a slower valve: it is assumed in its
 usual width, and the width of each valve is fitted. Creep of the bladders over decades of time,
-zeros and gains of regulators, nonlinearity and drift of sensors are changes of the errors in amounts that are fitted, as in a diagnosis
-(`pam_gap.inference.background`).
+zeros and gains of regulators, nonlinearity and drift of sensors are changes of the errors in
+amounts that are fitted, as in a diagnosis (`pam_gap.inference.background`).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pam_gap.calibration.calibration_rules import CalibrationRules
 from pam_gap.inference.background import encoder_changes, play, play_width, sensor_parts
 from pam_gap.prediction.channels import Channels
 from pam_gap.prediction.fit import Array, FreeParameter
@@ -64,7 +65,9 @@ class ValvePlay:
         return ValvePlay(tuple(w + a for w, a in zip(self.widths, changes, strict=True)))
 
 
-def small_errors(problem: PredictionProblem, valves: ValvePlay, vector: Array) -> LinearTerms:
+def small_errors(
+    problem: PredictionProblem, valves: ValvePlay, vector: Array, rules: CalibrationRules
+) -> LinearTerms:
     """Changes of the errors by small errors of valves and sensors.
 
     Parameters
@@ -75,6 +78,8 @@ def small_errors(problem: PredictionProblem, valves: ValvePlay, vector: Array) -
         The play about which the changes are taken; those of its widths come first.
     vector : ndarray, shape (n_parameters,)
         The plant.
+    rules : CalibrationRules
+        Weight of what is usual.
     """
     share = problem.rules.decision.ordinary_share
     played = valves.applied(problem)
@@ -103,4 +108,4 @@ def small_errors(problem: PredictionProblem, valves: ValvePlay, vector: Array) -
         changes.append(one)
         free.append(FreeParameter("the encoder", -1.0, 1.0, share, share))
     columns = np.stack(changes, axis=-1) if changes else np.zeros((*base.shape, 0))
-    return LinearTerms(columns, tuple(free))
+    return LinearTerms(columns, tuple(rules.weighted(one) for one in free))

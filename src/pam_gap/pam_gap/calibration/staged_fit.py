@@ -196,7 +196,7 @@ def fit_stage(
     start = np.array([vector[INDEX[one.name]] for one in own])
     found = fit(
         predict,
-        [one.free for one in own],
+        [rules.weighted(one.free) for one in own],
         start,
         rows=problem.counted,
         floor=floor,
@@ -240,12 +240,12 @@ def fit_together(
     values = np.array([vector[INDEX[one.name]] for one in numbers])
     for turn in range(rules.rounds):
         played = valves.applied(problem)
-        fitter = HypothesisFitter(played, floor, [one.nuisance for one in numbers])
+        fitter = HypothesisFitter(played, floor, [one.nuisance(rules) for one in numbers])
         values = np.concatenate(  # a bag adds the transport time of its messages
             [values, [n.free.centre for n in fitter.nuisances[len(values) :]]]
         )
         at = fitter.vector((), values)
-        terms = small_errors(problem, valves, at)
+        terms = small_errors(problem, valves, at, rules)
         fitter.parts = fitter.background = Background(("",) * len(terms.free), terms)
         tolerance = rules.tolerance if turn else None
         fitted = fitter.fit((), values, max_iterations=rules.last_steps, tolerance=tolerance)
