@@ -157,10 +157,10 @@ def test_the_node_publishes_the_disturbance_of_the_joints_that_have_an_observer(
     node = SimpleNamespace(create_publisher=create_publisher, get_fully_qualified_name=lambda: "/c")
     topics = ControllerTopics(node, rig, 1)
     channel = plain(rig).channels[0]
-    topics.publish(1_000, [0.0, 0.0], [channel])
+    topics.publish(1_000, [channel])
     assert "~/disturbance" not in sent
     channel.telemetry.disturbance = -1.5
-    topics.publish(2_000, [0.0, 0.0], [channel])
+    topics.publish(2_000, [channel])
     said = serialization.deserialize_message(sent["~/disturbance"], messages.JointState)
     assert list(said.name) == ["elbow"]
     assert list(said.effort) == [-1.5]

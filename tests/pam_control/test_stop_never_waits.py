@@ -31,6 +31,7 @@ from pam_control.loop_design import PreparedSettings  # noqa: E402
 from pam_control.settings import ControlSettings  # noqa: E402
 from pam_demo.chain import private_domain  # noqa: E402
 from pam_ros.start import start_ros  # noqa: E402
+from pam_ros.unforeseen import guard_callbacks, raise_handed_over  # noqa: E402
 from support.rigs import ELBOW  # noqa: E402
 
 PATIENCE = 60.0  # s
@@ -341,9 +342,13 @@ def another(parameter: Any, former: Any) -> Any:
 def test_a_trajectory_that_ends_too_early_is_counted_as_malformed(active: ControllerNode) -> None:
     """It is read in another thread, and must not end the node from there."""
     node = active
-    guarded = node._trajectories.callback
-    before = guarded.count
-    guarded(trajectory(0.1, 0.2)[:-40])
+    guard_callbacks(node)  # as the main loop does
+    (take,) = [
+        one.callback for one in node.subscriptions if one.topic_name.endswith("joint_trajectory")
+    ]
+    before = node._trajectories.count
+    take(trajectory(0.1, 0.2)[:-40])
     settle(node)
-    guarded(trajectory()[:10])  # a stop is read at once
-    assert guarded.count == before + 2
+    take(trajectory()[:10])  # a stop is read at once
+    raise_handed_over()
+    assert node._trajectories.count == before + 2

@@ -11,7 +11,7 @@ from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
 from pam_control.setting_changes import SettingChanges
 from pam_ros import diagnostics as health
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import Loop
 
 REJECTION_SHOWN = 5.0  # s
 
@@ -71,7 +71,7 @@ class ControllerHealth:
             counts.largest = max(counts.largest, abs(off))
 
     def statuses(
-        self, now: float, reason: str, law: str, loop: PeriodicLoop, ages: Sequence[float]
+        self, now: float, reason: str, law: str, loop: Loop, ages: Sequence[float]
     ) -> list[Any]:
         """All statuses since the last call.
 
@@ -83,7 +83,7 @@ class ControllerHealth:
             Why no commands are sent; empty if they are.
         law : str
             The control law.
-        loop : PeriodicLoop
+        loop : Loop
             The control loop.
         ages : sequence of float
             Present ages of joint states and pressure states [s].
@@ -93,7 +93,7 @@ class ControllerHealth:
         self._oldest = [0.0, 0.0]
         return statuses
 
-    def _loop(self, reason: str, law: str, loop: PeriodicLoop, ages: Sequence[float]) -> Any:
+    def _loop(self, reason: str, law: str, loop: Loop, ages: Sequence[float]) -> Any:
         controller = self._controller
         values = health.loop_values(loop.statistics)
         for topic, age, oldest in zip(

@@ -17,6 +17,7 @@ if __name__ == "__main__":  # before the imports below, which take time
 
 import contextlib
 import gc
+import math
 import sys
 import threading
 import time
@@ -39,7 +40,6 @@ from pam_control.adapted_rig import AdaptedRig, adapted_rig, learnt_of, save_ada
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
 from pam_control.controller_health import ControllerHealth
-from pam_control.controller_inputs import ControllerInputs
 from pam_control.controller_parameters import (
     HELP,
     create_controller,
@@ -47,6 +47,7 @@ from pam_control.controller_parameters import (
     parameter_table,
 )
 from pam_control.controller_topics import ControllerTopics
+from pam_control.driver_link import MakeLink, TopicLink
 from pam_control.feedback.kept_designs import KeptDesigns, user_cache_folder
 from pam_control.feedback.separate_process import SeparateProcess
 from pam_control.references.stiffness_test import StiffnessTest
@@ -64,12 +65,12 @@ from pam_ros.driver_state import (
 )
 from pam_ros.errors import MalformedMessageError, ParameterError
 from pam_ros.parameters import NodeParameters, Value
-from pam_ros.periodic import PeriodicLoop
+from pam_ros.periodic import MakeLoop, PeriodicLoop
 from pam_ros.phase_follower import PhaseFollower
 from pam_ros.slow_work import SlowWork
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
-from pam_ros.subscriptions import subscribe
+from pam_ros.subscriptions import GuardedTopic, subscribe
 
 TEST_EVERY = 0.25  # s
 LARGEST_TRAJECTORY = 2**26  # bytes; the number of points is limited by a parameter
@@ -80,14 +81,32 @@ NAME = "pam_controller"
 class ControllerNode(Node):  # type: ignore[misc]
     """ROS interface of a `Controller`.
 
+    Parameters
+    ----------
+    make_link : callable, optional
+        Makes the link to the driver; by default over topics.
+    make_loop : callable, optional
+        Makes the loop that runs the cycles; by default a thread of this node.
+    arguments : sequence of str, optional
+        Arguments for this node alone, from `--ros-args` on.
+
     Raises
     ------
     PamError, ParameterError
         For a rig or parameters that cannot be used, or a loop that would not be safe.
     """
 
-    def __init__(self) -> None:
-        super().__init__(NAME, automatically_declare_parameters_from_overrides=True)
+    def __init__(
+        self,
+        make_link: MakeLink = TopicLink,
+        make_loop: MakeLoop = PeriodicLoop,
+        arguments: Sequence[str] = (),
+    ) -> None:
+        super().__init__(
+            NAME,
+            cli_args=list(arguments) or None,
+            automatically_declare_parameters_from_overrides=True,
+        )
         self._controller: Any = None
         names = self._joint_names_given()
         self._table = parameter_table(names)
@@ -153,27 +172,27 @@ class ControllerNode(Node):  # type: ignore[misc]
             self.get_name(), self._controller, self.intake, self._changes
         )
 
-        rate = self._declared.number("loop.rate")
-        every = rate / min(self._declared.number("telemetry.rate"), rate)
+        every = self.rate / min(self._declared.number("telemetry.rate"), self.rate)
         self._topics = ControllerTopics(self, self.rig, max(1, round(every)))
         latest = QoSProfile(depth=1)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         # bytes, which its own reader reads: see pam_control.trajectory_message
-        self._trajectories = subscribe(
+        subscription = subscribe(
             self, JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10,
             read=bytes, most_bytes=LARGEST_TRAJECTORY,
         )  # fmt: skip
+        # taken here, since the main loop puts its own guard around the callbacks
+        self._trajectories: GuardedTopic = subscription.callback
         subscribe(self, JointState, "~/commands", self._on_stream, latest)
         subscribe(self, Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest)
         subscribe(self, Float64MultiArray, "~/torque_commands", self._on_torque, latest)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/lower", self._on_lower)
         self.create_service(Trigger, "~/save_adapted_rig", self._on_save)
-        self._vent = self.create_client(Trigger, "pam_driver/vent")
         self.steady_timers.add(1.0, self._report)
         self._stiffness_test = StiffnessTest(self._controller.references)
         self.steady_timers.add(TEST_EVERY, self._test_stiffness)
-        self._inputs = ControllerInputs(
+        self._link = make_link(
             self,
             self.rig,
             self._now,
@@ -181,13 +200,24 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._on_driver_state,
             self._on_lost_driver_state,
         )
-        self.polled_topics = self._inputs.topics
-        priority = int(self._declared.number("loop.realtime_priority"))
-        self.loop = PeriodicLoop(self._cycle, 1.0 / rate, "control", priority)
+        self.polled_topics = self._link.polled_topics
+        self._measurement = Measurement((), (), -math.inf, -math.inf)
+        self._sent_at: int | None = None  # when this cycle computed commands, since 1970 [ns]
+        self.loop = make_loop(self._cycle, 1.0 / self.rate, "control", self.priority)
         self._follower = PhaseFollower(self.loop) if self._declared["loop.align"] else None
         gc.collect()
         gc.freeze()
         self.loop.start()
+
+    @property
+    def rate(self) -> float:
+        """Cycles per second [Hz]."""
+        return self._declared.number("loop.rate")
+
+    @property
+    def priority(self) -> int:
+        """Requested real-time priority of the loop."""
+        return int(self._declared.number("loop.realtime_priority"))
 
     def _joint_names_given(self) -> list[str]:
         if not self.has_parameter("joints"):
@@ -258,7 +288,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _on_trajectory_read(self, malformed: str) -> None:
         if malformed:
-            self._trajectories.callback.refuse(malformed)
+            self._trajectories.refuse(malformed)
 
     def _start_of(self, message: TrajectoryMessage) -> float | None:
         return self._seconds(Time(sec=message.seconds, nanosec=message.nanoseconds))
@@ -334,8 +364,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         it.
         """
         self.get_logger().error(f"stopped: {reason}; asking the driver to vent")
-        if self._vent.service_is_ready():
-            self._vent.call_async(Trigger.Request())
+        self._link.vent()
 
     def _on_driver_state(self, message: Any) -> None:
         """Follow the driver: while it takes no commands, references are dropped and refused.
@@ -395,23 +424,22 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _cycle(self, _: float) -> None:
         with _unless_ending():
-            self._control()
+            self.control()
+            self.publish()
 
-    def _control(self) -> None:
-        inputs = self._inputs
-        inputs.poll()
+    def control(self) -> None:
+        """The part of a cycle that the valves wait for: measurements to commands."""
+        self._sent_at = None
+        self._measurement = measurement = self._link.receive()
         if self._follower is not None:
-            self._follower.follow(time.time() - inputs.arrival)
+            self._follower.follow(time.time() - self._link.arrival)
         now = self._now()
-        measurement = Measurement(
-            inputs.positions, inputs.pressures, inputs.position_time, inputs.pressure_time
-        )
         with self._lock:
             if self._driver_reason:
                 return
             guard = self._controller.guard
             before = (guard.stopped, guard.softened)
-            guard.stopped = guard.stopped or inputs.two_publishers()
+            guard.stopped = guard.stopped or self._link.two_publishers()
             try:
                 output = self._controller.step(now, measurement)
                 commands, reason = output.commands, output.reason
@@ -426,8 +454,14 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._tell_guard(*after)
         if commands is None:
             return
-        self._topics.publish(time.time_ns(), commands, self._controller.channels)
-        self._health.count((now - inputs.position_time, now - inputs.pressure_time))
+        self._sent_at = time.time_ns()
+        self._link.send(self._sent_at, commands)
+        self._health.count((now - measurement.position_time, now - measurement.pressure_time))
+
+    def publish(self) -> None:
+        """The rest of a cycle: what observers hear of it."""
+        if self._sent_at is not None:
+            self._topics.publish(self._sent_at, self._controller.channels)
 
     def _tell_guard(self, stopped: str, softened: str) -> None:
         if stopped:
@@ -459,7 +493,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _report(self) -> None:
         now = self._now()
-        ages = (now - self._inputs.position_time, now - self._inputs.pressure_time)
+        ages = (now - self._measurement.position_time, now - self._measurement.pressure_time)
         law = str(self._changes.values["law"])
         statuses = self._health.statuses(now, self._reason, law, self.loop, ages)
         with _unless_ending():

@@ -15,11 +15,12 @@ from types import TracebackType
 from typing import Self
 
 from pam_demo.processes import NodeProcess, Setting
-from pam_demo.programs import MODULES
+from pam_demo.programs import MODULES, NODES_OF_ROBOT, ROBOT, ROBOT_COMMAND
 from pam_model.program_signals import postponed
 from pam_model.rig import load_rig
 
 ON_THE_BUS = ("rig", "driver")
+WITH_A_DRIVER = ("driver", "robot")
 MULTICAST_GROUP = "239.74.163.2"
 DOMAINS = 100
 HELD_DOMAINS = 10
@@ -180,12 +181,37 @@ class Chain:
 
     def start(self, name: str, parameters: Mapping[str, Setting] | None = None) -> NodeProcess:
         """Start one node of MODULES."""
+        return self._start(name, MODULES[name], self._settings(name, parameters or {}))
+
+    def start_robot(
+        self, parameters: Mapping[str, Mapping[str, Setting]] | None = None
+    ) -> NodeProcess:
+        """Start driver, model and controller in one process, which is then called "robot".
+
+        Parameters
+        ----------
+        parameters : mapping, optional
+            For each of the nodes, by its name in MODULES, its parameters.
+        """
+        given = parameters or {}
+        settings = {
+            f"{node}:{key}": value
+            for name, node in NODES_OF_ROBOT.items()
+            for key, value in self._settings(name, given.get(name, {})).items()
+        }
+        return self._start("robot", ROBOT, settings, ROBOT_COMMAND)
+
+    def _settings(self, name: str, parameters: Mapping[str, Setting]) -> dict[str, Setting]:
         settings: dict[str, Setting] = {}
         if name in ON_THE_BUS:
             settings.update(self.bus.parameters_for(tuple(load_rig(self.params_files[0]).buses)))
-        settings.update(parameters or {})
+        return settings | dict(parameters)
+
+    def _start(
+        self, name: str, module: str, settings: Mapping[str, Setting], *words: str
+    ) -> NodeProcess:
         with postponed():  # a process that is started must be known, so that it is ended
-            process = NodeProcess(MODULES[name], settings, self.params_files, self.environment)
+            process = NodeProcess(module, settings, self.params_files, self.environment, words)
             self.processes[name] = process
         return process
 
@@ -208,7 +234,7 @@ class Chain:
         """
         names = list(self.processes)[::-1]
         try:
-            for name in sorted(names, key=lambda name: name != "driver"):
+            for name in sorted(names, key=lambda name: name not in WITH_A_DRIVER):
                 self.stop(name)
         except KeyboardInterrupt:  # asked again: nothing is waited for, and nothing is left behind
             for process in self.processes.values():

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from pam_ros.memory_lock import lock_memory
 
@@ -70,6 +71,41 @@ def take_priority(priority: int, thread: int = 0) -> int:
     except OSError:
         return 0
     return priority
+
+
+class Loop(Protocol):
+    """What a node knows of the loop that runs its cycles: `PeriodicLoop`, or its share of one."""
+
+    @property
+    def period(self) -> float:
+        """Time between two cycles [s]."""
+
+    @property
+    def running(self) -> bool:
+        """Whether cycles are run."""
+
+    @property
+    def statistics(self) -> LoopStatistics:
+        """The timing of the loop since its start."""
+
+    def start(self) -> None:
+        """Run cycles from now on."""
+
+    def stop(self, timeout: float = 2.0) -> None:
+        """Run no further cycle; the last one has ended when this returns."""
+
+    def check(self) -> None:
+        """Raise the exception that ended the loop, if there was one."""
+
+    def shift(self, seconds: float) -> None:
+        """Move all later cycles by this time [s]; for use in a cycle."""
+
+    def share_priority(self) -> None:
+        """Give the other threads of this process a real-time priority too, if the loop has one."""
+
+
+MakeLoop = Callable[[Callable[[float], object], float, str, int], Loop]
+"""Makes a loop of step, period [s], name and priority, as `PeriodicLoop` does."""
 
 
 class PeriodicLoop:
