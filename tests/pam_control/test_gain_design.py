@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_control.controller_parameters import LAWS as KNOWN_LAWS
 from pam_control.feedback.closed_loop import is_stable, state_space
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.margins import ControlDesignError, margins, pid_response
@@ -169,3 +170,10 @@ def test_a_joint_with_two_kinds_of_valve_is_refused() -> None:
         RigError, match="shoulder: its muscles have a pressure_regulator and a flow"
     ):
         PositionStiffnessController(mixed, ControlSettings())
+
+
+@pytest.mark.parametrize("law", KNOWN_LAWS)
+def test_a_rig_with_a_muscle_that_cannot_pull_is_refused_by_every_law(rig, law):
+    slack = rig.with_muscle(replace(rig.muscles[0], neutral_length=0.18))
+    with pytest.raises(RigError, match="^elbow_flexor.neutral_length = 0.18 m: at some angles"):
+        KNOWN_LAWS[law](slack, ControlSettings())

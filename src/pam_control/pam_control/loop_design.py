@@ -27,6 +27,7 @@ from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
 from pam_model.rig import Rig
 from pam_model.robot import compose
+from pam_model.views.pull_over_travel import refuse_slack_muscles
 from pam_ros.valve_command import PRESSURE_REGULATOR
 
 WARM_UP = 2  # repetitions in which the adaptation learns the rig
@@ -94,6 +95,7 @@ class LoopDesign(ABC):
         self.rig = rig
         self.designs = designs or KeptDesigns()
         self.robot = compose(rig)
+        refuse_slack_muscles(self.robot)
         self.reservoir = SupplyReservoir(self.robot)
         self.channels = [
             JointChannel(self.robot, joint, settings.min_pressure, self.reservoir)
