@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pam_control.actions.goal_tolerances import tolerance_parameters
 from pam_control.controller import Controller
@@ -48,6 +48,8 @@ LAWS: Mapping[str, type[Controller]] = {
 }
 LAW_NAMES = f"{', '.join(list(LAWS)[:-1])} or {list(LAWS)[-1]}"
 _DEFAULT = ControlSettings()
+COMMAND_DELAY: Final = _DEFAULT.command_delay
+"""From the controller to the valve over topics [s]."""
 
 
 def _number(*columns: Any, fixed: bool = False) -> Parameter:
@@ -56,13 +58,17 @@ def _number(*columns: Any, fixed: bool = False) -> Parameter:
     return Parameter(name, default, unit, low, high, text, changeable=not fixed)
 
 
-def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
+def parameter_table(
+    joint_names: Sequence[str], command_delay: float = COMMAND_DELAY
+) -> list[Parameter]:
     """All parameters of the node except those of the rig.
 
     Parameters
     ----------
     joint_names : sequence of str
         Names of the joints; each joint has its own gains.
+    command_delay : float, optional
+        Default of `loop.command_delay` [s].
     """
     d = _DEFAULT
     table = [
@@ -82,8 +88,9 @@ def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
             "delay from a sensor's sample to its stamp",
         ),
         _number(
-            "loop.command_delay", d.command_delay, "s", 0.0, 0.1,
-            "delay from the controller to the valve",
+            "loop.command_delay", command_delay, "s", 0.0, 0.1,
+            "delay from the controller to the valve; the default is 0.001 in one process with the "
+            "driver",
         ),
         _number(
             "loop.stale_after", d.stale_after, "s", 0.002, 2.0,

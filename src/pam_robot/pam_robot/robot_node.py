@@ -31,6 +31,9 @@ from pam_ros.steady_timers import SteadyTimers, turns
 from pam_ros.unforeseen import BROKEN
 
 NODES: Final = ("pam_driver", "pam_controller", "pam_model")
+COMMAND_DELAY: Final = 0.001
+"""From the controller to the valve, without messages in between [s]: a frame, half a turn of the
+board, and the rest of the cycle."""
 SWITCH_INTERVAL: Final = 5e-4  # s; the cycle can run soon after a callback has begun
 
 HELP: Final = NodeHelp(
@@ -92,6 +95,7 @@ class RobotNodes:
                     self._make_link,
                     self.cycle.controller_loop,
                     arguments=arguments["pam_controller"],
+                    command_delay=COMMAND_DELAY,
                 )
             )
             self.model = self._keep(make_model(composed=True, arguments=arguments["pam_model"]))
