@@ -1,4 +1,4 @@
-"""A whole simulated rig per test: rig, driver, model and controller as processes."""
+"""A simulated rig per test: rig and robot, or rig, driver, model, controller, as processes."""
 
 from __future__ import annotations
 
@@ -61,6 +61,8 @@ SLOW: dict[str, dict[str, Setting]] = {
     "controller": {"loop.rate": 50.0, "loop.stale_after": 2.0},
 }
 NODES = ("rig", "driver", "model", "controller")
+TOGETHER = ("rig", "robot")
+"""The same with driver, model and controller in one process."""
 
 
 @dataclass
@@ -75,8 +77,11 @@ class Suite:
     positions: list[Any]
 
     def start(self, name: str) -> None:
-        """Start one node with the settings of this host."""
-        self.chain.start(name, self.settings[name])
+        """Start one process with the settings of this host."""
+        if name == "robot":
+            self.chain.start_robot(self.settings)
+        else:
+            self.chain.start(name, self.settings[name])
 
     def wait(self, what: str, condition: Callable[[], Any], timeout: float = 20.0) -> Any:
         """Wait for a condition; fails at once if a process has ended by itself."""
@@ -190,9 +195,11 @@ def make_suite(
         suite = Suite(chain, probe, frames, patience, settings, positions)
         for name in nodes[:3]:
             suite.start(name)
-        suite.wait_until_active()
+        if len(nodes) > 1:
+            suite.wait_until_active()
         if "controller" in nodes:
             suite.start("controller")
+        if nodes[-1] in {"controller", "robot"}:
             suite.wait_until_controlling()
         return suite
 
