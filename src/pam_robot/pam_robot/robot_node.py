@@ -18,7 +18,7 @@ from rclpy.experimental import EventsExecutor
 
 from pam_driver.snapshot import Snapshot
 from pam_model.errors import PamError
-from pam_robot.direct_link import DirectLink
+from pam_robot.direct_link import COMMAND_DELAY, DirectLink
 from pam_robot.robot_cycle import RobotCycle, Work
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
@@ -31,9 +31,6 @@ from pam_ros.steady_timers import SteadyTimers, turns
 from pam_ros.unforeseen import BROKEN
 
 NODES: Final = ("pam_driver", "pam_controller", "pam_model")
-COMMAND_DELAY: Final = 0.001
-"""From the controller to the valve, without messages in between [s]: a frame, half a turn of the
-board, and the rest of the cycle."""
 SWITCH_INTERVAL: Final = 5e-4  # s; the cycle can run soon after a callback has begun
 
 HELP: Final = NodeHelp(
