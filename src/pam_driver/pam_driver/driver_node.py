@@ -144,7 +144,8 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         notice_errors_of_transitions(self, self._notice)
 
         keeps_nan = bool(self._values["joint_states.keep_nan"])
-        self._topics = DriverTopics(self, self._rig, keeps_nan)
+        every = self.rate / (self._values.number("publish_rate") or self.rate)
+        self._topics = DriverTopics(self, self._rig, keeps_nan, max(1, round(every)))
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         # taken by the I/O thread; two publishers in one cycle are both read
         self._commands = PolledTopic(
