@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from pam_check.blind.campaign import Drawn
 from pam_check.blind.cases import make_cases, rig_parameters
-from pam_check.blind.draw import Draw
+from pam_check.blind.draw import Draw, draw_excitation
 from pam_check.blind.effect_cases import KNOWN, OUTSIDE, case_of, stage_of
 from pam_check.blind.plants import PLANTS
 from pam_check.blind.second_laws import (
@@ -255,8 +256,10 @@ def test_an_ordinary_background_is_as_small_as_that_of_the_first_plant() -> None
         assert 0.3 < one / other < 3.0
 
 
-def test_both_plants_get_the_same_draw(tmp_path: Path) -> None:
+def test_both_plants_get_the_same_draw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command offers what there is, and the rig files of one seed are the same."""
+    short = partial(draw_excitation, duration=10.0)
+    monkeypatch.setattr("pam_check.blind.cases.draw_excitation", short)
     parser = Parser()
     COMMANDS[0].declare(parser)
     choices = next(a.choices for a in parser._actions if a.dest == "plant")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_control.controller import MODEL_BASED, Controller
 from pam_control.feedback.closed_loop import is_stable, state_space
 from pam_control.feedback.linear_joint import LoopTiming, frequency_response
 from pam_control.feedback.margins import ControlDesignError, margins, pid_response
 from pam_control.feedback.operating_points import operating_point
 from pam_control.feedback.pid import Pid, PidGains
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
 from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
@@ -28,16 +28,16 @@ from support.rigs import CONFIG
 TWO_JOINTS = CONFIG / "two_joints.yaml"
 
 LAWS = [
-    (PositionStiffnessController, True),
-    (PositionStiffnessController, False),
-    (PressureRatioPid, True),
+    (MODEL_BASED, True),
+    (MODEL_BASED, False),
+    (PressureRatioPid(), True),
 ]
 
 
 @pytest.mark.parametrize(("law", "feedforward"), LAWS)
 def test_designed_gains_keep_the_margins_everywhere(rig, law, feedforward):
-    controller = law(rig, ControlSettings(feedforward=feedforward))
-    for found in controller.channels[0].margins:
+    controller = Controller(rig, ControlSettings(feedforward=feedforward), law=law)
+    for found in controller.channels[0].setup.margins:
         assert found.stable
         assert found.phase_margin > math.radians(49.0)
         assert found.modulus_margin > 1.0 / 1.65
@@ -46,11 +46,11 @@ def test_designed_gains_keep_the_margins_everywhere(rig, law, feedforward):
 
 @pytest.mark.parametrize(("law", "feedforward"), LAWS)
 def test_exact_delay_and_pade_agree(rig, law, feedforward):
-    controller = law(rig, ControlSettings(feedforward=feedforward))
+    controller = Controller(rig, ControlSettings(feedforward=feedforward), law=law)
     channel, settings = controller.channels[0], controller.settings
-    timing = controller.timing(channel, settings)
+    timing = controller.design.timing(channel.models, settings)
     omega = np.geomspace(0.1, 150.0, 40)
-    for case in controller.cases(channel, settings):
+    for case in controller.design.cases(channel.models, settings):
         exact = frequency_response(case.point, case.loop, timing, omega)
         pade = state_space(case.point, case.loop, timing)(1j * omega)
         assert np.max(np.abs(pade / exact - 1.0)) < 1e-4
@@ -61,8 +61,8 @@ def test_exact_delay_and_pade_agree(rig, law, feedforward):
 @pytest.mark.parametrize("gains", [(6.5, 275.0, 1.0), (20.0, 30.0, 0.2), (0.5, 1.0, 0.0)])
 def test_margins_are_those_of_python_control(rig, delay, gains):
     """Found on the exact response, against splines through a fine grid; stable loops and others."""
-    controller = PositionStiffnessController(rig, ControlSettings())
-    case = controller.cases(controller.channels[0], controller.settings)[0]
+    controller = Controller(rig, ControlSettings())
+    case = controller.design.cases(controller.channels[0].models, controller.settings)[0]
     timing = LoopTiming(0.002, delay, 0.005, 0.4, 0.01)
     pid = PidGains(*gains, 0.01)
     found = margins(case, timing, pid, is_stable(case, timing, pid))
@@ -77,24 +77,24 @@ def test_margins_are_those_of_python_control(rig, delay, gains):
 def test_unsafe_gains_are_refused_with_the_figures(rig):
     settings = ControlSettings(gains={"elbow": PidGains(6.0, 280.0, 8.0, 0.01)})
     with pytest.raises(ControlDesignError, match=r"elbow.*UNSTABLE.*phase margin.*30 deg"):
-        PositionStiffnessController(rig, settings)
+        Controller(rig, settings)
 
 
 def test_a_change_that_breaks_the_margins_leaves_the_settings_alone(rig):
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = Controller(rig, ControlSettings())
     before = controller.settings
     with pytest.raises(ControlDesignError):
         controller.change(ControlSettings(partial_gains={"elbow": {"integral": 5000.0}}))
     assert controller.settings is before
     controller.change(ControlSettings(partial_gains={"elbow": {"proportional": 5.0}}))
     assert controller.settings.gains["elbow"].proportional == 5.0
-    assert controller.channels[0].margins[0].phase_margin > math.radians(30.0)
+    assert controller.channels[0].setup.margins[0].phase_margin > math.radians(30.0)
 
 
 def test_more_delay_means_less_margin_for_the_same_gains(rig):
-    controller = PositionStiffnessController(rig, ControlSettings())
+    controller = Controller(rig, ControlSettings())
     channel, settings = controller.channels[0], controller.settings
-    case = controller.cases(channel, settings)[-1]
+    case = controller.design.cases(channel.models, settings)[-1]
     found = [
         margins(case, LoopTiming(0.002, delay, 0.005, 0.4, 0.01), settings.gains["elbow"], True)
         for delay in (0.004, 0.012, 0.02)
@@ -154,10 +154,7 @@ def test_a_repeated_sample_does_not_look_like_standing_still():
 def test_a_slow_regulator_does_not_slow_the_pressure_loop_of_another_joints_flow_valves() -> None:
     both = load_rig(TWO_JOINTS)
     alone = replace(both, joints=both.joints[:1], muscles=both.muscles[:2])
-    gains = [
-        PositionStiffnessController(rig, ControlSettings()).settings.pressure_gain
-        for rig in (both, alone)
-    ]
+    gains = [Controller(rig, ControlSettings()).settings.pressure_gain for rig in (both, alone)]
     assert gains[0] == gains[1]
 
 
@@ -168,4 +165,4 @@ def test_a_joint_with_two_kinds_of_valve_is_refused() -> None:
     with pytest.raises(
         RigError, match="shoulder: its muscles have a pressure_regulator and a flow"
     ):
-        PositionStiffnessController(mixed, ControlSettings())
+        Controller(mixed, ControlSettings())

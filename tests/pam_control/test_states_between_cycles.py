@@ -12,9 +12,9 @@ pytest.importorskip("rclpy")
 
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
+from pam_control.controller import Controller
 from pam_control.controller_node import ControllerNode
 from pam_control.feedback.kept_designs import KeptDesigns
-from pam_control.laws.position_stiffness import PositionStiffnessController
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
 from pam_model.rig import Rig
@@ -29,7 +29,7 @@ class Inside:
     """What of the node follows the driver's state, around a controller that moves."""
 
     def __init__(self, rig: Rig) -> None:
-        self.controller = PositionStiffnessController(rig, ControlSettings(), DESIGNS)
+        self.controller = Controller(rig, ControlSettings(), DESIGNS)
         self.now = 0.0
         self.dropped: list[str] = []
         self.node: Any = SimpleNamespace(

@@ -26,11 +26,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E
 
 from pam_control import adapted_rig, controller_node  # noqa: E402
 from pam_control.control_step import Measurement  # noqa: E402
+from pam_control.controller import Controller  # noqa: E402
 from pam_control.controller_node import ControllerNode  # noqa: E402
-from pam_control.loop_design import PreparedSettings  # noqa: E402
+from pam_control.loop_design import LoopDesign, PreparedSettings  # noqa: E402
 from pam_control.settings import ControlSettings  # noqa: E402
 from pam_demo.chain import private_domain  # noqa: E402
 from pam_ros.start import start_ros  # noqa: E402
+from pam_ros.unforeseen import guard_callbacks, raise_handed_over  # noqa: E402
 from support.rigs import ELBOW  # noqa: E402
 
 PATIENCE = 60.0  # s
@@ -227,8 +229,8 @@ def test_limits_for_a_new_stiffness_are_computed_elsewhere(
     active: ControllerNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node = active
-    gate = Gate(node._controller._limits._limits)
-    monkeypatch.setattr(node._controller._limits, "_limits", gate)
+    gate = Gate(node._controller._limits._limits._limits)
+    monkeypatch.setattr(node._controller._limits._limits, "_limits", gate)
     node._on_stiffness(Float64MultiArray(data=[5.37]))
     assert gate.begun.wait(PATIENCE)
     node._on_stiffness(Float64MultiArray(data=[7.93]))  # known or not: in its turn
@@ -290,20 +292,24 @@ def test_no_parameter_keeps_a_stop_waiting(
     node = active
     here: list[str] = []
 
-    def as_asked(settings: ControlSettings) -> PreparedSettings:
+    def as_asked(_: LoopDesign, settings: ControlSettings) -> PreparedSettings:
         """In place of a design, which takes its time."""
         return dataclasses.replace(node._controller.prepared, asked=settings)
 
-    monkeypatch.setattr(node._controller, "_designed_and_checked", as_asked)
-    for name in ("_designed_and_checked", "_with_learning", "foresee_stiffness"):
-        work = getattr(node._controller, name)
+    monkeypatch.setattr(LoopDesign, "_designed_and_checked", as_asked)
+    for owner, name in (
+        (LoopDesign, "_designed_and_checked"),
+        (LoopDesign, "_with_learning"),
+        (Controller, "foresee_stiffness"),
+    ):
+        work = getattr(owner, name)
 
         def elsewhere(*arguments: Any, _work: Any = work, _name: str = name, **named: Any) -> Any:
             if threading.current_thread() is threading.main_thread():
                 here.append(_name)
             return _work(*arguments, **named)
 
-        monkeypatch.setattr(node._controller, name, elsewhere)
+        monkeypatch.setattr(owner, name, elsewhere)
     watching = True
 
     def opened(event: str, arguments: tuple[Any, ...]) -> None:
@@ -341,9 +347,13 @@ def another(parameter: Any, former: Any) -> Any:
 def test_a_trajectory_that_ends_too_early_is_counted_as_malformed(active: ControllerNode) -> None:
     """It is read in another thread, and must not end the node from there."""
     node = active
-    guarded = node._trajectories.callback
-    before = guarded.count
-    guarded(trajectory(0.1, 0.2)[:-40])
+    guard_callbacks(node)  # as the main loop does
+    (take,) = [
+        one.callback for one in node.subscriptions if one.topic_name.endswith("joint_trajectory")
+    ]
+    before = node._trajectories.count
+    take(trajectory(0.1, 0.2)[:-40])
     settle(node)
-    guarded(trajectory()[:10])  # a stop is read at once
-    assert guarded.count == before + 2
+    take(trajectory()[:10])  # a stop is read at once
+    raise_handed_over()
+    assert node._trajectories.count == before + 2

@@ -57,13 +57,12 @@ SUPPLY: Final = 701_325.0
 
 DRIVER_SETTINGS: Final = DriverSettings(
     command_timeout=2.5 * TICK,
+    board_timeout=2.5 * TICK,  # of boards that send in every step
     sensor_timeout=1.5 * TICK,
     exhaust_timeout=2.5 * TICK,
     lowering_timeout=1.5 * TICK,
     loop_delay_limit=10.0 * TICK,
 )
-# below what a robot may have, since its boards send in every step here: fewer ages, fewer states
-object.__setattr__(DRIVER_SETTINGS, "board_timeout", 2.5 * TICK)
 BOARD_SETTINGS: Final = BoardSettings(
     measurement_rate=1.0 / TICK,
     status_rate=1.0 / TICK,

@@ -38,7 +38,7 @@ from trajectory_msgs.msg import JointTrajectory
 from pam_control.actions.follow_trajectory import FollowTrajectory
 from pam_control.adapted_rig import AdaptedRig, adapted_rig, learnt_of, save_adapted_rig
 from pam_control.command_intake import CommandIntake
-from pam_control.control_step import Measurement
+from pam_control.control_step import JointTelemetry, Measurement
 from pam_control.controller_health import ControllerHealth
 from pam_control.controller_parameters import (
     COMMAND_DELAY,
@@ -71,7 +71,7 @@ from pam_ros.phase_follower import PhaseFollower
 from pam_ros.slow_work import SlowWork
 from pam_ros.spin import spin_node
 from pam_ros.steady_timers import SteadyTimers
-from pam_ros.subscriptions import subscribe
+from pam_ros.subscriptions import GuardedTopic, subscribe
 
 TEST_EVERY = 0.25  # s
 LARGEST_TRAJECTORY = 2**26  # bytes; the number of points is limited by a parameter
@@ -181,10 +181,12 @@ class ControllerNode(Node):  # type: ignore[misc]
         latest = QoSProfile(depth=1)
         self._health_out = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         # bytes, which its own reader reads: see pam_control.trajectory_message
-        self._trajectories = subscribe(
+        subscription = subscribe(
             self, JointTrajectory, "~/joint_trajectory", self._on_trajectory, 10,
             read=bytes, most_bytes=LARGEST_TRAJECTORY,
         )  # fmt: skip
+        # taken here, since the main loop puts its own guard around the callbacks
+        self._trajectories: GuardedTopic = subscription.callback
         subscribe(self, JointState, "~/commands", self._on_stream, latest)
         subscribe(self, Float64MultiArray, "~/stiffness_commands", self._on_stiffness, latest)
         subscribe(self, Float64MultiArray, "~/torque_commands", self._on_torque, latest)
@@ -204,7 +206,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         )
         self.polled_topics = self._link.polled_topics
         self._measurement = Measurement((), (), -math.inf, -math.inf)
-        self._sent_at: int | None = None  # when this cycle computed commands, since 1970 [ns]
+        # of this cycle: when commands were computed, since 1970 [ns], and what the joints followed
+        self._sent: tuple[int, Sequence[JointTelemetry]] | None = None
         self.loop = make_loop(self._cycle, 1.0 / self.rate, "control", self.priority)
         self._follower = PhaseFollower(self.loop) if self._declared["loop.align"] else None
         gc.collect()
@@ -237,17 +240,16 @@ class ControllerNode(Node):  # type: ignore[misc]
             f"pressure loop {settings.pressure_gain:.1f} 1/s"
         )
         for channel in self._controller.channels:
-            gains = settings.gains[channel.joint.name]
+            gains, name, own = channel.setup.gains, channel.models.name, channel.setup.settings
             self.get_logger().info(
-                f"{channel.joint.name}: proportional {gains.proportional:.4g}, integral "
+                f"{name}: proportional {gains.proportional:.4g}, integral "
                 f"{gains.integral:.4g}, derivative {gains.derivative:.4g}; "
-                f"worst {channel.margins[0]}"
+                f"worst {channel.setup.margins[0]}"
             )
-            own = channel.scale.complete(settings)
             self.get_logger().info(
-                f"{channel.joint.name}: stiffness {own.default_stiffness:.3g} N m/rad until one is "
-                f"commanded, at most {channel.scale.stiffness:.3g} in the middle of the range; "
-                f"learns up to {own.adaptation_limit:.3g} N m"
+                f"{name}: stiffness {own.default_stiffness:.3g} N m/rad until one is "
+                f"commanded, at most {channel.models.scale.stiffness:.3g} in the middle of the "
+                f"range; learns up to {own.adaptation_limit:.3g} N m"
             )
 
     def _now(self) -> float:
@@ -290,7 +292,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def _on_trajectory_read(self, malformed: str) -> None:
         if malformed:
-            self._trajectories.callback.refuse(malformed)
+            self._trajectories.refuse(malformed)
 
     def _start_of(self, message: TrajectoryMessage) -> float | None:
         return self._seconds(Time(sec=message.seconds, nanosec=message.nanoseconds))
@@ -431,7 +433,7 @@ class ControllerNode(Node):  # type: ignore[misc]
 
     def control(self) -> None:
         """The part of a cycle that the valves wait for: measurements to commands."""
-        self._sent_at = None
+        self._sent = None
         self._measurement = measurement = self._link.receive()
         if self._follower is not None:
             self._follower.follow(time.time() - self._link.arrival)
@@ -456,14 +458,14 @@ class ControllerNode(Node):  # type: ignore[misc]
             self._tell_guard(*after)
         if commands is None:
             return
-        self._sent_at = time.time_ns()
-        self._link.send(self._sent_at, commands)
+        self._sent = sent_at, _ = time.time_ns(), output.joints
+        self._link.send(sent_at, commands)
         self._health.count((now - measurement.position_time, now - measurement.pressure_time))
 
     def publish(self) -> None:
         """The rest of a cycle: what observers hear of it."""
-        if self._sent_at is not None:
-            self._topics.publish(self._sent_at, self._controller.channels)
+        if self._sent is not None:
+            self._topics.publish(*self._sent)
 
     def _tell_guard(self, stopped: str, softened: str) -> None:
         if stopped:

@@ -6,6 +6,7 @@ import itertools
 import os
 import random
 import socket
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -21,7 +22,10 @@ from pam_model.rig import load_rig
 ON_THE_BUS = ("rig", "driver")
 WITH_A_DRIVER = ("driver", "robot")
 MULTICAST_GROUP = "239.74.163.2"
-_domains = itertools.count(random.randrange(100))
+DOMAINS = 100
+HELD_DOMAINS = 10
+_domains = itertools.count(random.randrange(DOMAINS))
+_held: dict[int, socket.socket] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,13 +99,45 @@ def best_bus() -> BusChoice:
 
 
 def private_domain() -> dict[str, str]:
-    """Environment of a ROS domain that is limited to this machine and probably not in use.
+    """Environment of a ROS domain that is limited to this machine and not in use on it.
 
     Every call gives another domain, so that a chain does not meet nodes left over from another.
+    Other processes of this machine that call this function get other ones, as long as this process
+    runs and has not asked for `HELD_DOMAINS` more.
     """
-    # 101 and above run into the ports the kernel hands out
-    domain = 1 + next(_domains) % 100
+    for _ in range(DOMAINS):
+        # 101 and above run into the ports the kernel hands out
+        domain = 1 + next(_domains) % DOMAINS
+        if not _has_participant(domain) and _reserve(domain):
+            break
     return {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+def _has_participant(domain: int) -> bool:
+    """Whether a process has bound the port of one of a domain's first nodes (RTPS 9.6.1)."""
+    for participant in range(3):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", 7400 + 250 * domain + 10 + 2 * participant))
+            except OSError:
+                return True
+    return False
+
+
+def _reserve(domain: int) -> bool:
+    """Hold a name of the system that says so; False if another process holds it."""
+    if not sys.platform.startswith("linux"):  # which frees such a name when the process ends
+        return True
+    held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        held.bind(f"\0pam_ros_domain_{domain}")
+    except OSError:
+        held.close()
+        return domain in _held
+    _held[domain] = held
+    while len(_held) > HELD_DOMAINS:
+        _held.pop(next(iter(_held))).close()
+    return True
 
 
 @contextmanager

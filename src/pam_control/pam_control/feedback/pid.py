@@ -70,15 +70,6 @@ class Pid:
             self._error = error
         return gains.proportional * error + self.integral + gains.derivative * self._slope
 
-    def hand_over(self, torque: float) -> None:
-        """Take from the integral what another part of the law gives from now on.
-
-        The integral only shrinks towards 0: what the proportional part carried was never in it.
-        """
-        if torque * self.integral > 0.0:
-            shrunk = max(abs(self.integral) - abs(torque), 0.0)
-            self.integral = math.copysign(shrunk, self.integral)
-
     def integrate(
         self,
         error: float,
@@ -115,3 +106,13 @@ class Pid:
             return
         limit = max(limit, abs(self.integral) * (1.0 - min(step / SHRINKING_TIME, 1.0)))
         self.integral = limited(self.integral + change, -limit, limit)
+
+
+def handed_over(integral: float, torque: float) -> float:
+    """An integral without what another part of the law gives from now on [N m].
+
+    The integral only shrinks towards 0: what the proportional part carried was never in it.
+    """
+    if torque * integral > 0.0:
+        return math.copysign(max(abs(integral) - abs(torque), 0.0), integral)
+    return integral
