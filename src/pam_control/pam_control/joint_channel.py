@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from pam_control.control_step import (
@@ -16,8 +15,6 @@ from pam_control.control_step import (
     PlanRequest,
     PressurePlan,
 )
-from pam_control.feedback.gain_schedule import GainSchedule
-from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid, PidGains
 from pam_control.feedback.pressure_loop import (
     PressureDemand,
@@ -26,47 +23,12 @@ from pam_control.feedback.pressure_loop import (
 )
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels, Pair
-from pam_control.laws.law import AnyLaw, Guidance, GuideRequest, Start
-from pam_control.learning.motion_learner import MotionLearner
+from pam_control.joint_setup import JointSetup
+from pam_control.laws.law import Guidance, GuideRequest, Start
 from pam_control.limited import limited
 from pam_control.references.reference_generator import ReferenceGenerator
-from pam_control.settings import ControlSettings
 
 SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
-
-
-@dataclass(frozen=True, slots=True)
-class JointSetup:
-    """What is in force for one joint until the settings change.
-
-    Attributes
-    ----------
-    law : Law
-        With the values that follow from the size of the joint.
-    settings : ControlSettings
-        The same.
-    gains : GainSchedule
-        Of the feedback.
-    integral_limit : float
-        Of the feedback, in the unit of its output.
-    acting_delays : (float, float)
-        Time from a control cycle until each valve acts, by the rig file [s].
-    margins : list of Margins
-        With these gains, the worst operating point first.
-    adapts : bool
-        Whether what was learnt is used.
-    learner : MotionLearner or None
-        Of a motion that is repeated.
-    """
-
-    law: AnyLaw
-    settings: ControlSettings
-    gains: GainSchedule
-    integral_limit: float
-    acting_delays: Pair
-    margins: list[Margins]
-    adapts: bool
-    learner: MotionLearner | None
 
 
 class Cycle(NamedTuple):
