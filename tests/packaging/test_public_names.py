@@ -22,7 +22,7 @@ PUBLIC = {
     "pam_bringup": set(),
     "pam_cli": set(),
     "pam_control": {
-        "ControlOutput", "ControlSettings", "Measurement", "PositionStiffnessController",
+        "ControlOutput", "ControlSettings", "Controller", "Law", "Measurement",
         "PressureRatioPid", "TrajectoryPoint",
     },
     "pam_demo": set(),

@@ -18,7 +18,7 @@ from pam_check.control.motions import MOTIONS
 from pam_check.control.rough_control import Baselines
 from pam_check.control.rough_rig import RoughRig, problems, rough_truth
 from pam_check.control.rough_rig_picture import Way, draw
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_model.rig import load_rig
 
 ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
@@ -77,7 +77,7 @@ def test_the_motion_that_is_learnt_is_compared_with_the_same_reference(tmp_path)
     assert once.rms < 1e-3
     assert learnt.rms < 1e-3
     points = MOTIONS["arm"](np.random.default_rng([3, 0]))
-    law = PositionStiffnessController(rig, TOLD)
+    law = Controller(rig, TOLD)
     played, _ = play(law, *true_rig(rig), points, 103)
     assert once.rms == pytest.approx(played.rms, rel=1e-6)
 

@@ -14,7 +14,7 @@ import pytest
 
 from pam_control.command_intake import CommandIntake
 from pam_control.control_step import Measurement
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.references.reference_generator import ReferenceGenerator
 from pam_control.references.test_motion import test_motion as small_motion
 from pam_control.references.trajectory import CommandError, check_trajectory
@@ -122,7 +122,7 @@ def test_a_velocity_at_its_limit_and_an_end_at_the_stop() -> None:
 @pytest.fixture(scope="module")
 def at_the_stop(rig) -> CommandIntake:
     """The controller of a joint that is measured 3 mrad beyond its stop."""
-    controller = PositionStiffnessController(rig, ControlSettings(safe_delay=0.0))
+    controller = Controller(rig, ControlSettings(safe_delay=0.0))
     place = rig.joints[0].position_limits[0] - 0.003
     controller.step(0.0, Measurement([place], [2e5, 2e5], 0.0, 0.0))
     return CommandIntake(controller, threading.Lock(), lambda: 0.0, lambda: "", lambda _: None)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pam_control.control_step import Measurement
-from pam_control.laws.position_stiffness import PositionStiffnessController
+from pam_control.controller import Controller
 from pam_control.references.motion_limiter import REFERENCE_SHARE
 from pam_control.references.trajectory import CommandError, TrajectoryPoint
 from pam_control.settings import ControlSettings
@@ -18,8 +18,8 @@ from pam_model.rig import Rig
 REPLACEMENTS = 60
 
 
-def controller_of(rig: Rig) -> PositionStiffnessController:
-    controller = PositionStiffnessController(rig, ControlSettings())
+def controller_of(rig: Rig) -> Controller:
+    controller = Controller(rig, ControlSettings())
     controller.step(0.0, Measurement([0.0], [2e5, 2e5], 0.0, 0.0))
     return controller
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from pam_control.joint_channel import JointChannel
+from pam_control.control_step import JointTelemetry
 from pam_model.rig import Rig
 from pam_ros.joint_state_publisher import JointStatePublisher
 
@@ -32,22 +32,21 @@ class ControllerTopics:
         self._error = JointStatePublisher(node, "~/error", 1)
         self._disturbance = JointStatePublisher(node, "~/disturbance", 1)
 
-    def publish(self, stamp: int, channels: Sequence[JointChannel]) -> None:
+    def publish(self, stamp: int, telemetry: Sequence[JointTelemetry]) -> None:
         """Publish what one cycle followed, if it is its turn.
 
         Parameters
         ----------
         stamp : int
             When the commands of the cycle were computed, since 1970 [ns].
-        channels : sequence of JointChannel
-            The joints with their telemetry.
+        telemetry : sequence of JointTelemetry
+            Of the joints.
         """
         self._cycles += 1
         if self._cycles % self._telemetry_every == 0:
-            self._publish_telemetry(stamp, channels)
+            self._publish_telemetry(stamp, telemetry)
 
-    def _publish_telemetry(self, stamp: int, channels: Sequence[JointChannel]) -> None:
-        telemetry = [channel.telemetry for channel in channels]
+    def _publish_telemetry(self, stamp: int, telemetry: Sequence[JointTelemetry]) -> None:
         if self._reference.heard():
             self._reference.publish(
                 stamp,

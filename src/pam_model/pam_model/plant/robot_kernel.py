@@ -49,8 +49,8 @@ from pam_model.plant.layout import (
 
 # Rows of the scratch memory that have one number per joint.
 (_ANGLES, _SPEEDS, _BIAS, _TOTAL, _ACCELERATION, _LOW, _HIGH, _STATE, _GIVEN, _EFFORT, _BEFORE,
- _SLIDING) = range(12)  # fmt: skip
-N_ROWS: Final = 12
+ _SLIDING, _LATE) = range(13)  # fmt: skip
+N_ROWS: Final = 13
 UNBOUNDED: Final = 1e300
 
 
@@ -170,20 +170,26 @@ def settle_robot(c: Any, body: Any, y: Any, work: Any, step: float) -> None:
     The mass matrix is that of the last stage of the step.
     """
     n = len(c)
-    any_reverses = False
+    longest = 0.0
     for i in range(n):
-        work[_LOW][i], work[_HIGH][i] = 0.0, 0.0
-        work[_STATE][i] = FREE
-        sliding, speed = work[_SLIDING][i], y[i][Y_VELOCITY]
-        if sliding * speed < 0.0:
+        speed = y[i][Y_VELOCITY]
+        late = 0.0
+        if work[_SLIDING][i] * speed < 0.0:
             # From the time at which the speed is 0, friction may have acted the other way round.
-            share = speed / (speed - work[_BEFORE][i])
-            impulse = 2.0 * dry_friction(c[i], 0.0) * share * step
-            work[_LOW][i] = 0.0 if sliding > 0.0 else -impulse
-            work[_HIGH][i] = impulse if sliding > 0.0 else 0.0
-            work[_STATE][i] = HELD
-            any_reverses = True
-    if any_reverses:
+            late = speed / (speed - work[_BEFORE][i]) * step
+        work[_LATE][i] = late
+        longest = max(longest, late)
+    for i in range(n):
+        if work[_STATE][i] == HELD:
+            # A held joint may be held by another torque from then on.
+            work[_LOW][i] = (work[_LOW][i] - work[_EFFORT][i]) * longest
+            work[_HIGH][i] = (work[_HIGH][i] - work[_EFFORT][i]) * longest
+        else:
+            turned = 2.0 * dry_friction(c[i], 0.0) * work[_LATE][i]
+            work[_LOW][i] = -turned if work[_SLIDING][i] < 0.0 else 0.0
+            work[_HIGH][i] = turned if work[_SLIDING][i] > 0.0 else 0.0
+            work[_STATE][i] = HELD if turned > 0.0 else FREE
+    if longest > 0.0:
         apply_impulses(y, body, work)
     any_hits = False
     for i in range(n):

@@ -98,7 +98,7 @@ class RobotPlant:
         self._y = for_kernel(np.reshape(np.array(starts, dtype=float), (n, lay.N_STATES)))
         self._outputs = for_kernel(np.zeros((1, n, lay.N_OUTPUTS)))
         for i, plant in enumerate(self.joints):
-            plant.share_memory(self._constants[i], self._y[i], self._outputs[0][i])
+            plant.share_memory(self._constants[i], self._y[i], self._outputs[0][i : i + 1])
         self._tables = for_kernel(_stacked([t for one in parameters for t in one.tables]))
         self._body = tuple(
             for_kernel(array)

@@ -356,7 +356,7 @@ class Plant:
 
     def share_memory(self, constants: Any, state: Any, output: Any) -> None:
         """Use these arrays of the same content from now on, as a joint of a `RobotPlant`."""
-        self._constants, self._y, self._row = constants, state, [output]
+        self._constants, self._y, self._row = constants, state, output
 
     def change(self, changes: Mapping[str, float]) -> None:
         """Change parameters of the gas during the simulation; the state is kept.
