@@ -133,6 +133,7 @@ BAD_MESSAGES = [
 ]
 
 
+@pytest.mark.sampled("four bad messages; the words of each are held where it is checked", cases=4)
 @pytest.mark.rerun_because(HOST_STALLS)
 @pytest.mark.parametrize(("send", "said"), BAD_MESSAGES)
 def test_a_bad_message_moves_nothing_and_is_named(bench, controller, send, said):

@@ -116,6 +116,7 @@ def quiet() -> Iterator[None]:
     logging.getLogger("canopen").setLevel(logging.NOTSET)
 
 
+@pytest.mark.sampled("two of the four ways to describe a device", cases=2)
 @pytest.mark.parametrize(
     ("board", "keys"),
     [
