@@ -116,7 +116,9 @@ def quiet() -> Iterator[None]:
     logging.getLogger("canopen").setLevel(logging.NOTSET)
 
 
-@pytest.mark.sampled("two of the four ways to describe a device", cases=2)
+@pytest.mark.sampled(
+    "each of the devices once, as one that is booted", alike=lambda board, keys: board
+)
 @pytest.mark.parametrize(
     ("board", "keys"),
     [
