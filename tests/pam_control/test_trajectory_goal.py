@@ -78,7 +78,9 @@ class Following:
 
     def run(self, duration):
         def judge(time):
-            self.goal.observe(time, self.controller.channels, self.controller.references)
+            names, telemetry = self.controller.rig.joint_names, self.controller.telemetry
+            joints = dict(zip(names, telemetry, strict=True))
+            self.goal.observe(time, joints, self.controller.references)
 
         return self.loop.run(duration, judge)
 
