@@ -15,6 +15,7 @@ from pam_control.feedback.margins import ControlDesignError, margins, pid_respon
 from pam_control.feedback.operating_points import operating_point
 from pam_control.feedback.pid import Pid, PidGains
 from pam_control.laws.pressure_ratio_pid import PressureRatioPid
+from pam_control.laws.registry import laws
 from pam_control.settings import ControlSettings
 from pam_model.errors import RigError
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
@@ -169,3 +170,10 @@ def test_a_joint_with_two_kinds_of_valve_is_refused() -> None:
         RigError, match="shoulder: its muscles have a pressure_regulator and a flow"
     ):
         Controller(mixed, ControlSettings())
+
+
+@pytest.mark.parametrize("law", laws())
+def test_a_rig_with_a_muscle_that_cannot_pull_is_refused_by_every_law(rig, law):
+    slack = rig.with_muscle(replace(rig.muscles[0], neutral_length=0.18))
+    with pytest.raises(RigError, match=r"^elbow_flexor\.neutral_length = 0\.18 m: at some angles"):
+        Controller(slack, ControlSettings(), law=laws()[law]())

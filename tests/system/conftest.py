@@ -1,4 +1,4 @@
-"""A whole simulated rig: rig, driver, model and controller as processes."""
+"""A whole simulated rig: rig and robot, or rig, driver, model and controller, as processes."""
 
 from __future__ import annotations
 
@@ -63,6 +63,8 @@ SLOW: dict[str, dict[str, Setting]] = {
     "controller": {"loop.rate": 50.0, "loop.stale_after": 2.0},
 }
 NODES = ("rig", "driver", "model", "controller")
+TOGETHER = ("rig", "robot")
+"""The same with driver, model and controller in one process."""
 
 
 @dataclass
@@ -77,8 +79,11 @@ class Suite:
     positions: list[Any]
 
     def start(self, name: str) -> None:
-        """Start one node with the settings of this host."""
-        self.chain.start(name, self.settings[name])
+        """Start one process with the settings of this host."""
+        if name == "robot":
+            self.chain.start_robot(self.settings)
+        else:
+            self.chain.start(name, self.settings[name])
 
     def wait(self, what: str, condition: Callable[[], Any], timeout: float = 20.0) -> Any:
         """Wait for a condition; fails at once if a process has ended by itself."""
@@ -180,7 +185,13 @@ class Suite:
 
 @contextmanager
 def running(
-    rig_path: Path, bus: BusChoice, environment: dict[str, str], folder: Path, *, slow: bool
+    rig_path: Path,
+    bus: BusChoice,
+    environment: dict[str, str],
+    folder: Path,
+    nodes: tuple[str, ...] = NODES,
+    *,
+    slow: bool,
 ) -> Iterator[Suite]:
     """A chain for a rig file; its nodes are ended at the end, and their output is shown."""
     environment = {**environment, "ROS_LOG_DIR": str(folder)}
@@ -193,11 +204,14 @@ def running(
         settings = SLOW if slow else RELAXED
         suite = Suite(chain, probe, frames, 30.0 if slow else 1.0, settings, positions)
         try:
-            for name in NODES[:3]:
+            for name in nodes[:3]:
                 suite.start(name)
-            suite.wait_until_active()
-            suite.start("controller")
-            suite.wait_until_controlling()
+            if len(nodes) > 1:
+                suite.wait_until_active()
+            if "controller" in nodes:
+                suite.start("controller")
+            if nodes[-1] in {"controller", "robot"}:
+                suite.wait_until_controlling()
             yield suite
         finally:
             chain.stop_all()
@@ -208,11 +222,11 @@ def running(
 @pytest.fixture
 def make_suite(
     bus: BusChoice, ros_environment: dict[str, str], slow_host: bool, tmp_path: Path
-) -> Iterator[Callable[[Path], Suite]]:
-    """A function that starts the chain of a rig file for one test."""
+) -> Iterator[Callable[..., Suite]]:
+    """A function that starts the chain of a rig file for one test, with `NODES` or `TOGETHER`."""
     with ExitStack() as stack:
-        yield lambda rig_path: stack.enter_context(
-            running(rig_path, bus, ros_environment, tmp_path, slow=slow_host)
+        yield lambda rig_path, nodes=NODES: stack.enter_context(
+            running(rig_path, bus, ros_environment, tmp_path, nodes, slow=slow_host)
         )
 
 

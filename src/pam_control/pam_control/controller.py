@@ -42,6 +42,7 @@ from pam_model.errors import PamError
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
 from pam_model.robot import compose
+from pam_model.views.pull_over_travel import refuse_slack_muscles
 
 LONGEST_STEP: Final = 0.02  # s; a longer time between two steps is counted as this
 GAP_PERIODS: Final = 3.0  # plus the unknown delay; a step that is later follows a pause of the loop
@@ -79,6 +80,8 @@ class Controller:
     ------
     ControlDesignError
         When a loop would be unstable or have less than 30 degrees of phase margin.
+    RigError
+        If a muscle cannot pull at some angle.
     """
 
     def __init__(
@@ -91,6 +94,7 @@ class Controller:
         self.rig = rig
         self.designs = designs or KeptDesigns()
         self.robot = compose(rig)
+        refuse_slack_muscles(self.robot)
         self._models = [
             JointModels.of(self.robot, joint, settings.min_pressure) for joint in self.robot.joints
         ]

@@ -33,6 +33,7 @@ from pam_control.command_intake import CommandIntake
 from pam_control.control_step import JointTelemetry, Measurement
 from pam_control.controller_health import ControllerHealth
 from pam_control.controller_parameters import (
+    COMMAND_DELAY,
     HELP,
     create_controller,
     parameter_table,
@@ -74,6 +75,8 @@ class ControllerNode(Node):  # type: ignore[misc]
         Makes the loop that runs the cycles; by default a thread of this node.
     arguments : sequence of str, optional
         Arguments for this node alone, from `--ros-args` on.
+    command_delay : float, optional
+        From the controller to the valve by this link [s]: the default of `loop.command_delay`.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         make_link: MakeLink = TopicLink,
         make_loop: MakeLoop = PeriodicLoop,
         arguments: Sequence[str] = (),
+        command_delay: float = COMMAND_DELAY,
     ) -> None:
         super().__init__(
             NAME,
@@ -94,7 +98,7 @@ class ControllerNode(Node):  # type: ignore[misc]
         )
         self._controller: Any = None
         names = self._joint_names_given()
-        self._table = parameter_table(names)
+        self._table = parameter_table(names, command_delay)
         self._declared = NodeParameters(
             self,
             self._table,

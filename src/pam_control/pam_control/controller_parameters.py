@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from pam_control.controller import Controller
 from pam_control.declared import BY_SIZE, Declared, read_fields
@@ -21,6 +23,9 @@ from pam_ros.node_help import Endpoint, NodeHelp
 from pam_ros.parameters import Parameter, Value
 from pam_ros.program_name import PROGRAM
 
+COMMAND_DELAY: Final = ControlSettings().command_delay
+"""From the controller to the valve over topics [s]."""
+
 
 def _parameter(each: Declared) -> Parameter:
     return Parameter(
@@ -29,15 +34,23 @@ def _parameter(each: Declared) -> Parameter:
     )  # fmt: skip
 
 
-def parameter_table(joint_names: Sequence[str]) -> list[Parameter]:
+def parameter_table(
+    joint_names: Sequence[str], command_delay: float = COMMAND_DELAY
+) -> list[Parameter]:
     """All parameters of the node except those of the rig.
 
     Parameters
     ----------
     joint_names : sequence of str
         Names of the joints; each joint has its own gains.
+    command_delay : float, optional
+        Default of `loop.command_delay` [s].
     """
-    return [_parameter(each) for each in declared_parameters(joint_names)]
+    table = [_parameter(each) for each in declared_parameters(joint_names)]
+    return [
+        replace(each, default=command_delay) if each.name == "loop.command_delay" else each
+        for each in table
+    ]
 
 
 def law_from(values: Mapping[str, Value]) -> AnyLaw:

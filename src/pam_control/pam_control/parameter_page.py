@@ -19,7 +19,7 @@ from pam_model.errors import PamError
 
 WIDTH: Final = 100
 EACH_JOINT: Final = "<joint>"
-OF_HOST: Final = ("loop.realtime_priority", "loop.align")
+OF_HOST: Final = ("loop.realtime_priority", "loop.align", "loop.command_delay")
 """Set for a host, often on the command line; a section of a file would have precedence over it."""
 PAGE: Final = Path("docs/controller.md")
 FILE: Final = Path("config/controller.yaml")

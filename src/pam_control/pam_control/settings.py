@@ -75,7 +75,8 @@ class ControlSettings:
         "s",
         0.0,
         0.1,
-        "delay from the controller to the valve",
+        "delay from the controller to the valve; 0.001 is the default in one process with the "
+        "driver",
         loop=True,
     )
     stale_after: float = declared(

@@ -34,6 +34,7 @@ from pam_model.rig import Rig
 from pam_model.robot import compose
 
 _PHYSICS: Final = frozenset({"pressure_implausible", "torque_implausible"})
+_BRIEFLY: Final = 0.02  # s
 _VENTS: Final = frozenset({SafetyState.VENTED, SafetyState.VENTING})
 
 
@@ -268,6 +269,28 @@ class Driver:
                     self._react(now)
                     return
             self._break_off(self.broken, now)
+
+    def stop_stalled(self, text: str, now: float) -> None:
+        """Vent at once because the cycle does not return; called from another thread.
+
+        Nothing happens while no air may move, or if the cycle has stalled with the driver's lock:
+        then the boards' watchdogs are what vents.
+
+        Parameters
+        ----------
+        text : str
+            Describes it; it becomes the text of the fault `loop_too_slow`.
+        now : float
+            Monotonic time [s].
+        """
+        if not self._lock.acquire(timeout=_BRIEFLY):
+            return
+        try:
+            output = OUTPUTS[self.state]
+            if self.state in COMMANDABLE or output.enable or output.lower:
+                self._break_off(Condition("loop_too_slow", "", text), now)
+        finally:
+            self._lock.release()
 
     def _break_off(self, broken: Condition, now: float) -> None:
         """Vent at once, without any judgement."""

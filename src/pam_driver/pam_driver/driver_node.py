@@ -63,6 +63,7 @@ _SUCCESS = TransitionCallbackReturn.SUCCESS
 _FAILURE = TransitionCallbackReturn.FAILURE
 _MOVING = frozenset({SafetyState.CHECKING, SafetyState.READY, SafetyState.ACTIVE})
 _WATCH_PERIOD = 0.05
+_STALLED = 3  # turns of the watch within one cycle
 NAME = "pam_driver"
 
 
@@ -137,12 +138,14 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         self._activation = 0  # names the last one
         self._published_state = ("", 0)
         self._vent_reason = ""
+        self._watched_cycle = self._turns_of_cycle = 0  # of the loop; see `_watch_loop`
         self._broken = ""  # the exception that ends this process
         refuse_impossible_transitions(self)
         notice_errors_of_transitions(self, self._notice)
 
         keeps_nan = bool(self._values["joint_states.keep_nan"])
-        self._topics = DriverTopics(self, self._rig, keeps_nan)
+        every = self.rate / (self._values.number("publish_rate") or self.rate)
+        self._topics = DriverTopics(self, self._rig, keeps_nan, max(1, round(every)))
         self._diagnostics_topic = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         # taken by the I/O thread; two publishers in one cycle are both read
         self._commands = PolledTopic(
@@ -470,6 +473,7 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
             return
         if driver.broken is not None:  # `fail` is called in this turn, and reports it
             return
+        self._watch_loop(driver)
         self._publish_state()
         if driver.state in FAULTY and not self._fault_reported:
             self._fault_reported = True
@@ -481,6 +485,22 @@ class DriverNode(LifecycleNode):  # type: ignore[misc]
         if self._active:
             self._start_up.end()
         self._watch_start(driver)
+
+    def _watch_loop(self, driver: Driver) -> None:
+        """Vent when one cycle goes on and on: nobody else notices that on this computer.
+
+        Turns are counted, not time, since a process that was halted has not stalled.
+        """
+        loop = self._loop
+        if loop is None:
+            return
+        cycles = loop.statistics.cycles
+        self._turns_of_cycle = self._turns_of_cycle + 1 if cycles == self._watched_cycle else 0
+        self._watched_cycle = cycles
+        if loop.busy and self._turns_of_cycle == _STALLED:
+            least = _STALLED * _WATCH_PERIOD
+            text = f"a cycle has not returned within {least:g} s"
+            driver.stop_stalled(text, time.monotonic())
 
     def _watch_start(self, driver: Driver) -> None:
         """While the node starts: activate if this was asked for, else say what is needed."""

@@ -21,6 +21,9 @@ from pam_ros.joint_state_publisher import JointStatePublisher
 from pam_ros.message_sources import source_of
 from pam_ros.valve_command import ValveCommandFormat, ValveFields
 
+COMMAND_DELAY: Final = 0.001
+"""From the controller to the valve by this link [s]: the rest of the cycle, a frame, and half a
+turn of the board."""
 TakeCommands = Callable[[NamedCommand, float], object]
 _OF_THE_DRIVER: Final = 1  # its own subscription to valve_commands, which hears other controllers
 

@@ -92,6 +92,11 @@ class LoopShare:
         return self._cycle.loop.running and self._cycle.has(self._part)
 
     @property
+    def busy(self) -> bool:
+        """Whether a cycle is in progress."""
+        return self._cycle.loop.busy
+
+    @property
     def statistics(self) -> LoopStatistics:
         """The timing of the loop since its start."""
         return self._cycle.loop.statistics

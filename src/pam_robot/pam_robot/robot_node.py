@@ -18,7 +18,7 @@ from rclpy.experimental import EventsExecutor
 
 from pam_driver.snapshot import Snapshot
 from pam_model.errors import PamError
-from pam_robot.direct_link import DirectLink
+from pam_robot.direct_link import COMMAND_DELAY, DirectLink
 from pam_robot.robot_cycle import RobotCycle, Work
 from pam_ros.end_signals import EndSignals
 from pam_ros.errors import ParameterError
@@ -31,7 +31,10 @@ from pam_ros.steady_timers import SteadyTimers, turns
 from pam_ros.unforeseen import BROKEN
 
 NODES: Final = ("pam_driver", "pam_controller", "pam_model")
-SWITCH_INTERVAL: Final = 5e-4  # s; the cycle can run soon after a callback has begun
+SWITCH_INTERVAL: Final = 5e-5
+"""After which another thread lets the cycle run [s]. The cycle gives the interpreter away at each
+call of the system, some ten times, and waits so long for it while a trajectory is planned: with
+0.5 ms, plans of 50,000 points made it skip three times as many cycles."""
 
 HELP: Final = NodeHelp(
     program=f"{PROGRAM} robot node",
@@ -92,6 +95,7 @@ class RobotNodes:
                     self._make_link,
                     self.cycle.controller_loop,
                     arguments=arguments["pam_controller"],
+                    command_delay=COMMAND_DELAY,
                 )
             )
             self.model = self._keep(make_model(composed=True, arguments=arguments["pam_model"]))

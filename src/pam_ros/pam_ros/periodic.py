@@ -85,6 +85,10 @@ class Loop(Protocol):
         """Whether cycles are run."""
 
     @property
+    def busy(self) -> bool:
+        """Whether a cycle is in progress."""
+
+    @property
     def statistics(self) -> LoopStatistics:
         """The timing of the loop since its start."""
 
@@ -124,6 +128,13 @@ class PeriodicLoop:
     priority : int, optional
         Requested real-time priority, see `take_priority`.
 
+    Attributes
+    ----------
+    period : float
+        As given [s].
+    busy : bool
+        Whether a call is in progress.
+
     Raises
     ------
     ValueError
@@ -153,6 +164,7 @@ class PeriodicLoop:
         self._cycles = self._late = self._skipped = 0
         self._worst = 0.0
         self._shift = 0.0
+        self.busy = False
 
     @property
     def running(self) -> bool:
@@ -243,7 +255,9 @@ class PeriodicLoop:
                 self._worst = max(self._worst, lateness)
                 if lateness > 0.5 * period:
                     self._late += 1
+                self.busy = True
                 self._step(now)
+                self.busy = False
                 deadline += period + self._shift
                 self._shift = 0.0
                 now = time.monotonic()

@@ -8,6 +8,7 @@ Therefore the main loop calls what is due itself, and another thread wakes the e
 
 from __future__ import annotations
 
+import gc
 import math
 import threading
 import time
@@ -100,6 +101,7 @@ def turns(
     Exception
         What a callback raised, also one whose caller swallows it, see `pam_ros.unforeseen`.
     """
+    gc.enable()  # it is off while a program starts (`pam_model.command_line.start_node`)
     for node in executor.get_nodes():
         guard_callbacks(node)
     with _kept_awake(executor):
