@@ -2,8 +2,8 @@
 
     python benchmarks/coupled_joints.py [--json]
 
-A chain of links with muscles on each joint, RK4 with 0.25 ms, against the same number of joints that
-stand alone. With a C compiler, the last column is against scalar C of the nominal joint
+A chain of links with muscles on each joint, RK4 with 0.25 ms, against as many joints without
+links. With a C compiler, the last column is against scalar C of the nominal joint
 (benchmarks/limit.c, -O3 -march=native -ffast-math), which has no body, no friction and no effects.
 """
 
@@ -32,8 +32,9 @@ from pam_model.rig import load_rig
 ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"
 LIMIT = Path(__file__).with_name("limit.c")
 COUNTS = (1, 2, 4, 7)
-DURATION = 0.5  # s
-REPEATS = 7
+DURATION = 0.1  # s
+REPEATS = 200
+"""Many short calls, as other work on the machine interrupts long ones."""
 EFFECTS = {"nominal": {}, "friction": {"coulomb_friction.torque": 0.6}}
 
 
@@ -63,12 +64,12 @@ def chain(count: int) -> list[Link]:
 def shortest(call, repeats: int = REPEATS) -> float:
     """Shortest time of a call [s], without its first one."""
     call()
-    return min(timeit.repeat(call, number=1, repeat=repeats))
+    return min(timeit.repeat(call, number=1, repeat=repeats if HAVE_NUMBA else 2))
 
 
 def motion_time(count: int) -> float:
     """Time to solve the equation of motion of a chain [s]."""
-    times = 10_000 if HAVE_NUMBA else 20
+    times = 300 if HAVE_NUMBA else 20
     draw = np.random.default_rng(0)
     arrays = [
         link_numbers(chain(count)),
