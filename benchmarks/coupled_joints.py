@@ -9,15 +9,12 @@ links. With a C compiler, the last column is against scalar C of the nominal joi
 
 from __future__ import annotations
 
-import json
-import shutil
-import subprocess
 import sys
-import tempfile
 import timeit
 from pathlib import Path
 
 import numpy as np
+from limit import c_rates
 
 from pam_model.body.contact import solve_moving
 from pam_model.body.hinge_tree import N_LINK_SCRATCH, mass_and_bias
@@ -30,7 +27,6 @@ from pam_model.plant.simulate import DEFAULT_STEP, Plant
 from pam_model.rig import load_rig
 
 ELBOW = Path(__file__).parents[1] / "config/elbow.yaml"
-LIMIT = Path(__file__).with_name("limit.c")
 COUNTS = (1, 2, 4, 7)
 DURATION = 0.1  # s
 REPEATS = 200
@@ -98,26 +94,14 @@ def step_time(count: int, effects: dict[str, float], *, links: bool) -> float:
     return shortest(lambda: robot.step(commands[:count], DURATION)) / (DURATION / DEFAULT_STEP)
 
 
-def scalar_c() -> float | None:
-    """Time of a step of the nominal joint in C [s]; None without a compiler."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        made = str(Path(folder) / "limit")
-        flags = ["-O3", "-march=native", "-ffast-math", "-fopenmp-simd"]
-        subprocess.run([compiler, *flags, str(LIMIT), "-o", made, "-lm"], check=True)
-        found = subprocess.run([made], check=True, capture_output=True, text=True)
-    return 1e-6 / float(json.loads(found.stdout)["scalar"])
-
-
 def _declare(parser: Parser) -> None:
     """The bench has no options of its own."""
 
 
 def _run(given: Arguments) -> Outcome:
     """Measure and print."""
-    limit = scalar_c()
+    rate = c_rates().get("scalar")
+    limit = None if rate is None else 1e-6 / rate
     rows = []
     for name, effects in EFFECTS.items():
         for count in COUNTS:
