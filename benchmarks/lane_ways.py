@@ -8,7 +8,6 @@ The nominal joint of benchmarks/limit.c in numba, with a batch of 64:
     one lane      the functions of one joint, one plant after the other
     slices        a loop over lanes that hands `array[:, lane]` to these functions
     lane views    a loop over lanes that hands them a view with a constant distance of its entries
-    two threads   lane views, each half of the batch on a thread of its own (prange)
 
 and the plant of the suite, whose loops over lanes are made from the source of its functions
 (pam_model.plant.lane_twins). The second command compiles for 16 registers of 256 bits, as most
@@ -31,15 +30,19 @@ from numba.extending import intrinsic, make_attribute_wrapper, models, overload,
 from pam_model.command_line import Arguments, Command, Outcome, Parser, run_command
 from pam_model.gas.flow import reference_flow
 from pam_model.physics.sine import sine as sine_law
+from pam_model.plant.batch_kernel import simulate_block
 from pam_model.plant.constants import derive_constants
+from pam_model.plant.lane_blocks import blocks_of_lanes
 from pam_model.plant.lane_choice import lane_kernels
+from pam_model.plant.layout import N_OUTPUTS
 from pam_model.plant.parameters import PlantParameters
-from pam_model.plant.simulate import simulate
+from pam_model.plant.simulate import Plant, initial_state
 from pam_model.rig import load_rig
 
 LANES = 16
 BATCH = 64
-SAMPLES = 100
+SAMPLES = 10
+LONG = 100  # samples, for the suite, whose calls cost more
 STEPS = 8
 STEP = 2.5e-4  # s
 REPEATS = 200
@@ -171,7 +174,7 @@ def finish(y, k, h):
         flat[i] += h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i])
 
 
-def measured(rates, lanes, *, flat, threads=1) -> float:
+def measured(rates, lanes, *, flat) -> float:
     """Million steps/s of a batch whose rates are computed by a function for `lanes` lanes."""
 
     @apart
@@ -186,11 +189,9 @@ def measured(rates, lanes, *, flat, threads=1) -> float:
             rates(c, u, moved, k[3])
             finish(y, k, STEP)
 
-    every = numba.prange if threads > 1 else range
-
-    @numba.njit(error_model="numpy", parallel=threads > 1)
+    @apart
     def batch(c, u, ys, ks, moved, samples):
-        for i in every(len(ys)):
+        for i in range(len(ys)):
             run(c, u, ys[i], ks[i], moved[i], samples)
 
     def made(rows):
@@ -206,16 +207,30 @@ def measured(rates, lanes, *, flat, threads=1) -> float:
     return 1e-6 * BATCH * SAMPLES * STEPS / seconds
 
 
-def of_the_suite(count, parameters, **options) -> float:
-    """Million steps/s of `simulate` with `count` plants."""
-    commands = np.tile([0.05, -0.05], (SAMPLES, 1))
+def of_the_suite(*, side_by_side: bool) -> float:
+    """Million steps/s of the suite's plant: one joint, or a block of lanes."""
+    parameters = PlantParameters.from_rig(load_rig(ELBOW))
+    constants = np.repeat(derive_constants(parameters.values)[None], LANES, 0)
+    states = np.repeat(initial_state(parameters)[None], LANES, 0)
+    commands = np.tile([0.05, -0.05], (LONG, 1))
+    outputs = np.empty((LANES, LONG, N_OUTPUTS))
+    tables = tuple(np.ascontiguousarray(table) for table in parameters.tables)
+    kernel = lane_kernels(constants)[0].for_all(LANES)
+    (group,) = blocks_of_lanes(constants, [kernel], STEPS * STEP, STEP)
+    plant = Plant(parameters, STEP)
 
     def call():
-        simulate(parameters, commands, STEPS * STEP, **options)
+        if side_by_side:
+            simulate_block(
+                group, constants, tables, commands, states, outputs,
+                sample_time=STEPS * STEP, shut=False,
+            )  # fmt: skip
+        else:
+            plant.step((0.05, -0.05), LONG * STEPS * STEP)
 
     call()
     seconds = min(timeit.repeat(call, number=1, repeat=REPEATS))
-    return 1e-6 * count * SAMPLES * STEPS / seconds
+    return 1e-6 * (LANES if side_by_side else 1) * LONG * STEPS / seconds
 
 
 def _declare(parser: Parser) -> None:
@@ -224,19 +239,14 @@ def _declare(parser: Parser) -> None:
 
 def _run(given: Arguments) -> Outcome:
     """Measure and print."""
-    parameters = PlantParameters.from_rig(load_rig(ELBOW))
-    values = np.repeat(parameters.values[None], BATCH, axis=0)
-    kernels = lane_kernels(np.array([derive_constants(one) for one in values]))[:1]
     limit = c_rates()
     found = {
         **{f"C, {name}": rate for name, rate in limit.items()},
         "numba, one lane": measured(rates_alone, 1, flat=True),
         "numba, slices": measured(rates_of_slices, LANES, flat=False),
         "numba, lane views": measured(rates_of_views, LANES, flat=True),
-        "numba, lane views, two threads": measured(rates_of_views, LANES, flat=True, threads=2),
-        "suite, one trajectory": of_the_suite(1, parameters),
-        "suite, one after the other": of_the_suite(BATCH, parameters, values=values, kernels=()),
-        "suite, side by side": of_the_suite(BATCH, parameters, values=values, kernels=kernels),
+        "suite, one joint": of_the_suite(side_by_side=False),
+        "suite, a block of lanes": of_the_suite(side_by_side=True),
     }
     for name, rate in found.items():
         share = f", {rate / limit['scalar']:5.2f} of scalar C" if limit else ""
