@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 from pam_check.commands import (
     blind,
+    calibration,
     control,
     endurance,
     faults,
@@ -30,6 +31,7 @@ COMMANDS = (
     *fuzz.COMMANDS,
     *control.COMMANDS,
     *blind.COMMANDS,
+    *calibration.COMMANDS,
     *fleet.COMMANDS,
 )
 

@@ -29,6 +29,7 @@ UP, DOWN = "frames_delayed_up", "frames_delayed_down"
 
 def test_an_interrupted_run_goes_on_with_the_draws_that_are_missing(tmp_path, capsys, monkeypatch):
     """With draws whose result is their seed; the tests below play some."""
+    monkeypatch.setattr("pam_check.faults.delay_draws.make_chain", lambda *_: None)
     monkeypatch.setattr(
         "pam_check.faults.delay_draws.judge_draw",
         lambda _, drawn, seed: replace(drawn, outcome=TRACKS, last_error=1e-12 * seed),

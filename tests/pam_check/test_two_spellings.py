@@ -24,7 +24,6 @@ import numpy as np
 import pytest
 
 from pam_control.compensation.dry_friction import DryFriction
-from pam_control.compensation.inverse_dynamics import InverseDynamics
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels
 from pam_control.joint_scale import JointScale
@@ -38,6 +37,7 @@ from pam_model.plant.constants import derive_constants
 from pam_model.plant.parameters import PlantParameters
 from pam_model.rig import Bus, Joint, Muscle, Rig, Valve, load_rig
 from pam_model.robot import Robot, compose
+from pam_model.views.inverse_dynamics import InverseDynamics
 from support.source_tree import modules
 
 ROOT = Path(__file__).parents[2]

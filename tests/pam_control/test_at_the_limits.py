@@ -56,9 +56,23 @@ def test_a_trajectory_may_start_where_the_joint_is(start: float) -> None:
     assert references.sample("elbow", 3.0).position == pytest.approx(-0.5)
 
 
+def test_every_point_of_a_dense_plan_on_its_way_back_is_accepted() -> None:
+    """Planners give a point for each tenth of a second, so that several are beyond the limit."""
+    references = generator()
+    back = [(-1.003, 0.0), (-1.002, 0.02), (-1.0005, 0.01), (-0.98, 0.2), (-0.5, 0.0)]
+    points = [Point(0.1 * k, [q], [v]) for k, (q, v) in enumerate(back)]
+    assert references.plan(["elbow"], points, start=None, now=0.0, measured={"elbow": -1.003})
+    references.follow(["elbow"], points, start=None, now=0.0)
+    way = [references.sample("elbow", 0.01 * tick).position for tick in range(300)]
+    assert min(way) >= -1.0
+    assert way[-1] == pytest.approx(-0.5)
+
+
 REFUSED = {
     "the joint is elsewhere": ([(0.0, -1.003), (2.0, 0.0)], {"elbow": 0.3}, "-1.003"),
     "beyond the driver's margin": ([(0.0, -1.051), (2.0, 0.0)], {"elbow": -1.051}, "-1.051"),
+    "on the way out": ([(0.0, -1.003), (1.0, -1.004), (2.0, 0.0)], None, "point 1"),
+    "never comes back": ([(0.0, -1.003), (1.0, -1.002)], None, "point 1"),
     "not the first point": ([(0.0, -1.003), (1.0, -1.003), (2.0, 0.0)], None, "point 1"),
     "the goal": ([(0.0, -1.0), (2.0, 1.003)], {"elbow": 1.003}, "1.003"),
     "the only point is the goal": ([(2.0, -1.003)], {"elbow": -1.003}, "-1.003"),

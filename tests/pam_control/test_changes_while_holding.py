@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pam_control.controller import MODEL_BASED, Controller
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
@@ -14,7 +15,7 @@ from pam_control.settings import ControlSettings
 HELD = 0.8  # rad, where gravity asks for most of the torque
 ALLOWED = 0.03  # rad
 DESIGNS = KeptDesigns()
-GAINS = {"elbow": PidGains(3.0, 40.0, 0.3, 0.01)}
+GAINS = {"elbow": GainSchedule.constant(PidGains(3.0, 40.0, 0.3, 0.01))}
 CHANGES = [
     ("model", {"feedforward": False}),
     ("model", {"gains": GAINS}),

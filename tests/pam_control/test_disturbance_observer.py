@@ -113,7 +113,8 @@ def test_switching_it_while_a_load_is_held_does_not_move_the_joint(closed_loop, 
 
 def test_more_unknown_delay_means_a_slower_observer(rig):
     fast, slow = (
-        observing(rig, extra_delay=delay).settings.gains["elbow"].observer for delay in (2e-3, 0.03)
+        observing(rig, extra_delay=delay).settings.gains["elbow"].at(14.0).observer
+        for delay in (2e-3, 0.03)
     )
     assert 0.0 < slow < fast
 

@@ -32,7 +32,7 @@ SIZES = [
 
 def rig_of(folder, torque: float, length: float, inertia: float) -> Rig:
     path = folder / "rig.yaml"
-    size = size_joint(torque, 1.0, 3.0, PRESSURE, length)
+    size = size_joint(torque, 1.0, 3.0, PRESSURE, length, PRESSURE + 1e5)
     path.write_text(sized_rig(size, 1.0, PRESSURE, inertia).text(), encoding="utf-8")
     return load_rig(path)
 

@@ -14,7 +14,12 @@ import pytest
 from pam_control.controller import Controller
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.learning import learnt_file
-from pam_control.learning.learning_filter import UNKNOWN_DELAYS, LearningFilter, later
+from pam_control.learning.learning_filter import (
+    UNKNOWN_DELAYS,
+    LearningFilter,
+    later,
+    minimax_inverse,
+)
 from pam_control.learning.learnt_file import (
     LARGEST_FILE,
     LONGEST_READING,
@@ -123,7 +128,7 @@ def filter_and_responses(rig):
         channel.models, settings.replace(stiffness_grid=(12.0, 14.0, 16.0))
     )
     timing = controller.design.timing(channel.models, settings)
-    return LearningFilter("elbow", cases, timing, settings.gains["elbow"]), cases, timing
+    return LearningFilter("elbow", cases, timing, settings.gains["elbow"].at(14.0)), cases, timing
 
 
 @pytest.mark.parametrize("delay", UNKNOWN_DELAYS)
@@ -147,6 +152,20 @@ def test_errors_become_smaller_at_every_repetition_for_the_whole_range(filter_an
         for before, after in itertools.pairwise(errors):
             assert after < max(before, floor)
         assert errors[-1] < 0.3 * errors[0]
+
+
+def test_the_inverse_is_the_best_for_the_worst_plant():
+    """A least-squares inverse follows the majority."""
+    responses = np.array([[1.0], [1.0], [1.0], [1.0], [3.0]], dtype=complex)
+    (inverse,) = minimax_inverse(responses)
+    assert inverse.real == pytest.approx(0.5, rel=0.05)  # |1 - L| = |1 - 3 L|
+    assert np.abs(1.0 - inverse * responses).max() < 0.55
+
+
+def test_the_filter_reaches_the_crossover_with_the_gains_of_the_schedule(filter_and_responses):
+    filter, _, _ = filter_and_responses
+    assert filter.cut_off > 30.0
+    assert filter.contraction < 0.9
 
 
 # --- the bookkeeping -----------------------------------------------------------------------------

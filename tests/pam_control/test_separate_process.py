@@ -23,7 +23,7 @@ from pam_control.controller import Controller
 from pam_control.settings import ControlSettings
 from pam_model.rig import load_rig
 designs = KeptDesigns(Path(sys.argv[1]))
-settings = ControlSettings(safe_delay=0.0)
+settings = ControlSettings(safe_delay=0.0, stiffness_grid=(12.0,))
 controller = Controller(load_rig("config/elbow.yaml"), settings, designs)
 if sys.argv[2] == "separate":
     process = SeparateProcess()

@@ -48,7 +48,7 @@ def test_the_stiffness_of_a_rig_that_is_two_per_cent_off_is_learnt_in_one_motion
     state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
     true = truth.stiffness(*state[0], state[1])
     wrong = channel.models.model.stiffness(*state[0], state[1])
-    found = channel.law_state.estimate.at(*state)
+    found = channel.law_state.estimates.stiffness.at(*state)
     assert abs(wrong / true - 1.0) > 0.03
     assert found.learnt
     assert found.value == pytest.approx(true, rel=0.025)
@@ -70,7 +70,7 @@ def test_what_the_dimensions_do_not_explain_leaves_the_stiffness_of_the_model(
     controller, loop = played(closed_loop, rig, reaching, effects=friction)
     channel, output = controller.channels[0], loop.plants[0].output
     state = (output["agonist.pressure"], output["antagonist.pressure"]), output["position"]
-    found = channel.law_state.estimate.at(*state)
+    found = channel.law_state.estimates.stiffness.at(*state)
     assert not found.learnt
     assert found.value == pytest.approx(channel.models.model.stiffness(*state[0], state[1]))
     assert found.high / found.value > 1.03  # the interval of the tolerance

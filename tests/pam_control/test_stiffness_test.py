@@ -99,13 +99,13 @@ def test_the_stiffness_of_a_joint_that_only_rests_is_learnt_by_the_test(closed_l
     loop.run(1.0)
     channel = controller.channels[0]
     where = channel.telemetry.pressures, channel.position
-    assert not channel.law_state.estimate.at(*where).learnt
+    assert not channel.law_state.estimates.stiffness.at(*where).learnt
     controller.references.follow(
         ["elbow"], motion_of_test(0.0, 0.05, 1.5), start=None, now=loop.time
     )
-    before = channel.law_state.estimate.at(*where)
+    before = channel.law_state.estimates.stiffness.at(*where)
     loop.run(4.2)
-    after = channel.law_state.estimate.at(*where)
+    after = channel.law_state.estimates.stiffness.at(*where)
     assert after.learnt
     assert after.high - after.low < 0.8 * (before.high - before.low)
     assert isinstance(controller.references.sample("elbow", loop.time), JointReference)

@@ -67,7 +67,7 @@ def test_lowering_lets_a_loaded_joint_down_slowly_and_then_stops(closed_loop, ri
 
 
 def test_lowering_brakes_a_moving_joint_first(closed_loop, rig):
-    controller, loop = moved(closed_loop, rig, Controller, 0.8, 0.5)
+    controller, loop = moved(closed_loop, rig, MODEL_BASED, 0.8, 0.5)
     controller.lower(loop.time)
     loop.run(0.02)
     assert controller.lowering.phase is LoweringPhase.BRAKING
@@ -77,7 +77,7 @@ def test_lowering_brakes_a_moving_joint_first(closed_loop, rig):
 
 
 def test_a_stop_ends_the_lowering_and_holds_the_joint_where_it_is(closed_loop, rig):
-    controller, loop = moved(closed_loop, rig, Controller, 0.8, 3.0)
+    controller, loop = moved(closed_loop, rig, MODEL_BASED, 0.8, 3.0)
     controller.lower(loop.time)
     before = loop.run(1.5).column(2)[-1]
     assert controller.lowering.phase is LoweringPhase.SINKING
@@ -88,7 +88,7 @@ def test_a_stop_ends_the_lowering_and_holds_the_joint_where_it_is(closed_loop, r
 
 
 def test_a_lowered_controller_sends_nothing_until_the_driver_was_vented(closed_loop, rig):
-    controller, loop = moved(closed_loop, rig, Controller, 0.3, 1.5)
+    controller, loop = moved(closed_loop, rig, MODEL_BASED, 0.3, 1.5)
     controller.change(controller.prepared.asked.replace(lowering_time=0.3))
     controller.lower(loop.time)
     sunk(controller, loop, 4.0)

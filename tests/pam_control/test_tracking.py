@@ -135,7 +135,7 @@ def test_integrator_does_not_wind_up_on_what_the_muscles_cannot_do(closed_loop, 
         assert abs(channel.integral) <= limit
     telemetry = controller.channels[0].telemetry
     reach = controller.channels[0].models.model.pressures_for(1e6, 14.0, 0.9).torque
-    gains = controller.settings.gains["elbow"]
+    gains = controller.settings.gains["elbow"].at(14.0)
     assert gains.integral * 0.9 * 5.0 > 10.0 * reach  # it had every reason to
     assert telemetry.torque < 2.0 * reach
 

@@ -111,6 +111,9 @@ HARMLESS: Final[dict[str, Callable[[str], str]]] = {
     "unknown keys": lambda text: re.sub(r"(?m)^(ObjectType=.*)", r"\1\nColour=blue", text),
     "no DeviceInfo": lambda text: text[text.index("[1000]") :],
     "every key twice": lambda text: re.sub(r"(?m)^(\w+=.*)", r"\1\n\1", text),
+    "every section twice": lambda text: f"{text}\n{text}",
+    "sections with 0x": lambda text: re.sub(r"\[([0-9A-F]{4})", r"[0x\1", text),
+    "end of a file of DOS": lambda text: f"{text}\x1a",
     "octal numbers": lambda text: text.replace("DataType=0x0007", "DataType=007"),
 }
 OPTIONAL: Final = ("[1000]", "[1018]", "[1018sub1]", "[1018sub2]")

@@ -31,6 +31,7 @@ from pam_check.blind.truth_plant import TruthJoint
 from pam_check.control.closed_loop import LIMIT_CYCLE, SETTLED, TOLD, Muscles, Played, Trace, play
 from pam_control.control_step import JointTelemetry
 from pam_control.controller import Controller
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.laws.pressure_difference_pid import PressureDifferencePid
@@ -119,7 +120,7 @@ class Bench:
     def first(self) -> TunedPid:
         """The gains and the feedforward that follow from the rig file."""
         settings = self._controller.settings
-        gains = settings.gains[self._name]
+        (gains,) = settings.gains[self._name].gains
         models = self._controller.channels[0].models
         coefficients = dataclasses.astuple(LAW.feedforward(models, settings))
         return TunedPid(
@@ -140,7 +141,9 @@ class Bench:
 
     def _use(self, tuned: TunedPid) -> None:
         settings = TOLD.replace(
-            gains={self._name: PidGains(*tuned.gains, TOLD.derivative_filter)},
+            gains={
+                self._name: GainSchedule.constant(PidGains(*tuned.gains, TOLD.derivative_filter))
+            },
             pressure_gain=tuned.pressure_gain,
         )
         # not through `prepare`: that would refuse gains which are unsafe on the nominal rig

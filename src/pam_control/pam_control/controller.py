@@ -23,11 +23,11 @@ from pam_control.control_step import (
     Measurement,
     missing_measurement,
 )
-from pam_control.declared import BY_SIZE, sized
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.supply_reservoir import SupplyReservoir
-from pam_control.joint_channel import Cycle, JointChannel, JointSetup
+from pam_control.joint_channel import Cycle, JointChannel
 from pam_control.joint_models import JointModels, Pair
+from pam_control.joint_setup import joint_setups
 from pam_control.laws.law import AnyLaw
 from pam_control.laws.position_stiffness import PositionStiffness
 from pam_control.loop_design import LoopDesign, Loops, PreparedSettings
@@ -42,6 +42,7 @@ from pam_model.errors import PamError
 from pam_model.joints.sensor_correction import SensorCorrection
 from pam_model.rig import Rig
 from pam_model.robot import compose
+from pam_model.views.pull_over_travel import refuse_slack_muscles
 
 LONGEST_STEP: Final = 0.02  # s; a longer time between two steps is counted as this
 GAP_PERIODS: Final = 3.0  # plus the unknown delay; a step that is later follows a pause of the loop
@@ -79,6 +80,8 @@ class Controller:
     ------
     ControlDesignError
         When a loop would be unstable or have less than 30 degrees of phase margin.
+    RigError
+        If a muscle cannot pull at some angle.
     """
 
     def __init__(
@@ -91,6 +94,7 @@ class Controller:
         self.rig = rig
         self.designs = designs or KeptDesigns()
         self.robot = compose(rig)
+        refuse_slack_muscles(self.robot)
         self._models = [
             JointModels.of(self.robot, joint, settings.min_pressure) for joint in self.robot.joints
         ]
@@ -99,7 +103,11 @@ class Controller:
         self.reservoir = SupplyReservoir(self.robot)
         self.channels = [
             JointChannel(models, self.reservoir, setup)
-            for models, setup in zip(self._models, self._setups(self.prepared.normal), strict=True)
+            for models, setup in zip(
+                self._models,
+                joint_setups(self._models, self.prepared, self.prepared.normal),
+                strict=True,
+            )
         ]
         stiffnesses = self._default_stiffness(settings)
         self._limits = ReferenceLimits(rig, self.robot, self._models, stiffnesses)
@@ -184,33 +192,12 @@ class Controller:
         """Whether there are soft gains for these settings."""
         return self.prepared.soft is not None
 
-    def _setups(self, loops: Loops) -> list[JointSetup]:
-        """What is in force for each joint with these loops."""
-        session = None if loops.soft else self.prepared.learning
-        setups = []
-        for models, margins in zip(self._models, loops.margins, strict=True):
-            settings = models.scale.complete(loops.settings)
-            limit = settings.integral_limit
-            if loops.settings.integral_limit == BY_SIZE and self.law.largest_integral is not None:
-                limit = self.law.largest_integral
-            setups.append(
-                JointSetup(
-                    sized(self.law, models.scale, settings),
-                    settings,
-                    settings.gains[models.name],
-                    limit,
-                    models.acting_delays(settings),
-                    margins,
-                    settings.adaptation and self.law.has_adaptation,
-                    session.learners[models.name] if session else None,
-                )
-            )
-        return setups
-
     def _apply(self, loops: Loops) -> None:
         """Use these loops from the next step on, without a jump of the desired pressures."""
         self.settings = settings = loops.settings
-        for channel, setup in zip(self.channels, self._setups(loops), strict=True):
+        for channel, setup in zip(
+            self.channels, joint_setups(self._models, self.prepared, loops), strict=True
+        ):
             channel.use(setup)
         if not settings.adaptation:
             self.forget_adaptation()
@@ -303,7 +290,7 @@ class Controller:
         models, reference = self._models[index], self.channels[index].telemetry.reference
         if math.isnan(reference.position):
             return math.nan, math.nan
-        torque = models.dynamics.torque(reference)
+        torque = models.torque(reference)
         low = models.model.pressures_for(torque, 0.0, reference.position)
         high = models.model.pressures_for(torque, 1e9, reference.position)
         return float(low.stiffness), float(high.stiffness)

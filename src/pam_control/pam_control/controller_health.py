@@ -9,6 +9,7 @@ from typing import Any
 
 from pam_control.command_intake import CommandIntake
 from pam_control.controller import Controller
+from pam_control.driver_follower import DriverFollower
 from pam_control.setting_changes import SettingChanges
 from pam_ros import diagnostics as health
 from pam_ros.periodic import Loop
@@ -40,15 +41,17 @@ class ControllerHealth:
         Its commands.
     changes : SettingChanges
         Its settings.
-
-    Attributes
-    ----------
-    driver : str
-        What the driver has said last about commands.
+    driver : DriverFollower
+        What the driver has said.
     """
 
     def __init__(
-        self, name: str, controller: Controller, intake: CommandIntake, changes: SettingChanges
+        self,
+        name: str,
+        controller: Controller,
+        intake: CommandIntake,
+        changes: SettingChanges,
+        driver: DriverFollower,
     ) -> None:
         self._name = name
         self._controller = controller
@@ -56,7 +59,7 @@ class ControllerHealth:
         self._changes = changes
         self._counts = [JointCounts() for _ in controller.channels]
         self._oldest = [0.0, 0.0]
-        self.driver = "no state received"
+        self._driver = driver
 
     def count(self, ages: Sequence[float]) -> None:
         """Count a control cycle; ages [s] of the joint states and of the pressure states in it."""
@@ -103,7 +106,7 @@ class ControllerHealth:
         ):
             values[f"{topic} age [ms]"] = 1e3 * age
             values[f"{topic} largest age in a cycle [ms]"] = 1e3 * oldest
-        values["driver"] = self.driver
+        values["driver"] = self._driver.said
         values["law"] = law
         values["feedforward"] = controller.settings.feedforward
         values["pressure loop gain [1/s]"] = controller.settings.pressure_gain
@@ -149,7 +152,7 @@ class ControllerHealth:
         channel, counts = controller.channels[index], self._counts[index]
         self._counts[index] = JointCounts()
         setup, telemetry, name = channel.setup, channel.telemetry, channel.models.name
-        worst, gains = setup.margins[0], setup.gains
+        worst, gains = setup.margins[0], channel.gains
         cycles = max(counts.cycles, 1)
         low, high = controller.stiffness_range(index)
         values = {

@@ -9,6 +9,7 @@ from typing import Final
 
 from pam_control.controller import Controller
 from pam_control.declared import BY_SIZE, Declared, read_fields
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.pid import PidGains
 from pam_control.kept_files import file_inside, kept_folder
@@ -95,7 +96,9 @@ def settings_from(values: Mapping[str, Value], joint_names: Sequence[str]) -> Co
     fields = read_fields(ControlSettings, values)
     partial = {name: _given_gains(values, name) for name in joint_names}
     fields["gains"] = {
-        name: PidGains(**given, derivative_filter=fields["derivative_filter"])
+        name: GainSchedule.constant(
+            PidGains(**given, derivative_filter=fields["derivative_filter"])
+        )
         for name, given in partial.items()
         if len(given) == len(GAINS)
     }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from pam_control.control_step import (
@@ -16,7 +15,6 @@ from pam_control.control_step import (
     PlanRequest,
     PressurePlan,
 )
-from pam_control.feedback.margins import Margins
 from pam_control.feedback.pid import Pid, PidGains
 from pam_control.feedback.pressure_loop import (
     PressureDemand,
@@ -25,47 +23,12 @@ from pam_control.feedback.pressure_loop import (
 )
 from pam_control.feedback.supply_reservoir import SupplyReservoir
 from pam_control.joint_models import JointModels, Pair
-from pam_control.laws.law import AnyLaw, Guidance, GuideRequest, Start
-from pam_control.learning.motion_learner import MotionLearner
+from pam_control.joint_setup import JointSetup
+from pam_control.laws.law import Guidance, GuideRequest, Start
 from pam_control.limited import limited
 from pam_control.references.reference_generator import ReferenceGenerator
-from pam_control.settings import ControlSettings
 
 SATURATED = frozenset({"torque", "pressure_rate", "valve"})  # what limits the torque
-
-
-@dataclass(frozen=True, slots=True)
-class JointSetup:
-    """What is in force for one joint until the settings change.
-
-    Attributes
-    ----------
-    law : Law
-        With the values that follow from the size of the joint.
-    settings : ControlSettings
-        The same.
-    gains : PidGains
-        Of the feedback.
-    integral_limit : float
-        Of the feedback, in the unit of its output.
-    acting_delays : (float, float)
-        Time from a control cycle until each valve acts, by the rig file [s].
-    margins : list of Margins
-        With these gains, the worst operating point first.
-    adapts : bool
-        Whether what was learnt is used.
-    learner : MotionLearner or None
-        Of a motion that is repeated.
-    """
-
-    law: AnyLaw
-    settings: ControlSettings
-    gains: PidGains
-    integral_limit: float
-    acting_delays: Pair
-    margins: list[Margins]
-    adapts: bool
-    learner: MotionLearner | None
 
 
 class Cycle(NamedTuple):
@@ -151,6 +114,11 @@ class JointChannel:
         return self._state
 
     @property
+    def gains(self) -> PidGains:
+        """Of the feedback at the present stiffness."""
+        return self._setup.gains.at(self._setup.law.stiffness(self._state))
+
+    @property
     def integral(self) -> float:
         """Of the feedback, in the unit of its output."""
         return self._pid.integral
@@ -209,13 +177,14 @@ class JointChannel:
 
     def resume(self) -> None:
         """Go on with a changed setup from the pressures that the joint is desired to have."""
+        gains = self.gains
         found = self._setup.law.resume(self.models, self._state, self._start(self._motion.position))
         if found is None:
             self.begin_again()
             output = self._pid.integral
         else:
             output, self._state = found
-        self._pid.continue_at(output, self._telemetry.error, self._setup.gains)
+        self._pid.continue_at(output, self._telemetry.error, gains)
 
     def _start(self, position: float) -> Start:
         setup = self._setup
@@ -223,7 +192,7 @@ class JointChannel:
             position,
             self._desired,
             setup.settings,
-            setup.gains,
+            self.gains,
             setup.adapts,
             self._telemetry.reference,
         )
@@ -249,7 +218,7 @@ class JointChannel:
             Commanded [N m]; None if no torque is commanded.
         """
         setup, models = self._setup, self.models
-        settings, gains, name = setup.settings, setup.gains, models.name
+        settings, gains, name = setup.settings, self.gains, models.name
         measurement, references = cycle.measurement, cycle.references
         position = measurement.positions[models.joint.place]
         first, second = models.joint.muscles

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pam_control.compensation.inverse_dynamics import InverseDynamics
+from pam_control.compensation.dry_friction import DryFriction
 from pam_control.joint_scale import JointScale
 from pam_control.limited import limited
+from pam_control.references.spline import JointReference
 from pam_control.settings import ControlSettings
 from pam_model.joints.antagonistic_joint import AntagonisticJoint
 from pam_model.robot import Robot, RobotJoint, RobotMuscle
+from pam_model.views.inverse_dynamics import InverseDynamics
 
 Pair = tuple[float, float]
 
@@ -30,7 +32,9 @@ class JointModels:
     model : AntagonisticJoint
         Torque and stiffness of its muscles, and their inverse.
     dynamics : InverseDynamics
-        Its equation of motion.
+        Its equation of motion, without dry friction.
+    dry_friction : DryFriction
+        As it is compensated.
     muscles : tuple of RobotMuscle
         Agonist, antagonist.
     scale : JointScale
@@ -43,6 +47,7 @@ class JointModels:
     joint: RobotJoint
     model: AntagonisticJoint
     dynamics: InverseDynamics
+    dry_friction: DryFriction
     muscles: tuple[RobotMuscle, ...]
     scale: JointScale
     pressure_lag: float
@@ -59,6 +64,7 @@ class JointModels:
             joint,
             model,
             InverseDynamics.from_joint(joint),
+            DryFriction.from_joint(joint),
             muscles,
             JointScale.of(joint, model),
             max(muscle.pressure_lag for muscle in muscles),
@@ -88,6 +94,10 @@ class JointModels:
     def position_delay(self) -> float:
         """Of the position sensor [s]."""
         return self.joint.position_delay
+
+    def torque(self, reference: JointReference) -> float:
+        """Torque [N m] for a reference, without dry friction."""
+        return self.dynamics.torque(reference.position, reference.velocity, reference.acceleration)
 
     def inside(self, position: float) -> float:
         """The position [rad] limited to the range of the muscles' models."""

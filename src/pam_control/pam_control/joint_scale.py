@@ -29,13 +29,13 @@ class JointScale:
         Largest torque, the mean of both directions [N m].
     stiffness : float
         Largest stiffness without torque [N m/rad].
-    inertia : float
-        [kg m^2].
+    joint : RobotJoint
+        The joint itself.
     """
 
     torque: float
     stiffness: float
-    inertia: float
+    joint: RobotJoint
 
     @classmethod
     def of(cls, joint: RobotJoint, model: AntagonisticJoint) -> JointScale:
@@ -51,7 +51,7 @@ class JointScale:
         middle = 0.5 * sum(joint.position_limits)
         first, second = model.agonist.high_pressure, model.antagonist.high_pressure
         torque = model.torque(first, 0.0, middle) - model.torque(0.0, second, middle)
-        return cls(0.5 * torque, model.pressures_for(0.0, _ALL, middle).stiffness, joint.inertia)
+        return cls(0.5 * torque, model.pressures_for(0.0, _ALL, middle).stiffness, joint)
 
     def complete(self, settings: ControlSettings) -> ControlSettings:
         """The settings with the values that follow from the size of this joint.

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from pam_control.declared import changes_loop
 from pam_control.feedback.gain_design import DesignTask, design_pressure_gain
+from pam_control.feedback.gain_schedule import GainSchedule
 from pam_control.feedback.kept_designs import KeptDesigns
 from pam_control.feedback.linear_joint import LoopTiming
 from pam_control.feedback.margins import (
@@ -128,8 +131,15 @@ class LoopDesign:
             position_delay=models.position_delay,
         )
 
-    def designed(self, settings: ControlSettings) -> ControlSettings:
+    def designed(self, settings: ControlSettings, one_set: bool = False) -> ControlSettings:
         """The settings with every missing gain designed.
+
+        Parameters
+        ----------
+        settings : ControlSettings
+            Some gains may be missing.
+        one_set : bool, optional
+            The gains do not depend on the stiffness, even with a law for which they usually do.
 
         Raises
         ------
@@ -146,10 +156,29 @@ class LoopDesign:
             name = models.name
             if name not in gains:
                 given = settings.partial_gains.get(name, {})
-                gains[name] = dataclasses.replace(self._found(models, settings), **given)
+                scheduled = self.law.is_scheduled and not one_set
+                find = self._schedule if scheduled else self._constant
+                gains[name] = find(models, settings).replaced(given)
             if self.law.has_observer and settings.observer and settings.observer_bandwidth > 0.0:
-                gains[name] = dataclasses.replace(gains[name], observer=settings.observer_bandwidth)
+                gains[name] = gains[name].replaced({"observer": settings.observer_bandwidth})
         return settings.replace(gains=gains)
+
+    def _schedule(self, models: JointModels, settings: ControlSettings) -> GainSchedule:
+        """Designed gains; at each stiffness of the grid they serve half the way to the next."""
+        grid = models.scale.complete(settings).stiffness_grid
+        dense = _with_middles(grid)
+        near = [dense[max(2 * index - 1, 0) : 2 * index + 2] for index in range(len(grid))]
+        gains = (self._found(models, settings.replace(stiffness_grid=each)) for each in near)
+        schedule = GainSchedule(grid, tuple(gains))
+        try:
+            self._margins(models, settings, schedule)
+        except ControlDesignError:  # not safe between two stiffnesses
+            return self._constant(models, settings)
+        return schedule
+
+    def _constant(self, models: JointModels, settings: ControlSettings) -> GainSchedule:
+        """Designed gains for the whole range of the stiffness."""
+        return GainSchedule.constant(self._found(models, settings))
 
     def _task(self, models: JointModels, settings: ControlSettings) -> DesignTask:
         return DesignTask(
@@ -158,7 +187,16 @@ class LoopDesign:
             settings.phase_margin,
             settings.sensitivity,
             settings.derivative_filter,
+            lead=self._lead(models, settings),
         )
+
+    def _lead(self, models: JointModels, settings: ControlSettings) -> float:
+        """Time constant of the lead on the derivative [s]."""
+        if not self.law.has_lead:
+            return 0.0
+        if self.timing(models, settings).regulated:
+            return settings.feedback_lead * max(models.valve_time_constants)
+        return settings.feedback_lead / (settings.pressure_gain or math.inf)
 
     def _found(self, models: JointModels, settings: ControlSettings) -> PidGains:
         """Designed gains; without an observer if none keeps the margins."""
@@ -170,17 +208,19 @@ class LoopDesign:
         return self.designs.pid(name, task)
 
     def _check_observer(self, models: JointModels, settings: ControlSettings) -> None:
-        gains = settings.gains[models.name]
-        if gains.observer == 0.0:
-            return
-        task = self._task(models, settings)
-        cost = ObserverCost(dataclasses.replace(task, unknown_delay=settings.extra_delay))
-        if not cost.stable(gains):
-            raise ControlDesignError(
-                f"{models.name}: a disturbance observer of {gains.observer:g} rad/s makes "
-                f"the loop unstable if a measurement is {1e3 * settings.extra_delay:g} ms late or "
-                "the limb is heavier than written"
-            )
+        schedule = settings.gains[models.name]
+        for stiffness, gains in zip(schedule.stiffnesses, schedule.gains, strict=True):
+            if gains.observer == 0.0:
+                continue
+            near = settings.replace(stiffness_grid=(stiffness,)) if stiffness > 0.0 else settings
+            task = self._task(models, near)
+            cost = ObserverCost(dataclasses.replace(task, unknown_delay=settings.extra_delay))
+            if not cost.stable(gains):
+                raise ControlDesignError(
+                    f"{models.name}: a disturbance observer of {gains.observer:g} rad/s "
+                    f"makes the loop unstable if a measurement is {1e3 * settings.extra_delay:g} "
+                    "ms late or the limb is heavier than written"
+                )
 
     def check(self, settings: ControlSettings) -> list[list[Margins]]:
         """Margins of every joint with these settings, the worst operating point first.
@@ -193,18 +233,31 @@ class LoopDesign:
         found = []
         for models in self.joints:
             self._check_observer(models, settings)
-            cases, timing = self.cases(models, settings), self.timing(models, settings)
-            gains = settings.gains[models.name]
-            stable = self.designs.stable(cases, timing, gains)
-            found.append(checked_margins(models.name, cases, timing, gains, stable))
+            found.append(self._margins(models, settings, settings.gains[models.name]))
         self._check_bare(settings)
         return found
+
+    def _margins(
+        self, models: JointModels, settings: ControlSettings, gains: GainSchedule
+    ) -> list[Margins]:
+        """Margins of one joint at and between the stiffnesses of the grid, the worst first.
+
+        Raises
+        ------
+        ControlDesignError
+            When a loop is not safe.
+        """
+        grid = _with_middles(models.scale.complete(settings).stiffness_grid)
+        cases = self.cases(models, settings.replace(stiffness_grid=grid))
+        timing = self.timing(models, settings)
+        stable = self.designs.stable(cases, timing, gains)
+        return checked_margins(models.name, cases, timing, gains, stable)
 
     def _check_bare(self, settings: ControlSettings) -> None:
         """Refuse muscles that are unstable by themselves, if the law needs stable ones."""
         if not self.law.bare:
             return
-        none = PidGains(0.0, 0.0, 0.0, settings.derivative_filter)
+        none = GainSchedule.constant(PidGains(0.0, 0.0, 0.0, settings.derivative_filter))
         for models in self.joints:
             cases = self.law.bare_cases(models, settings)
             if not all(self.designs.stable(cases, self.timing(models, settings), none)):
@@ -279,7 +332,7 @@ class LoopDesign:
                 models.name,
                 self.cases(models, told.replace(stiffness_grid=_near_stiffness(models, settings))),
                 self.timing(models, told),
-                settings.gains[models.name],
+                settings.gains[models.name].at(models.scale.complete(settings).default_stiffness),
             )
             for models in self.joints
         }
@@ -305,15 +358,22 @@ class LoopDesign:
         with contextlib.suppress(ControlDesignError):
             asked = settings.replace(
                 extra_delay=settings.safe_delay,
+                feedback_lead=0.0,
                 pressure_gain=None,
                 gains={},
                 partial_gains={},
                 observer=False,
                 adaptation=False,
             )
-            designed = self.designed(asked)
+            designed = self.designed(asked, one_set=True)
             soft = Loops(designed, self.check(designed), soft=True)
         return PreparedSettings(settings, self.law, normal, soft)
+
+
+def _with_middles(grid: tuple[float, ...]) -> tuple[float, ...]:
+    """Increasing stiffnesses and those in the middle between two of them."""
+    middles = [0.5 * (low + high) for low, high in pairwise(grid)]
+    return tuple(sorted((*grid, *middles)))
 
 
 def _near_stiffness(models: JointModels, settings: ControlSettings) -> tuple[float, ...]:

@@ -5,6 +5,9 @@ stays until the driver has been vented, since the delay still exists. If the joi
 oscillates after a pause, or follows its reference with too large an error, the controller stops.
 The oscillation that a tube in front of a muscle causes until it is found also gets a pause to fade,
 because the pressure loops change then.
+
+Small swings about a target at rest bring the safe gains as well. They do not stop the controller:
+what the safe gains leave of them is no danger.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from enum import Enum
 
 from pam_control.control_step import JointTelemetry
 from pam_control.feedback.loop_watch import OscillationWatch, TrackingWatch
+from pam_control.feedback.rest_watch import RestWatch
 from pam_model.robot import RobotJoint
 
 PAUSE = 0.6  # s after softening or a tube; what is under way with the old loops fades in this time
@@ -50,6 +54,7 @@ class LoopGuard:
     def __init__(self, joints: Sequence[RobotJoint]) -> None:
         self._oscillation = [OscillationWatch(joint.max_velocity) for joint in joints]
         self._tracking = [TrackingWatch(joint.max_tracking_error) for joint in joints]
+        self._resting = [RestWatch() for _ in joints]
         self._names = [joint.name for joint in joints]
         self._pause_until = -math.inf
         self._gaps: deque[tuple[float, float]] = deque()
@@ -68,9 +73,11 @@ class LoopGuard:
 
     def restart(self) -> None:
         """The joints were taken over: what was seen before belongs to another motion."""
-        for oscillation, tracking in zip(self._oscillation, self._tracking, strict=True):
+        watches = zip(self._oscillation, self._tracking, self._resting, strict=True)
+        for oscillation, tracking, resting in watches:
             oscillation.reset()
             tracking.reset()
+            resting.reset()
 
     def watch_gaps(self, time: float, gap: float, longest: float) -> str:
         """Stop a loop that stands still again and again; return why, or an empty text.
@@ -124,6 +131,7 @@ class LoopGuard:
         can_soften : bool
             Whether there are safe gains.
         """
+        rests = all(_rests(joint) for joint in joints)
         for index, (joint, oscillation, tracking) in enumerate(
             zip(joints, self._oscillation, self._tracking, strict=True)
         ):
@@ -139,6 +147,9 @@ class LoopGuard:
                 wild = oscillation.update(time, joint.reference.velocity, speed)
             if self._fades(index, time, joint.behind_tube):
                 wild = oscillation.too_fast(speed)
+            swings = self._resting[index].update(time, joint.motion.position, rests)
+            if not wild and can_soften and not self.softened:
+                wild = swings
             if not wild or time < self._pause_until:
                 continue
             if self.softened or not can_soften:
@@ -149,3 +160,9 @@ class LoopGuard:
             self.restart()
             return Verdict.SOFTEN
         return Verdict.NOTHING
+
+
+def _rests(joint: JointTelemetry) -> bool:
+    """Whether nothing but its own loop moves a joint: no motion, and nobody who leads it."""
+    still = joint.reference.velocity == 0.0 and joint.reference.acceleration == 0.0
+    return still and not joint.law.yields and not joint.law.driven

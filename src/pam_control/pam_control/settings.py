@@ -17,7 +17,7 @@ from pam_control.declared import (
     share_of_torque,
     switch,
 )
-from pam_control.feedback.pid import PidGains
+from pam_control.feedback.gain_schedule import GainSchedule
 
 DESIGNED = -1.0
 ADAPTS = ("model_based",)  # the laws that learn
@@ -32,7 +32,7 @@ class ControlSettings:
 
     Attributes
     ----------
-    gains : mapping of str to PidGains
+    gains : mapping of str to GainSchedule
         Gains by joint; those of other joints are designed.
     partial_gains : mapping
         By joint and gain ("proportional", ...): these values replace the designed ones.
@@ -45,7 +45,7 @@ class ControlSettings:
         For a number that is not finite, or has a sign or size without a meaning.
     """
 
-    gains: Mapping[str, PidGains] = field(default_factory=dict)
+    gains: Mapping[str, GainSchedule] = field(default_factory=dict)
     partial_gains: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     stiffness_grid: tuple[float, ...] = ()
     period: float = declared(
@@ -194,6 +194,16 @@ class ControlSettings:
         0.2,
         "filter time constant of measured velocities and of the derivative",
         loop=True,
+    )
+    feedback_lead: float = declared(
+        "pid.lead",
+        0.5,
+        "-",
+        0.0,
+        1.0,
+        "share of the pressure loops' lag for which the feedback makes up by a lead",
+        loop=True,
+        laws=("model_based", "torque"),
     )
     integral_limit: float = declared(
         "pid.integral_limit",

@@ -68,8 +68,7 @@ class ValveDemand:
 
     def __init__(self, robot: Robot, models: JointModels, stiffness: float) -> None:
         self._robot = robot
-        self._inertia = models.dynamics.inertia
-        self._damping = models.dynamics.viscous_friction
+        self._moving_torque = models.dynamics.moving_torque
         low, high = models.joint.position_limits
         rows: list[list[tuple[float, float, float, float]]] = []
         places: list[float] = []
@@ -97,8 +96,8 @@ class ValveDemand:
         position, velocity, acceleration, jerk : ndarray, shape (n,)
             [rad], [rad/s], [rad/s^2], [rad/s^3].
         """
-        torque = self._inertia * acceleration + self._damping * velocity
-        torque_rate = self._inertia * jerk + self._damping * acceleration
+        torque = self._moving_torque(velocity, acceleration)
+        torque_rate = self._moving_torque(acceleration, jerk)
         found = np.zeros_like(position)
         for side in self._sides:
             pressure, per_torque, per_velocity, volume = (

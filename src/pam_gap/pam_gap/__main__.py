@@ -112,6 +112,64 @@ def _declare_diagnose(parser: Parser) -> None:
     )
 
 
+def _calibrate(given: Arguments) -> Outcome:
+    from pam_gap.calibration.calibrate_files import run  # noqa: PLC0415  (scipy, numba)
+
+    return run(given)
+
+
+def _declare_calibrate(parser: Parser) -> None:
+    parser.add_argument(
+        "recordings",
+        nargs="+",
+        type=input_path,
+        metavar="LOG",
+        help="bag, CSV(.gz), Parquet, NPZ, MAT, HDF5 or JSON; several of one rig may be given",
+    )
+    add_rig(parser, required=True)
+    parser.add_argument("--out", type=output_folder, required=True, help="folder for the results")
+    parser.add_argument("--joint", help="only this joint")
+    for name, text in (
+        ("--withheld", "that take no part in the fit (default: the last part of the longest log)"),
+        ("--turned-over", "with the joint mounted upside down (reversed gravity)"),
+    ):
+        parser.add_argument(
+            name,
+            nargs="+",
+            type=input_path,
+            default=[],
+            metavar="LOG",
+            help=f"more recordings, {text}",
+        )
+    for option, usual, text in (
+        ("--tolerance", 1.0 / 3.0, "how far a plain number of the rig file may be off, relative"),
+        ("--length-tolerance", 0.05, "the same for lengths, turns and the supply pressure"),
+    ):
+        parser.add_argument(
+            option,
+            type=number("", least=0.0, most=0.5),
+            default=usual,
+            metavar="SHARE",
+            help=f"{text} (default: {usual:.2g})",
+        )
+    parser.add_argument(
+        "--map",
+        type=input_file,
+        metavar="FILE",
+        help="names, units, scales and signs of the columns of tables (docs/any_log.md)",
+    )
+    parser.add_argument(
+        "--threads",
+        type=count(0),
+        default=0,
+        metavar="N",
+        help="simulations at once (default: 0, one)",
+    )
+    parser.add_argument(
+        "--no-progress", action="store_true", help="show no progress bar, not even on a terminal"
+    )
+
+
 def _fleet(given: Arguments) -> Outcome:
     from pam_gap.fleet.fleet import run  # noqa: PLC0415  (scipy, numba, Dask)
 
@@ -294,6 +352,17 @@ COMMANDS = (
         examples=(
             "pam gap import log.mat --rig RIG.yaml --out OUT",
             "pam gap import log.mat --map OUT/map.yaml --rig RIG.yaml --out OUT",
+        ),
+    ),
+    Command(
+        "calibrate",
+        "find the numbers of a rough rig file from recordings, and say what they leave open",
+        _declare_calibrate,
+        _calibrate,
+        bad_news="if no rig file follows, as with a reversed sign",
+        examples=(
+            "pam gap calibrate LOG --rig PARTIAL.yaml --out OUT",
+            "pam gap calibrate A B --withheld C --rig PARTIAL.yaml --out OUT --tolerance 0.2",
         ),
     ),
     Command(

@@ -45,6 +45,7 @@ class GravityCompensation(Law[GravityCompensationState]):
     """The law of the module's docstring."""
 
     name: ClassVar[str] = "gravity_compensation"
+    is_scheduled: ClassVar[bool] = True
     against_motion: ClassVar[str] = "law gravity_compensation: the joints are moved by hand"
 
     damping: float = DAMPING.field()
@@ -100,6 +101,10 @@ class GravityCompensation(Law[GravityCompensationState]):
         lower, upper = models.joint.position_limits
         rest = max(lower, min(upper, state.rest + speed * request.step))
         return Guidance(lead=rest), dataclasses.replace(state, rest=rest)
+
+    def stiffness(self, state: GravityCompensationState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return self._spring.stiffness(state.spring)
 
     def plan(
         self, models: JointModels, state: GravityCompensationState, request: PlanRequest

@@ -30,13 +30,14 @@ from pam_control.joint_models import JointModels
 from pam_control.laws.law import Law, Start
 from pam_control.laws.position_stiffness import PositionStiffness, PositionStiffnessState
 from pam_control.settings import ControlSettings
+from pam_model.views.torque_balance import critical_damping
 
 START_TIME: Final = 0.3  # s, in which the torque at the take-over passes into that of the law
 DAMPING_RATIO: Final = 0.3  # -, at the default stiffness
 
 
 def _damping(size: Any, settings: ControlSettings) -> float:
-    return 2.0 * DAMPING_RATIO * math.sqrt(settings.default_stiffness * size.inertia)
+    return DAMPING_RATIO * critical_damping(size.joint, settings.default_stiffness)
 
 
 DAMPING: Final = Declared(
@@ -72,6 +73,7 @@ class Impedance(Law[ImpedanceState]):
     """The law of the module's docstring."""
 
     name: ClassVar[str] = "impedance"
+    is_scheduled: ClassVar[bool] = True
 
     damping: float = DAMPING.field()
 
@@ -106,6 +108,10 @@ class Impedance(Law[ImpedanceState]):
         telemetry = dataclasses.replace(plan.telemetry, yields=True)
         plan = dataclasses.replace(plan, missed=0.0, integral=0.0, telemetry=telemetry)
         return plan, ImpedanceState(muscles, fading, telemetry.stiffness_reached)
+
+    def stiffness(self, state: ImpedanceState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.muscles.stiffness
 
     def _spring(self, models: JointModels, state: ImpedanceState, request: PlanRequest) -> float:
         """What the feedback adds to the muscles [N m]."""

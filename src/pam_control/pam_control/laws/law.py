@@ -13,6 +13,7 @@ uses and which it changes in place: the fits have arrays.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -105,6 +106,10 @@ class Law[State](ABC):
     ----------
     name : str
         Value of the node's parameter `law`.
+    is_scheduled : bool
+        Whether the gains depend on the stiffness.
+    has_lead : bool
+        Whether the feedback makes up for a part of the pressure loops' lag.
     has_observer : bool
         Whether the law compensates what a disturbance observer finds.
     has_adaptation : bool
@@ -122,6 +127,8 @@ class Law[State](ABC):
     """
 
     name: ClassVar[str]
+    is_scheduled: ClassVar[bool] = False
+    has_lead: ClassVar[bool] = False
     has_observer: ClassVar[bool] = False
     has_adaptation: ClassVar[bool] = False
     takes_torques: ClassVar[bool] = False
@@ -175,6 +182,10 @@ class Law[State](ABC):
         self, models: JointModels, state: State, request: PlanRequest
     ) -> tuple[PressurePlan, State]:
         """Plan the pressures of a joint for one cycle."""
+
+    def stiffness(self, state: State) -> float:
+        """Stiffness that the joint is asked for now [N m/rad], by which gains are scheduled."""
+        return math.nan
 
     def delay(self, state: State) -> float:
         """By which the position is later than the pressures, as was learnt [s].

@@ -19,15 +19,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Final, NamedTuple
 
 from pam_control.adaptation.rig_numbers import RigNumbers
-from pam_control.adaptation.stiffness_estimate import StiffnessEstimate
-from pam_control.adaptation.torque_adaptation import TorqueAdaptation, TorqueSample
 from pam_control.compensation.history_torque import HistoryTorque
 from pam_control.control_step import JointTelemetry, LawTelemetry, PlanRequest, PressurePlan
-from pam_control.feedback.disturbance_observer import (
-    AlignedPressures,
-    DisturbanceObserver,
-    ObserverSettings,
-)
 from pam_control.feedback.linear_joint import LoopStructure
 from pam_control.feedback.margins import LoopCase
 from pam_control.feedback.operating_points import operating_grid
@@ -35,9 +28,14 @@ from pam_control.feedback.pid import handed_over
 from pam_control.feedback.stuck_integral import StuckIntegral
 from pam_control.joint_models import PRESSURE_SHARE, JointModels, Pair
 from pam_control.laws.law import Law, Start
+from pam_control.laws.unmodelled_torque import (
+    Estimates,
+    learn_torque,
+    lost_torque,
+    repeated_torque,
+)
 from pam_control.limited import limited
 from pam_control.plan_memory import (
-    KEPT_BEFORE_MEASUREMENT,
     Plan,
     Plans,
     plan_at,
@@ -50,7 +48,6 @@ from pam_control.settings import ControlSettings
 
 CORRECTED_EVERY: Final = 0.2  # s
 CORRECTED_SHARE: Final = 0.2  # of what lacks, each time
-RATE_SPAN: Final = 0.01  # s, over which the rate of the muscles' torque is taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +76,7 @@ class PositionStiffnessState:
 
     Attributes
     ----------
-    observer, aligned, adaptation, estimate, stuck, history
+    estimates, stuck, history
         What is learnt or filtered along the motion; each is changed in place, by this law alone.
     stiffness : float
         Its reference [N m/rad].
@@ -95,10 +92,7 @@ class PositionStiffnessState:
         Of the stiffness.
     """
 
-    observer: DisturbanceObserver
-    aligned: AlignedPressures
-    adaptation: TorqueAdaptation
-    estimate: StiffnessEstimate
+    estimates: Estimates
     stuck: StuckIntegral
     history: HistoryTorque
     stiffness: float = math.nan
@@ -114,6 +108,8 @@ class PositionStiffness(Law[PositionStiffnessState]):
     """The law of the module's docstring; its parameters are those of all laws."""
 
     name: ClassVar[str] = "model_based"
+    is_scheduled: ClassVar[bool] = True
+    has_lead: ClassVar[bool] = True
     has_observer: ClassVar[bool] = True
     has_adaptation: ClassVar[bool] = True
 
@@ -128,37 +124,22 @@ class PositionStiffness(Law[PositionStiffnessState]):
                 LoopStructure(gain, point.per_torque)
                 if settings.feedforward
                 else LoopStructure(gain, point.per_torque, point.per_position, True),
+                stiffness,
             )
-            for point in points
+            for stiffness, point in points
         ]
 
     def init(self, models: JointModels) -> PositionStiffnessState:
         """Nothing is known of the joint but its models."""
-        robot, joint, dynamics = models.robot, models.joint, models.dynamics
         return PositionStiffnessState(
-            DisturbanceObserver(dynamics.inertia, dynamics.viscous_friction, models.pressure_lag),
-            AlignedPressures(models.position_delay + KEPT_BEFORE_MEASUREMENT),
-            TorqueAdaptation(
-                dynamics.inertia, dynamics.viscous_friction, models.scale.torque, models.turn
-            ),
-            StiffnessEstimate(
-                robot.rig,
-                robot.rig.joints[joint.place],
-                models.model,
-                dynamics,
-                models.scale.torque,
-                models.turn + 0.5 / len(robot.joints),
-            ),
+            Estimates.of(models),
             StuckIntegral(),
-            HistoryTorque(models.muscles, joint.arms[0].length, dynamics.dry_friction),
+            HistoryTorque(models.muscles, models.joint.arms[0].length, models.dry_friction),
         )
 
     def rest(self, models: JointModels, state: PositionStiffnessState) -> PositionStiffnessState:
         """The joint is taken over; what was learnt of it stays."""
-        state.observer.reset()
-        state.aligned.reset()
-        state.adaptation.restart()
-        state.estimate.restart()
+        state.estimates.rest()
         state.stuck.reset()
         state.history.reset()
         return replace(
@@ -171,8 +152,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
 
     def forget(self, models: JointModels, state: PositionStiffnessState) -> PositionStiffnessState:
         """What was learnt of the joint is forgotten."""
-        state.adaptation.forget()
-        state.estimate.forget()
+        state.estimates.forget()
         return replace(state, correction=NONE)
 
     def begin(
@@ -185,9 +165,9 @@ class PositionStiffness(Law[PositionStiffnessState]):
         if settings.feedforward:
             torque -= models.dynamics.gravity(position)
             if start.adapts:
-                torque -= state.adaptation.at_rest(position, settings.adaptation_limit)
+                torque -= state.estimates.adaptation.at_rest(position, settings.adaptation_limit)
             if start.gains.observer > 0.0:
-                torque -= state.observer.start(torque, settings.observer_limit)
+                torque -= state.estimates.observer.start(torque, settings.observer_limit)
         limit = settings.integral_limit
         return max(-limit, min(limit, torque)), replace(state, stiffness=stiffness)
 
@@ -200,9 +180,9 @@ class PositionStiffness(Law[PositionStiffnessState]):
             added = state.plans[-1].memory_torque if state.plans else 0.0
             if not start.adapts:  # the next plans lack what was learnt
                 added += state.adapted
-            planned = models.dynamics.torque(start.reference) - added
+            planned = models.torque(start.reference) - added
             position = start.reference.position
-            lost = state.observer.lost if start.gains.observer > 0.0 else 0.0
+            lost = state.estimates.observer.lost if start.gains.observer > 0.0 else 0.0
         torque = models.model.torque(*start.pressures, models.inside(position))
         return torque - planned - lost, replace(state, plans=())
 
@@ -246,16 +226,20 @@ class PositionStiffness(Law[PositionStiffnessState]):
         )
         return plan, state
 
+    def stiffness(self, state: PositionStiffnessState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.stiffness
+
     def delay(self, state: PositionStiffnessState) -> float:
         """By which the position was found to be later than the pressures [s]."""
-        return state.adaptation.delay
+        return state.estimates.adaptation.delay
 
     def report(
         self, models: JointModels, state: PositionStiffnessState, telemetry: JointTelemetry
     ) -> Mapping[str, float]:
         """The stiffness that the joint has, as was learnt."""
         position = models.inside(telemetry.motion.position)
-        found = state.estimate.at(telemetry.pressures, position)
+        found = state.estimates.stiffness.at(telemetry.pressures, position)
         return {
             "true stiffness, estimated [N m/rad]": found.value,
             "true stiffness, at least (90 %) [N m/rad]": found.low,
@@ -264,7 +248,7 @@ class PositionStiffness(Law[PositionStiffnessState]):
 
     def numbers(self, state: PositionStiffnessState) -> RigNumbers:
         """What the torques show about the rig file."""
-        return state.estimate.numbers()
+        return state.estimates.stiffness.numbers()
 
 
 class _Target(NamedTuple):
@@ -299,17 +283,17 @@ def _ahead(
     models: JointModels, state: PositionStiffnessState, request: PlanRequest
 ) -> tuple[_Target, PositionStiffnessState]:
     """Plan the pressures for the time when the valves act, and correct those of now."""
-    settings, dynamics, motion = request.settings, models.dynamics, request.motion
+    settings, motion = request.settings, request.motion
     now, (acts_at, then) = request.now, request.then
     before = state.plans[-1].pressures if state.plans else request.desired
     shown = state.shown if state.plans else before
     known = state.history.advance(acts_at, then, before)
     limit = settings.adaptation_limit
-    usual = state.adaptation.torque(acts_at, then, limit) if request.adapts else 0.0
-    adapted, correction = _repeated(request, usual)
+    usual = state.estimates.adaptation.torque(acts_at, then, limit) if request.adapts else 0.0
+    adapted, correction = repeated_torque(request, usual)
     added = known - adapted
     planned = models.model.pressures_for(
-        dynamics.torque(then) - added, state.stiffness, then.position
+        models.torque(then) - added, state.stiffness, then.position
     )
     goal = (planned.agonist, planned.antagonist)
     plan = Plan(acts_at, goal, state.stiffness, added, known)
@@ -318,22 +302,26 @@ def _ahead(
     shown = shown_pressures(plans, shown, now.time, models.pressure_lag, request.step)
     state = replace(state, plans=plans, shown=shown, adapted=adapted)
 
-    torque = dynamics.torque(now.reference) - past.memory_torque + request.output + correction
-    friction = dynamics.dry_friction
+    torque = models.torque(now.reference) - past.memory_torque + request.output + correction
+    friction = models.dry_friction
     torque += friction.change(request.seen.reference.velocity, motion.velocity)
-    lost = _lost(models, state, request, past.memory_torque)
+    lost = lost_torque(models, state.estimates, request, past.memory_torque)
     torque += lost or 0.0
     disturbance, integral = -lost if lost is not None else math.nan, request.integral
     if request.adapts:
-        state, learnt = _learn(models, state, request, plan_at(plans, request.seen.time).known)
-        integral = handed_over(integral, learnt)
-        if state.adaptation.knows:  # so that a payload stays visible
+        then_known = plan_at(plans, request.seen.time).known
+        lagging, learnt = learn_torque(models, state.estimates, state.lagging, request, then_known)
+        state = replace(state, lagging=lagging)
+        # a motion that is repeated keeps what it was played with
+        if adapted == usual:
+            integral = handed_over(integral, learnt)
+        if state.estimates.adaptation.knows:  # so that a payload stays visible
             disturbance = (0.0 if math.isnan(disturbance) else disturbance) - adapted
     integral -= state.stuck.update(
         request.seen.reference,
         motion.position,
         integral,
-        state.adaptation.friction + friction.level(0.0),
+        state.estimates.adaptation.friction + friction.level(0.0),
     )
     target = _Target(
         torque,
@@ -349,91 +337,6 @@ def _ahead(
     return target, state
 
 
-def _lost(
-    models: JointModels, state: PositionStiffnessState, request: PlanRequest, added: float
-) -> float | None:
-    """Torque of the muscles that the model does not explain [N m]; None without the observer."""
-    settings, bandwidth = request.settings, request.gains.observer
-    if bandwidth == 0.0:
-        return None
-    state.aligned.add(request.measured_at, request.pressures)
-    position, speed, _ = request.motion
-    muscles = models.model.torque(*state.aligned.at(request.seen.time), models.inside(position))
-    needed = models.dynamics.static_torque(position, speed)
-    how = ObserverSettings(bandwidth, settings.derivative_filter, settings.observer_limit)
-    return state.observer.update(request.fresh, muscles + added, needed, speed, how)
-
-
-def _learn(
-    models: JointModels, state: PositionStiffnessState, request: PlanRequest, known: float
-) -> tuple[PositionStiffnessState, float]:
-    """Take what the torque of the muscles says about what the model lacks.
-
-    Parameters
-    ----------
-    models, state, request
-        Of the joint in the present cycle.
-    known : float
-        Known torque of hysteresis, creep and dry friction at the time of the position [N m].
-
-    Returns
-    -------
-    state : PositionStiffnessState
-        The next one.
-    learnt : float
-        What was learnt now and the integral has carried until now [N m].
-    """
-    state.aligned.add(request.measured_at, request.pressures)
-    position, speed = lagging = _lagging(models, state.lagging, request)
-    inside = models.inside(position)
-    # by the rig file, without the learnt delay
-    seen_at = request.seen.time + max(state.adaptation.delay, 0.0)
-    aligned = state.aligned.at(seen_at)
-    muscles, before = models.model.torques((aligned, state.aligned.at(seen_at - RATE_SPAN)), inside)
-    model = models.dynamics.static_torque(position, speed)
-    sample = TorqueSample(
-        unexplained=muscles + known - model,
-        rate=(muscles - before) / RATE_SPAN,
-        position=position,
-        speed=speed,
-        speed_filter=request.settings.derivative_filter,
-    )
-    beside = known - model + models.dynamics.gravity(position)
-    state.estimate.learn(request.fresh, aligned, inside, beside)
-    return replace(state, lagging=lagging), state.adaptation.learn(request.fresh, sample)
-
-
-def _lagging(models: JointModels, before: Pair, request: PlanRequest) -> Pair:
-    """Position [rad] and speed [rad/s] with the lag of the pressure sensors, so that both fit."""
-    (position, speed), motion, lag = before, request.motion, models.pressure_lag
-    if lag == 0.0 or math.isnan(position):
-        return motion.position, motion.velocity
-    weight = request.fresh / (lag + request.fresh)
-    return (
-        position + weight * (motion.position - position),
-        speed + weight * (motion.velocity - speed),
-    )
-
-
-def _repeated(request: PlanRequest, usual: float) -> tuple[float, float]:
-    """The torque of the adaptation and the learnt correction for a repeated motion [N m].
-
-    Parameters
-    ----------
-    request : PlanRequest
-        The present cycle.
-    usual : float
-        What the adaptation adds [N m].
-    """
-    learner, at, seen = request.learner, request.measured_at, request.seen.reference
-    if learner is None:
-        return usual, 0.0
-    base, correction = learner.torque(at, usual)
-    limit = request.settings.adaptation_limit
-    learner.record(at, seen.position - request.motion.position, base, seen.position)
-    return base, limited(correction, -limit, limit)
-
-
 def _wanted_stiffness(
     models: JointModels, state: PositionStiffnessState, request: PlanRequest
 ) -> tuple[float, Correction]:
@@ -447,7 +350,9 @@ def _wanted_stiffness(
         there = models.model.pressures_for(
             models.dynamics.gravity(middle), request.stiffness, middle
         )
-        goal = state.estimate.factor((there.agonist, there.antagonist), middle, correction.goal)
+        goal = state.estimates.stiffness.factor(
+            (there.agonist, there.antagonist), middle, correction.goal
+        )
         factor = correction.factor + CORRECTED_SHARE * (goal - correction.factor)
         correction = Correction(goal, factor, acts_at)
     return request.stiffness / correction.factor, correction

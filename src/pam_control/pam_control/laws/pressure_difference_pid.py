@@ -113,7 +113,11 @@ def nominal_feedforward(models: JointModels, mean: float) -> DifferenceFeedforwa
     scale = difference_per_torque(models, mean)
     dynamics = models.dynamics
     return DifferenceFeedforward(
-        offset, slope, cubic, scale * dynamics.viscous_friction, scale * dynamics.inertia
+        offset,
+        slope,
+        cubic,
+        scale * dynamics.moving_torque(1.0, 0.0),
+        scale * dynamics.moving_torque(0.0, 1.0),
     )
 
 

@@ -1,8 +1,8 @@
 """The control laws by name: those of this package, and those of other installed packages.
 
-A package adds a law with an entry point in the group `pam_control.laws`; its value is a subclass of
-`Law`. The parameters of the law are its declared fields: they become parameters of the node, keys
-of its parameter file, rows of `pam control parameters` and lines of the node's `--help`.
+A package adds a law with an entry point in the group `pam_control.control_laws`; its value is a
+subclass of `Law`. The parameters of the law are its declared fields: they become parameters of the
+node, keys of its parameter file, rows of `pam control parameters` and lines of the node's `--help`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pam_control.laws.torque import Torque
 from pam_control.settings import ControlSettings
 from pam_model.errors import PamError
 
-GROUP: Final = "pam_control.laws"
+GROUP: Final = "pam_control.control_laws"
 OWN: Final[tuple[type[AnyLaw], ...]] = (
     PositionStiffness,
     PressureRatioPid,

@@ -66,6 +66,8 @@ class Torque(Law[TorqueState]):
     """The law of the module's docstring."""
 
     name: ClassVar[str] = "torque"
+    is_scheduled: ClassVar[bool] = True
+    has_lead: ClassVar[bool] = True
     takes_torques: ClassVar[bool] = True
     bare: ClassVar[str] = "as a source of torque, its muscles are"
 
@@ -87,7 +89,7 @@ class Torque(Law[TorqueState]):
                 _on_a_spring(point, models.dynamics.gravity_stiffness(point.position)),
                 LoopStructure(gain, point.per_torque, point.per_position, True),
             )
-            for point in operating_grid(models.joint, models.model, grid)
+            for _, point in operating_grid(models.joint, models.model, grid)
         ]
 
     def init(self, models: JointModels) -> TorqueState:
@@ -125,6 +127,10 @@ class Torque(Law[TorqueState]):
         if driven:
             return guidance, dataclasses.replace(state, driven=True)
         return guidance, TorqueState(state.hold)
+
+    def stiffness(self, state: TorqueState) -> float:
+        """The reference of the stiffness [N m/rad]."""
+        return state.hold.stiffness
 
     def plan(
         self, models: JointModels, state: TorqueState, request: PlanRequest
@@ -186,9 +192,9 @@ def _limited(models: JointModels, request: PlanRequest, torque: float) -> float:
     dynamics, limits = models.dynamics, request.limits
     position, speed, _ = request.motion
     needed = dynamics.static_torque(position, speed)
-    needed += dynamics.viscous_friction * speed + dynamics.dry_friction.torque(speed)
+    needed += dynamics.moving_torque(speed, 0.0) + models.dry_friction.torque(speed)
     muscles = models.model.torque(*request.pressures, models.inside(position))
-    push = (muscles - needed) / dynamics.inertia
+    push = dynamics.acceleration(muscles - needed)
     soon = speed + push * REACTION
     rest = limits.rest(JointReference(position + speed * REACTION, soon, push))
     stiffness = limits.own_push / END_ZONE
@@ -196,10 +202,10 @@ def _limited(models: JointModels, request: PlanRequest, torque: float) -> float:
     high = min(_fading(limits.velocity - soon, limits.own_jerk), stiffness * (upper - rest))
     low = max(-_fading(limits.velocity + soon, limits.own_jerk), stiffness * (lower - rest))
     high, low = max(high, -limits.own_push), min(low, limits.own_push)
-    wanted = (torque - needed) / dynamics.inertia
+    wanted = dynamics.acceleration(torque - needed)
     if low <= wanted <= high:
         return torque
-    return needed + dynamics.inertia * limited(wanted, low, high)
+    return needed + dynamics.moving_torque(0.0, limited(wanted, low, high))
 
 
 def _fading(room: float, jerk: float) -> float:
@@ -209,5 +215,5 @@ def _fading(room: float, jerk: float) -> float:
 
 def _on_a_spring(point: OperatingPoint, weight: float) -> OperatingPoint:
     """The operating point with at least a weak spring in place of the weight's [N m/rad]."""
-    least = point.inertia * (2.0 * math.pi * SLOW_SWING) ** 2
+    least = point.swinging_spring(SLOW_SWING)
     return dataclasses.replace(point, spring=point.spring + max(least - weight, 0.0))

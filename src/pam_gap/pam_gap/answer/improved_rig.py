@@ -29,7 +29,7 @@ def _changed[Part: (Rig, Joint, Muscle, Valve)](
     return replace(part, **changes)
 
 
-def _set(rig: Rig, joint: str, name: str, value: float, is_factor: bool) -> Rig:
+def with_number(rig: Rig, joint: str, name: str, value: float, is_factor: bool = False) -> Rig:
     """A copy of the rig with one plant parameter written to its place in the rig file."""
     owner, place = rig.joint(joint), RIG_PLACES[name]
     if place.section == "effect":
@@ -83,5 +83,5 @@ def improve_rig(
         targets, is_factor, hypothesis.result.values.tolist(), strict=True
     ):
         for path in group:
-            improved = _set(improved, name, path, float(value), factor)
+            improved = with_number(improved, name, path, float(value), factor)
     return improved

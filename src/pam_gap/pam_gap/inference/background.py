@@ -160,7 +160,7 @@ def ordinary_background(problem: PredictionProblem, vector: Array) -> Background
     for part in (*_single_spools(problem), *sensor_parts(problem)):
         changes.append(part.errors(problem, vector, 1.0) - base)
         parts.append(_Part("", 0.0 if part.is_one_way else -1.0, 1.0))
-    encoder = _encoder(problem, base)
+    encoder = encoder_changes(problem, base)
     changes += encoder
     parts += [_Part("", -1.0, 1.0)] * len(encoder)
     return Background(
@@ -226,8 +226,8 @@ def _single_spools(problem: PredictionProblem) -> list[SensorPart]:
 
 def _played(problem: PredictionProblem, data: Channels, amount: float) -> Channels:
     """Commands as valves with an ordinary hysteresis follow them: play of half its width."""
-    half = 0.5 * amount * _play_width(problem)
-    spool = [_play(valve, half) for valve in data.commands.T.tolist()]
+    half = 0.5 * amount * play_width(problem)
+    spool = [play(valve, half) for valve in data.commands.T.tolist()]
     return replace(data, commands=np.ascontiguousarray(np.transpose(spool)))
 
 
@@ -236,12 +236,12 @@ def _played_half(
 ) -> Channels:
     """Commands as one valve with half of the ordinary hysteresis follows them."""
     commands = data.commands.copy()
-    half = 0.25 * amount * _play_width(problem)
-    commands[:, channel] = _play(commands[:, channel].tolist(), half)
+    half = 0.25 * amount * play_width(problem)
+    commands[:, channel] = play(commands[:, channel].tolist(), half)
     return replace(data, commands=commands)
 
 
-def _play_width(problem: PredictionProblem) -> float:
+def play_width(problem: PredictionProblem) -> float:
     """Width of the ordinary hysteresis of a valve, in the unit of its command."""
     rules = problem.rules.decision
     if has_regulators(problem):
@@ -249,7 +249,7 @@ def _play_width(problem: PredictionProblem) -> float:
     return rules.ordinary_spool
 
 
-def _play(commands: list[float], half: float) -> list[float]:
+def play(commands: list[float], half: float) -> list[float]:
     """Positions of a spool that stays where it is until a command is `half` away."""
     at, found = commands[0], []
     for command in commands:
@@ -313,7 +313,7 @@ def encoder_part(problem: PredictionProblem, data: Channels, amounts: Array) -> 
     return replace(data, measured=measured)
 
 
-def _encoder(problem: PredictionProblem, errors: Array) -> list[Array]:
+def encoder_changes(problem: PredictionProblem, errors: Array) -> list[Array]:
     """Changes by an eccentric encoder (two phases) and by its drift."""
     if not problem.present[POSITION]:
         return []

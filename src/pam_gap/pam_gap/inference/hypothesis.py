@@ -13,6 +13,7 @@ from pam_gap.inference.background import Background, discrepancy, ordinary_backg
 from pam_gap.inference.candidates import (
     SIDES,
     Candidate,
+    Nuisance,
     nuisances_for,
     transport_time,
 )
@@ -168,14 +169,24 @@ class HypothesisFitter:
         The rig and its recordings.
     floor : ndarray, shape (channels,)
         Mean squared error due to noise alone.
+    nuisances : sequence of Nuisance, optional
+        Numbers of the rig that every hypothesis may change; by default those of the rig file, each
+        within its tolerance.
     """
 
-    def __init__(self, problem: PredictionProblem, floor: Array) -> None:
+    def __init__(
+        self,
+        problem: PredictionProblem,
+        floor: Array,
+        nuisances: Sequence[Nuisance] | None = None,
+    ) -> None:
         self.problem = problem
         self.floor = floor
         self.rules = problem.rules
-        self.nuisances = nuisances_for(
-            problem.rig, problem.rig.joints[problem.joint], self.rules.search
+        self.nuisances = (
+            nuisances_for(problem.rig, problem.rig.joints[problem.joint], self.rules.search)
+            if nuisances is None
+            else tuple(nuisances)
         )
         stamped = [d.recording.sample_time for d in problem.data if not d.recording.one_clock]
         written = {problem.base[f"{side}.command_delay.delay"] for side in SIDES}

@@ -13,7 +13,7 @@ import numpy as np
 
 from pam_gap.prediction.channel_order import UNITS
 from pam_gap.prediction.fit import Array, mean_squares
-from pam_gap.prediction.problem import AS_FITTED, PredictionProblem, PredictionSettings
+from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
 
 ONE_STEP_BANDWIDTH = 200.0  # rad/s, of the correction of the position
 
@@ -46,9 +46,10 @@ class GapFigure:
 
 
 def noise_level(
-    problem: PredictionProblem, values: Array, settings: PredictionSettings = AS_FITTED
+    problem: PredictionProblem, values: Array, settings: PredictionSettings | None = None
 ) -> Array:
     """Mean squared error of these predictions due to noise alone, shape (channels,)."""
+    settings = problem.usual if settings is None else settings
     plain = problem.errors(values[None], settings)[0]
     noisy = problem.errors(values[None], replace(settings, noise_seed=12345))[0]
     least = problem.rules.prediction.least_floor

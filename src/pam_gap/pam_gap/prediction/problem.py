@@ -7,7 +7,7 @@ calls.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -149,6 +149,8 @@ class PredictionProblem:
         Hand-set constants of the diagnosis.
     threads : int
         Number of lanes that are simulated in parallel.
+    usual : PredictionSettings
+        How strongly predictions are corrected where nothing else is said.
     """
 
     def __init__(
@@ -159,8 +161,10 @@ class PredictionProblem:
         *,
         rules: Rules = DEFAULT,
         threads: int = 1,
+        usual: PredictionSettings = AS_FITTED,
     ) -> None:
         self.rig = rig
+        self.usual = usual
         self.joint = joint
         self.names = channel_names(rig, joint)
         self.rules = rules
@@ -195,19 +199,15 @@ class PredictionProblem:
         """Number of rows of the error array."""
         return int(self.offsets[-1])
 
-    def errors(
-        self,
-        values: Array,
-        settings: PredictionSettings = AS_FITTED,
-    ) -> Array:
+    def errors(self, values: Array, settings: PredictionSettings | None = None) -> Array:
         """Whitened prediction errors of plants that are given as full parameter vectors.
 
         Parameters
         ----------
         values : ndarray, shape (lanes, n_parameters)
             In the order of `pam_model.plant.parameters.NAMES`.
-        settings : PredictionSettings
-            How strongly the predictions are corrected by the measurements.
+        settings : PredictionSettings, optional
+            How strongly the predictions are corrected by the measurements; by default as `usual`.
 
         Returns
         -------
@@ -216,6 +216,7 @@ class PredictionProblem:
             simulation that diverges is off by `DIVERGED`.
         """
         parts = []
+        settings = self.usual if settings is None else settings
         followed = settings.follow_pressures or not self.has_commands
         rules = self.rules.prediction
         horizon = rules.horizon if settings.horizon is None else settings.horizon
@@ -282,6 +283,12 @@ class PredictionProblem:
         other = copy(self)
         other.data = tuple(change(data) for data in self.data)
         other.compared = tuple(other._compared(data) for data in other.data)
+        return other
+
+    def based_on(self, changes: Mapping[str, float]) -> PredictionProblem:
+        """The same problem with other numbers of the rig file, by plant parameter."""
+        other = copy(self)
+        other.base = self.base.forced(changes)
         return other
 
     def predictor(

@@ -21,7 +21,8 @@ from pam_ros.foreign_text import MOST
 
 NO_JOINT = (
     "the rig file has no joint; expected one to diagnose. A muscle on a bench (`bench_muscles`) "
-    "cannot be diagnosed: `pam model fit` fits its force from a table of pressure, length and force"
+    "cannot be diagnosed: `pam gap calibrate` finds its numbers from a log of pressure, length and "
+    "force, `pam model fit` from a table without time"
 )
 
 

@@ -15,7 +15,8 @@ from pam_gap.rules import DEFAULT
 from pam_gap.rules.recording_rules import RecordingRules
 
 
-def _cut(recording: Recording, start: int, stop: int) -> Recording:
+def part_of(recording: Recording, start: int, stop: int) -> Recording:
+    """The samples of a recording from `start` to before `stop`, as one of its parts."""
     rows, last = slice(start, stop), max(recording.time.size - 1, 1)
     return replace(
         recording,
@@ -58,7 +59,7 @@ def parts(
     if not pieces:
         return [recording]
     pieces.sort(key=lambda piece: piece[0] - piece[1])
-    first, *others = (_cut(recording, start, stop) for start, stop in pieces)
+    first, *others = (part_of(recording, start, stop) for start, stop in pieces)
     lost = sum(stop - start for start, stop in gaps) * step
     used = sum(stop - start for start, stop in pieces) * step
     note = (

@@ -108,14 +108,25 @@ def load_rig(path: str | Path, other_keys: Collection[str] = ()) -> Rig:
         With one line for every problem: file, key, value, unit, what was expected.
     """
     path = Path(path)
+    return rig_from_parameters(
+        read_parameters(path), other_keys=other_keys, source=str(path), folders=(path.parent,)
+    )
+
+
+def read_parameters(path: Path) -> Mapping[str, Any]:
+    """The content of `ros__parameters` of a rig file, which nothing has checked yet.
+
+    Raises
+    ------
+    RigError
+        For a file that cannot be read or is no rig file.
+    """
     tree = _read(path)
     section = tree.get("/**") if isinstance(tree, Mapping) else None
     parameters = section.get("ros__parameters") if isinstance(section, Mapping) else None
     if not isinstance(parameters, Mapping):
         raise RigError(f"{path}: not a rig file; it must begin with /**: and ros__parameters:")
-    return rig_from_parameters(
-        parameters, other_keys=other_keys, source=str(path), folders=(path.parent,)
-    )
+    return parameters
 
 
 def rig_from_parameters(
@@ -179,7 +190,27 @@ def _parameter_file_folders() -> list[Path]:
     return [path.parent for path in reversed(named)]
 
 
-def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
+def _commented(text: str, comments: Mapping[str, str]) -> str:
+    """A dumped rig file with comments behind its keys."""
+    path: list[str] = []
+    lines = []
+    for line in text.splitlines():
+        name, colon, _ = line.strip().partition(":")
+        comment = ""
+        if colon and not name.startswith("-"):
+            depth = (len(line) - len(line.lstrip())) // 2
+            path[depth:] = [name]
+            comment = comments.get(".".join(path[2:]), "")  # below /** and ros__parameters
+        lines.append(f"{line}  # {' '.join(comment.split())}" if comment else line)
+    return "\n".join(lines) + "\n"
+
+
+def save_rig(
+    rig: Rig,
+    path: str | Path,
+    notes: Sequence[str] = (),
+    comments: Mapping[str, str] | None = None,
+) -> None:
     """Write a rig file that `load_rig` reads back to an equal rig.
 
     Parameters
@@ -190,6 +221,8 @@ def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
         The file.
     notes : sequence of str, optional
         Lines of comment at the beginning of the file, such as where its numbers come from.
+    comments : mapping of str to str, optional
+        Comments behind single numbers, by key, as `elbow.inertia`.
 
     Raises
     ------
@@ -211,7 +244,7 @@ def save_rig(rig: Rig, path: str | Path, notes: Sequence[str] = ()) -> None:
     draft = path.with_name(path.name + ".part")
     try:
         with draft.open("w", encoding="utf-8") as file:
-            file.write(heading + text)
+            file.write(heading + _commented(text, comments or {}))
             file.flush()
             os.fsync(file.fileno())  # the new content is on the disk before the old one goes
         draft.replace(path)

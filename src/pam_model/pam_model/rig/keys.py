@@ -19,6 +19,10 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 
+BETWEEN = "between"
+"""Key of a range in place of a number, in a rig file that is to be calibrated."""
+
+
 @dataclass(frozen=True, slots=True)
 class Key:
     """A number in a rig file: its unit, bounds, and its default if it is optional.
@@ -337,6 +341,13 @@ class Section:
         if isinstance(value, str) and _EXPONENT.fullmatch(value):
             value = float(value)
         unit = "" if key.unit == "-" else f" {key.unit}"
+        if isinstance(value, Mapping) and BETWEEN in value:
+            self.add(
+                name,
+                f": a range, where a number{unit and ' in' + unit} is needed; `pam gap calibrate` "
+                "finds it from a recording",
+            )
+            return None
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.add(name, f" = {value!r}: must be a number{unit and ' in' + unit}{_slip(value)}")
             return None

@@ -327,6 +327,7 @@ def parse_rig(
     source: str,
     other_keys: Collection[str] = (),
     folders: Sequence[Path] = (),
+    must_reach: bool = True,
 ) -> Rig:
     """Create a rig from a nested mapping.
 
@@ -340,6 +341,8 @@ def parse_rig(
         Keys at the top that do not belong to the rig, such as a node's own parameters.
     folders : sequence of Path
         Where `boards.<name>.dbc` is searched if it is a relative path: the rig file's folder.
+    must_reach : bool
+        Whether the model of every muscle must be valid over the whole range of its joint.
 
     Raises
     ------
@@ -384,7 +387,8 @@ def parse_rig(
             buses=buses,
             **numbers,
         )
-        _check_reach(rig, problems)
+        if must_reach:
+            _check_reach(rig, problems)
         _check_wiring(rig, problems)
         if not problems.lines:
             return rig

@@ -1,0 +1,1 @@
+"""Rigs whose files are off by a third, and whether a calibration finds their numbers."""

@@ -1,0 +1,120 @@
+"""What a calibration says: for people, for machines, and behind each number of the rig file."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from pam_gap.answer.user_units import interval_digits, plain, told
+from pam_gap.calibration.calibration import (
+    DETERMINED,
+    KEPT,
+    NARROWED,
+    RELATIVE,
+    CalibratedNumber,
+    Calibration,
+)
+
+MORE: Mapping[str, str] = {
+    "pulley_radius": "measured forces (muscle_states.<muscle>.effort), or a calliper",
+    "thread_length": "measured forces (muscle_states.<muscle>.effort), or a tape measure",
+    "turns": "measured forces (muscle_states.<muscle>.effort), or counting the threads",
+    "neutral_length": "motion to both ends of the range, or a tape measure",
+    "inertia": "faster motion: steps, or a chirp to 2 Hz and more; and measured forces",
+    "viscous_friction": "faster motion that overshoots; and measured forces",
+    "gravity_torque": "large angles on both sides of the vertical, or the joint turned over",
+    "gravity_angle": "large angles on both sides of the vertical, or the joint turned over",
+    "dead_volume": "fast filling at both ends of the range of motion",
+    "sonic_conductance": "fast filling and emptying, with the valve fully open at times",
+    "critical_ratio": "filling until the pressure is near the supply, emptying until near ambient",
+    "time_constant": "steps of the commands, recorded at 500 Hz or more",
+    "supply_pressure": "a pressure gauge at the supply, or filling until the pressure stands still",
+    "gain": "a reference gauge at the sensor",
+    "bias": "a rest with both muscles vented",
+}
+"""What would determine a number that a log leaves open, by the last part of its key."""
+STATUS = {
+    DETERMINED: "determined",
+    RELATIVE: "determined relative to the torque per pressure",
+    NARROWED: "narrowed",
+    KEPT: "kept as written: this log does not determine it",
+}
+
+
+def what_would_help(number: CalibratedNumber) -> str:
+    """The motion or measurement that would determine a number."""
+    return MORE.get(number.key.rpartition(".")[2], "")
+
+
+def interval_words(low: float, high: float) -> str:
+    """The ends of an interval, as `0.0498 to 0.0531`."""
+    digits = interval_digits(low, high)
+    return f"{plain(low, digits)} to {plain(high, digits)}"
+
+
+def comment_of(number: CalibratedNumber) -> str:
+    """The comment behind a number in the calibrated rig file."""
+    if number.status == KEPT:
+        return f"as written; this log does not determine it ({what_would_help(number)})"
+    was = "it was missing" if number.written is None else f"was {plain(number.written, 4)}"
+    text = f"90 %: {interval_words(number.low, number.high)}, by the stage {number.stage}; {was}"
+    if number.relative is not None:
+        text += f"; if the torque per pressure is right: {interval_words(*number.relative)}"
+    return text
+
+
+def comments(calibration: Calibration) -> dict[str, str]:
+    """The comments behind all numbers of a joint, by key."""
+    return {one.key: comment_of(one) for one in calibration.numbers}
+
+
+def sentence(calibration: Calibration) -> str:
+    """What was found, in one line."""
+    if calibration.refused:
+        return f"no rig file. {' '.join(calibration.refused)}"
+    count = Counter(one.status for one in calibration.numbers)
+    parts = [
+        f"{count[status]} {word}"
+        for status, word in (
+            (DETERMINED, "numbers determined"),
+            (RELATIVE, "relative to the torque per pressure"),
+            (NARROWED, "narrowed"),
+            (KEPT, "kept as written"),
+        )
+        if count[status]
+    ]
+    return ", ".join(parts)
+
+
+def table_lines(calibration: Calibration) -> list[str]:
+    """One line for each number, for a terminal."""
+    lines = []
+    for one in calibration.numbers:
+        value = told(one.value, one.unit, 4)
+        if one.status == KEPT:
+            lines.append(f"  {one.key}: {value}, as written; would help: {what_would_help(one)}")
+        else:
+            lines.append(f"  {one.key}: {value} ({comment_of(one)})")
+    return lines
+
+
+def to_json(calibration: Calibration) -> dict[str, Any]:
+    """The content of calibration.json for one joint."""
+    return {
+        "joint": calibration.joint,
+        "refused": list(calibration.refused),
+        "wiring": list(calibration.wiring),
+        "notes": list(calibration.notes),
+        "numbers": [
+            asdict(one) | {"would_help": what_would_help(one) if one.status != DETERMINED else ""}
+            for one in calibration.numbers
+        ],
+        "small_effects": calibration.small,
+        "stages": {
+            name: {"before": before, "after": after, "unit": "RMS over noise"}
+            for name, (before, after) in calibration.stage_errors.items()
+        },
+        "withheld": [asdict(one) for one in calibration.withheld],
+    }

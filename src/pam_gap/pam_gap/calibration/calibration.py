@@ -1,0 +1,252 @@
+"""The calibration of one joint: from a rig file that is off, and a log, to one that fits.
+
+The order is that of the stages whose inputs are measured (`staged_fit`): wiring, regressions, gas
+and valves, body, then all numbers together beside an ordinary background. What the log has not
+narrowed stays as it is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pam_gap.answer.improved_rig import with_number
+from pam_gap.calibration.calibration_rules import DEFAULT as DEFAULT_RULES
+from pam_gap.calibration.calibration_rules import CalibrationRules
+from pam_gap.calibration.free_numbers import FreeNumber, Said
+from pam_gap.calibration.intervals import knowledge
+from pam_gap.calibration.scale_of_forces import grows, scale_weights
+from pam_gap.calibration.staged_fit import (
+    JointFit,
+    first_plant,
+    fit_beside_kept,
+    fit_stage,
+    fit_together,
+    stages,
+)
+from pam_gap.diagnose_recordings import usable_parts
+from pam_gap.inference.held_out import make_folds
+from pam_gap.inference.hypothesis import Hypothesis
+from pam_gap.inference.search import Progress, silent
+from pam_gap.prediction.fit import Array
+from pam_gap.prediction.gap_figures import GapFigure, gap_figures
+from pam_gap.prediction.identifiable import what_is_missing
+from pam_gap.prediction.materiality import squared_motion
+from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
+from pam_gap.prediction.wrong_wiring import wrong_wiring
+from pam_gap.recordings.recording import Recording
+from pam_model.rig import Rig
+from pam_model.rig.partial import PartialRig
+
+DETERMINED, RELATIVE, NARROWED, KEPT = "determined", "relative", "narrowed", "kept"
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedNumber:
+    """What a calibration says of one number.
+
+    Attributes
+    ----------
+    key, unit, stage : str
+        Key in the rig file, its unit, and the stage that finds it.
+    written : float or None
+        As it was written; None if it was missing.
+    value : float
+        As it is in the new rig file.
+    low, high : float
+        90 % interval.
+    status : str
+        `determined`; `relative` if only its ratio to the torque per pressure is known as well;
+        `narrowed` if it is known better than before, but not well; `kept` if the log says nothing
+        of it, so that it is as written.
+    relative : tuple of (float, float) or None
+        90 % interval if the torque per pressure is right; None for numbers that do not grow with
+        it.
+    """
+
+    key: str
+    unit: str
+    stage: str
+    written: float | None
+    value: float
+    low: float
+    high: float
+    status: str
+    relative: tuple[float, float] | None = None
+
+
+@dataclass(slots=True)
+class Calibration:
+    """The result for one joint.
+
+    Attributes
+    ----------
+    joint : str
+        Its name.
+    rig : Rig or None
+        The calibrated rig; None if there is none, which `refused` explains.
+    numbers : tuple of CalibratedNumber
+        Every number that was free.
+    refused : tuple of str
+        Why no rig file is written, in full sentences.
+    wiring : tuple of str
+        What is exchanged or reversed, in full sentences; it is part of `refused`, too.
+    notes : tuple of str
+        What was assumed or is missing.
+    withheld : tuple of GapFigure
+        Errors on recordings that took no part in the fit, with the numbers as written and as found.
+    small : dict of str to float
+        Sizes of small effects that every good rig has, as they were fitted; not in the rig file.
+    stage_errors : dict of str to (float, float)
+        RMS error of each stage before and after its fit, in multiples of the noise.
+    """
+
+    joint: str
+    rig: Rig | None = None
+    numbers: tuple[CalibratedNumber, ...] = ()
+    refused: tuple[str, ...] = ()
+    wiring: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    withheld: tuple[GapFigure, ...] = ()
+    small: dict[str, float] = field(default_factory=dict)
+    stage_errors: dict[str, tuple[float, float]] = field(default_factory=dict)
+    problem: PredictionProblem | None = field(default=None, repr=False)
+    before: Array | None = field(default=None, repr=False)
+    after: Array | None = field(default=None, repr=False)
+
+
+def calibrate_joint(
+    partial: PartialRig,
+    number: int,
+    recordings: Sequence[Recording],
+    withheld: Sequence[Recording] = (),
+    *,
+    said: Said,
+    rules: CalibrationRules = DEFAULT_RULES,
+    threads: int = 1,
+    progress: Progress = silent,
+) -> Calibration:
+    """Find the numbers of one joint from recordings of it.
+
+    Parameters
+    ----------
+    partial : PartialRig
+        What the rig file says.
+    number : int
+        Number of the joint.
+    recordings, withheld : sequence of Recording
+        Recordings that are fitted, and others on which the result is tried.
+    said : Said
+        How far plain numbers of the rig file may be off.
+    rules : CalibrationRules
+        Hand-set constants.
+    threads : int
+        Number of simulations that run in parallel.
+    progress : callable
+        Called with the current task and the completed share.
+    """
+    rig = partial.rig
+    result = Calibration(rig.joints[number].name)
+
+    def problem_of(what: Rig, some: Sequence[Recording]) -> PredictionProblem:
+        parts = usable_parts(what, number, some)
+        usual = PredictionSettings(rules.horizon)
+        return PredictionProblem(what, number, parts, threads=threads, usual=usual)
+
+    progress("wiring", 0.0)
+    problem = problem_of(rig, recordings)
+    result.wiring = wrong_wiring(problem)
+    result.refused = result.wiring or tuple(what_is_missing(problem))
+    if result.refused:
+        return result
+    progress("first regressions", 0.05)
+    numbers, vector = first_plant(problem, partial, said, rules)
+    for step, stage in enumerate(stages(problem)):
+        progress(f"stage: {stage.name}", 0.1 + 0.15 * step)
+        vector, result.stage_errors[stage.name] = fit_stage(problem, stage, numbers, vector, rules)
+    progress("all numbers together", 0.4)
+    joint = fit_together(problem, numbers, vector, rules)
+    found, result.small = conclusion(rig, result.joint, numbers, joint, rules)
+    names = {one.key: one.name for one in numbers}
+    calibrated = rig
+    for what in found:
+        calibrated = with_number(calibrated, result.joint, names[what.key], what.value)
+    result.numbers, result.problem, result.before = found, problem, problem.base.values
+    progress("withheld recordings", 0.9)
+    after = problem_of(calibrated, recordings)
+    result.after = after.base.values
+    result.wiring = wrong_wiring(after)
+    result.refused = (*result.wiring, *misfit(problem, joint.fitted, rules))
+    if result.refused:
+        return result
+    result.rig = calibrated
+    if withheld:
+        judged = problem_of(rig, withheld)
+        result.withheld = tuple(gap_figures(judged, result.before, result.after))
+    return result
+
+
+def conclusion(
+    rig: Rig, name: str, numbers: Sequence[FreeNumber], joint: JointFit, rules: CalibrationRules
+) -> tuple[tuple[CalibratedNumber, ...], dict[str, float]]:
+    """The numbers, fitted once more beside those of which the log says nothing; small effects."""
+    fitter = joint.fitter
+    known = knowledge(fitter, make_folds(fitter.problem), joint.fitted, rules)
+    stated = [place for place, one in enumerate(numbers) if not one.is_ordinary]
+    kept = known.kept(rules.narrowed, stated)
+    values = known.values.copy()
+    values[kept] = [known.free[place].centre for place in kept]
+    values = fit_beside_kept(fitter, kept, known.given(kept, values), rules)
+    small = {one.key: float(values[k]) for k, one in enumerate(numbers) if one.is_ordinary}
+    weights = np.zeros(known.values.size)
+    weights[: len(numbers)] = scale_weights(rig, name, numbers)
+    found = []
+    for place in stated:
+        one, value = numbers[place], float(values[place])
+        deviation = float(np.sqrt(known.covariance[place, place]))
+        ends = known.about(place, value, deviation)
+        relative = None
+        if grows(one) and one.free.is_logarithmic:
+            relative = known.about(place, value, known.relative_deviation(place, weights))
+        if place in kept:
+            status = KEPT
+        elif _is_narrow(one, value, ends, rules):
+            status = DETERMINED
+        elif relative is not None and _is_narrow(one, value, relative, rules):
+            status = RELATIVE
+        else:
+            status = NARROWED
+        found.append(
+            CalibratedNumber(
+                one.key, one.unit, one.stage, one.written, value, *ends, status, relative
+            )
+        )
+    return tuple(found), small
+
+
+def misfit(
+    problem: PredictionProblem, fitted: Hypothesis, rules: CalibrationRules
+) -> tuple[str, ...]:
+    """Channels that no numbers explain: the rig has something that no rig file describes."""
+    share = np.sqrt(fitted.mean_square / np.maximum(squared_motion(problem), 1e-300))
+    return tuple(
+        f"{problem.names[c]}: the best numbers leave {100.0 * share[c]:.0f} % of the motion "
+        "unexplained, so that none of them can be trusted. Check names, units and which robot was "
+        "recorded (`pam gap import`), then run `pam gap diagnose`."
+        for c in np.flatnonzero(problem.present)
+        if share[c] > rules.misfit
+    )
+
+
+def _is_narrow(
+    one: FreeNumber, value: float, ends: tuple[float, float], rules: CalibrationRules
+) -> bool:
+    """Whether an interval is narrow enough for a number to count as determined."""
+    half = 0.5 * (ends[1] - ends[0])
+    if one.unit == "rad":
+        return half <= rules.determined_angle
+    if one.is_sensor and one.unit == "Pa":
+        return half <= one.free.prior
+    return half <= rules.determined * abs(value)

@@ -1,0 +1,93 @@
+"""Hand-set constants of a calibration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from pam_gap.prediction.fit import FreeParameter
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationRules:
+    """Hand-set constants of a calibration; none of them changes a diagnosis.
+
+    Attributes
+    ----------
+    angle : float
+        How far a written angle may be off [rad]: that of a protractor and the zero of the encoder.
+    sensor_gain : float
+        Standard deviation of the gain of a pressure sensor [-]; data sheets state 0.25 to 1 % of
+        the span.
+    sensor_zero : float
+        Standard deviation of its zero, over the gauge pressure of the supply [-].
+    usual, usual_spread, usual_most : float
+        Size of a small effect of a good rig: mean, standard deviation and most, over the largest
+        ordinary size in the file of the effect.
+    usual_shape : float
+        Standard deviation of the logarithm of a length or time that shapes such an effect.
+    reach : float
+        Bounds of a fit, in tolerances from the written value.
+    unknown_reach : float
+        Bounds of a missing number: this factor to either side of the first regression.
+    stage_steps, last_steps, kept_steps : int
+        Largest number of steps of the fit of one stage, of a fit of all numbers together, and of
+        the fit beside numbers that are kept.
+    rounds : int
+        Fits of all numbers together; each begins with the play of the valves that the one before
+        has found.
+    horizon : float
+        Time constant with which the pressures are corrected by the measured ones [s]: short, so
+        that an error of a valve does not pass on to the body.
+    tolerance : float
+        Decrease of the mean log error in one step below which the fit of all numbers ends.
+    lags : int
+        Seconds up to which errors are correlated: a supply wanders, friction depends on the motion.
+    correlation : float
+        Number of samples whose correlated errors say as much as one of independent errors; what was
+        known before the log has so much more weight in a fit.
+    discrepancy : float
+        Factor of the deviations that the errors of the fit show: the laws of a real rig differ from
+        those of the simulation. It was set on drawn rigs of the seeds 21 and 22.
+    determined : float
+        Half width of the 90 % interval, relative, up to which a number counts as determined.
+    determined_angle : float
+        The same for an angle [rad].
+    narrowed : float
+        Deviation of a number over that before the log, above which the log has said nothing of it.
+    withheld : float
+        Share of a single recording that takes no part in the fit.
+    misfit : float
+        RMS error of the fit over the motion of a channel, above which nothing is written.
+    """
+
+    angle: float = 0.1
+    sensor_gain: float = 0.006
+    sensor_zero: float = 0.003
+    usual: float = 0.5
+    usual_spread: float = 0.35
+    usual_most: float = 1.5
+    usual_shape: float = 1.0
+    reach: float = 1.2
+    unknown_reach: float = 30.0
+    stage_steps: int = 12
+    last_steps: int = 12
+    kept_steps: int = 4
+    rounds: int = 2
+    horizon: float = 0.06
+    tolerance: float = 2e-4
+    lags: int = 4
+    correlation: float = 25.0
+    discrepancy: float = 1.5
+    determined: float = 0.05
+    determined_angle: float = 0.02
+    narrowed: float = 0.7
+    withheld: float = 0.2
+    misfit: float = 0.15
+
+    def weighted(self, free: FreeParameter) -> FreeParameter:
+        """A number as a fit takes it: what was known of it has the weight of `correlation`."""
+        return replace(free, prior=free.prior / math.sqrt(self.correlation))
+
+
+DEFAULT = CalibrationRules()

@@ -1,0 +1,289 @@
+"""Fits in stages, each with measured inputs, and then of all numbers together.
+
+The gas is simulated along the measured motion, the body along the measured pressures, so that no
+error of one stage passes on to the next. Linear regressions (`pam_model.identify.joint_regression`)
+give the start of each stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pam_gap.calibration.calibration_rules import CalibrationRules
+from pam_gap.calibration.free_numbers import (
+    BODY,
+    GAS,
+    ORDINARY_BODY,
+    ORDINARY_VALVE,
+    SENSORS,
+    STATICS,
+    FreeNumber,
+    Said,
+    free_numbers,
+)
+from pam_gap.calibration.small_errors import ValvePlay, small_errors
+from pam_gap.inference.background import Background
+from pam_gap.inference.candidates import SIDES
+from pam_gap.inference.hypothesis import Hypothesis, HypothesisFitter
+from pam_gap.prediction.channel_order import BOTH_PRESSURES, N_CHANNELS, POSITION
+from pam_gap.prediction.fit import Array, fit
+from pam_gap.prediction.gap_figures import noise_level
+from pam_gap.prediction.problem import PredictionProblem, PredictionSettings
+from pam_gap.recordings.recording import LOCKED, SHUT, TURNED_OVER
+from pam_model.identify.joint_regression import MotionRecord, body_regression, valve_regression
+from pam_model.plant.parameters import INDEX, NAMES
+from pam_model.rig.partial import PartialRig
+
+GAS_SETTINGS = PredictionSettings(follow_motion=True)
+BODY_SETTINGS = PredictionSettings(follow_pressures=True)
+OF_GAS = ("dead_volume", "sonic_conductance", "critical_ratio", "time_constant")
+
+
+def motion_records(problem: PredictionProblem) -> list[MotionRecord]:
+    """The recordings in which the joint moves freely, as regressions take them."""
+    return [
+        MotionRecord(
+            data.recording.sample_time,
+            data.commands if data.has_commands else None,
+            data.measured[:, BOTH_PRESSURES],
+            data.measured[:, POSITION],
+            np.pi if data.recording.mounting == TURNED_OVER else 0.0,
+        )
+        for data in problem.data
+        if data.recording.mounting not in (LOCKED, SHUT)
+        and data.external is None
+        and problem.recorded[POSITION]
+    ]
+
+
+def first_numbers(
+    problem: PredictionProblem, partial: PartialRig, lengths: Mapping[str, float]
+) -> dict[str, float]:
+    """The written numbers, and those of the regressions where they can be used.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        The rig as written, and its recordings.
+    partial : PartialRig
+        What the rig file says.
+    lengths : mapping of str to float
+        Relative standard deviation of each length, by plant parameter.
+    """
+    start = dict(zip(NAMES, problem.base.values.tolist(), strict=True))
+    records = motion_records(problem)
+    if not records:
+        return start
+    for name, value in body_regression(problem.rig, problem.joint, records, lengths).items():
+        if name in start and (value > 0.0 or name.endswith("_angle")):
+            start[name] = value
+        elif name.startswith("factor "):
+            start[name.removeprefix("factor ")] *= value
+    for side, owner in enumerate(SIDES):
+        found = valve_regression(problem.rig, problem.joint, side, records)
+        muscle = problem.rig.joints[problem.joint].muscles[side]
+        for key, value in found.items():
+            # a dead volume is the small difference of large ones: better than nothing, no more
+            if value > 0.0 and (key != "dead_volume" or f"{muscle}.{key}" in partial.missing):
+                start[f"{owner}.{key}"] = value
+    return start
+
+
+def first_plant(
+    problem: PredictionProblem, partial: PartialRig, said: Said, rules: CalibrationRules
+) -> tuple[tuple[FreeNumber, ...], Array]:
+    """The free numbers, and the plant with the first numbers of the regressions.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        The rig as written, and its recordings.
+    partial : PartialRig
+        What the rig file says.
+    said : Said
+        How far plain numbers of it may be off.
+    rules : CalibrationRules
+        Hand-set constants.
+
+    Returns
+    -------
+    numbers : tuple of FreeNumber
+        What a calibration may change.
+    vector : ndarray, shape (n_parameters,)
+        The plant from which the first stage begins.
+    """
+    joint = partial.rig.joints[problem.joint]
+    start = dict(zip(NAMES, problem.base.values.tolist(), strict=True))
+    has = problem.has_commands
+    numbers = free_numbers(partial, joint, start, said, rules, has_commands=has)
+    lengths = {one.name: one.free.prior for one in numbers if one.stage == STATICS}
+    first = first_numbers(problem, partial, lengths)
+    start |= {one.name: first[one.name] for one in numbers if one.written is None}
+    numbers = free_numbers(partial, joint, start, said, rules, has_commands=has)
+    vector = problem.base.values.copy()
+    for one in numbers:
+        begin = one.free.centre if one.is_ordinary else first[one.name]
+        vector[[INDEX[name] for name in one.targets]] = min(max(begin, one.free.low), one.free.high)
+    return numbers, vector
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One stage: which numbers it finds, from which channels, with which inputs measured."""
+
+    name: str
+    numbers: tuple[str, ...]
+    channels: tuple[int, ...]
+    settings: PredictionSettings
+
+
+def stages(problem: PredictionProblem) -> tuple[Stage, ...]:
+    """The stages that the recorded channels permit."""
+    found = []
+    pressures = tuple(range(N_CHANNELS))[BOTH_PRESSURES]
+    if problem.has_commands and problem.recorded[POSITION]:
+        found.append(Stage(GAS, (GAS, SENSORS, ORDINARY_VALVE), pressures, GAS_SETTINGS))
+    if problem.recorded[POSITION]:
+        others = tuple(c for c in range(N_CHANNELS) if c not in pressures)
+        found.append(Stage(BODY, (STATICS, BODY, SENSORS, ORDINARY_BODY), others, BODY_SETTINGS))
+    return tuple(found)
+
+
+def fit_stage(
+    problem: PredictionProblem,
+    stage: Stage,
+    numbers: Sequence[FreeNumber],
+    vector: Array,
+    rules: CalibrationRules,
+) -> tuple[Array, tuple[float, float]]:
+    """The plant with the numbers of one stage fitted, and the RMS errors before and after.
+
+    The errors are those of the channels of the stage, in multiples of their noise.
+
+    Parameters
+    ----------
+    problem : PredictionProblem
+        The recordings.
+    stage : Stage
+        One of `stages`.
+    numbers : sequence of FreeNumber
+        All free numbers.
+    vector : ndarray, shape (n_parameters,)
+        The plant before.
+    """
+    own = [one for one in numbers if one.stage in stage.numbers]
+    compared = [c for c in stage.channels if problem.recorded[c]]
+    if not own or not compared:
+        return vector, (float("nan"), float("nan"))
+    left_out = [c for c in range(N_CHANNELS) if c not in compared]
+    places = [np.array([INDEX[name] for name in one.targets]) for one in own]
+    problem = ValvePlay.usual(problem).applied(problem)
+
+    def predict(lanes: Array) -> Array:
+        full = problem.vectors(vector, places, [False] * len(own), lanes)
+        errors = problem.errors(full, stage.settings)
+        errors[..., left_out] = np.nan
+        return errors
+
+    def rms(lane: Array) -> float:
+        error = predict(lane[None])[0, problem.counted]
+        return float(np.sqrt(np.nanmean(error[:, compared] ** 2)))
+
+    floor = noise_level(problem, vector, stage.settings)
+    start = np.array([vector[INDEX[one.name]] for one in own])
+    found = fit(
+        predict,
+        [rules.weighted(one.free) for one in own],
+        start,
+        rows=problem.counted,
+        floor=floor,
+        max_iterations=rules.stage_steps,
+    )
+    result: Array = problem.vectors(vector, places, [False] * len(own), found.values[None])[0]
+    return result, (rms(start), rms(found.values))
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The fit of all numbers together.
+
+    Attributes
+    ----------
+    fitter : HypothesisFitter
+        Its numbers, and the small errors of valves and sensors beside them.
+    fitted : Hypothesis
+        The result, without effects of the table.
+    """
+
+    fitter: HypothesisFitter
+    fitted: Hypothesis
+
+
+def fit_together(
+    problem: PredictionProblem,
+    numbers: Sequence[FreeNumber],
+    vector: Array,
+    rules: CalibrationRules,
+) -> JointFit:
+    """All numbers at once, beside the small errors of valves and sensors of a good rig.
+
+    Parameters
+    ----------
+    problem, numbers, vector, rules
+        As for `fit_stage`.
+    """
+    floor = noise_level(problem, vector)
+    valves = ValvePlay.usual(problem)
+    values = np.array([vector[INDEX[one.name]] for one in numbers])
+    for turn in range(rules.rounds):
+        played = valves.applied(problem)
+        fitter = HypothesisFitter(played, floor, [one.nuisance(rules) for one in numbers])
+        values = np.concatenate(  # a bag adds the transport time of its messages
+            [values, [n.free.centre for n in fitter.nuisances[len(values) :]]]
+        )
+        at = fitter.vector((), values)
+        terms = small_errors(problem, valves, at, rules)
+        fitter.parts = fitter.background = Background(("",) * len(terms.free), terms)
+        tolerance = rules.tolerance if turn else None
+        fitted = fitter.fit((), values, max_iterations=rules.last_steps, tolerance=tolerance)
+        values = fitted.result.values
+        if turn < rules.rounds - 1:
+            valves = valves.moved(fitted.result.amounts)
+    return JointFit(fitter, fitted)
+
+
+def fit_beside_kept(
+    fitter: HypothesisFitter, kept: Sequence[int], values: Array, rules: CalibrationRules
+) -> Array:
+    """Values of all numbers if some are not fitted but kept.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        Of `fit_together`.
+    kept : sequence of int
+        Places of the numbers that are kept.
+    values : ndarray, shape (n,)
+        Of all numbers; those that are kept, and where the fit of the others begins.
+    rules : CalibrationRules
+        Steps of the fit.
+    """
+    nuisances = fitter.nuisances
+    own = [place for place in range(len(nuisances)) if place not in kept]
+    problem = fitter.problem.based_on(
+        {
+            nuisances[k].targets[0]: float(values[k])
+            for k in kept
+            if nuisances[k].targets[0] in INDEX
+        }
+    )
+    beside = HypothesisFitter(problem, fitter.floor, [nuisances[k] for k in own])
+    beside.nuisances = tuple(nuisances[k] for k in own)
+    beside.parts = beside.background = fitter.background
+    fitted = beside.fit((), values[own], max_iterations=rules.kept_steps)
+    result = values.copy()
+    result[own] = fitted.result.values
+    return result

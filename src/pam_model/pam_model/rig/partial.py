@@ -1,0 +1,177 @@
+"""A rig file that is not complete yet: numbers may be missing, or given as a range.
+
+An owner has a data sheet and a tape measure, and `calibrate` finds the rest from recordings. A
+range is written `inertia: {between: [0.02, 0.1]}`. Every other tool needs numbers and refuses such
+a file (`pam_model.rig.keys.Section`). Lengths, which no log determines alone, must be stated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pam_model.errors import RigError
+from pam_model.rig.file import read_parameters
+from pam_model.rig.keys import BETWEEN, NUMBERS, Key, Problems, Section
+from pam_model.rig.parser import parse_rig, unflatten
+from pam_model.rig.types import Rig
+
+INERTIA_PER_TORQUE = 0.004
+"""Guess of a missing inertia [kg m^2] for each N m of the agonist's torque, as in `size`."""
+FRICTION_PER_TORQUE = 0.01
+"""Guess of a missing viscous friction [N m s/rad] for each N m."""
+MISSING: Mapping[str, Mapping[str, float]] = {
+    "joint": {
+        "inertia": 1e-3,
+        "viscous_friction": 1e-3,
+        "gravity_torque": 0.0,
+        "gravity_angle": 0.0,
+    },
+    "muscle": {"dead_volume": 2e-5},
+    "valve": {"sonic_conductance": 5e-9, "critical_ratio": 0.3, "time_constant": 0.008},
+}
+"""Numbers that may be missing, with the guess from which a calibration starts."""
+STATED: Mapping[str, tuple[str, ...]] = {
+    "": ("supply_pressure",),
+    "joint": ("pulley_radius",),
+    "muscle": ("thread_length", "turns", "neutral_length"),
+}
+"""Numbers that a calibration changes within what is stated, but that must be stated."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartialRig:
+    """What a rig file says before a calibration.
+
+    Attributes
+    ----------
+    rig : Rig
+        A complete rig: as written, with the middle of each range and a guess where a number is
+        missing. Whether all muscles reach the position limits is not checked, because lengths may
+        still be wrong.
+    ranges : mapping of str to (float, float)
+        Lowest and highest value of the numbers that are given as a range, by key.
+    missing : frozenset of str
+        Keys of the numbers that are not written.
+    """
+
+    rig: Rig
+    ranges: Mapping[str, tuple[float, float]]
+    missing: frozenset[str]
+
+
+def load_partial_rig(path: str | Path) -> PartialRig:
+    """Read a rig file in which numbers may be missing or given as a range.
+
+    Parameters
+    ----------
+    path : str or Path
+        A rig file; a complete one is read as well.
+
+    Raises
+    ------
+    RigError
+        With one line for every problem: file, key, value, unit, what was expected.
+    """
+    path = Path(path)
+    try:
+        tree = unflatten(read_parameters(path))
+    except RigError as error:
+        text = str(error)
+        raise RigError(text if str(path) in text else f"{path}: {text}") from None
+    problems = Problems(str(path))
+    ranges: dict[str, tuple[float, float]] = {}
+    missing: set[str] = set()
+    filled = deepcopy(tree)
+    for where, section in _sections(filled):
+        guesses = MISSING.get(section, {})
+        branch = _branch(filled, where)
+        if branch is None:
+            continue
+        reader = Section(branch, where, problems)
+        for name in (*guesses, *STATED.get(section, ())):
+            if name not in branch:
+                if name in guesses:
+                    missing.add(reader.key(name))
+                    branch[name] = guesses[name]
+            elif isinstance(branch[name], Mapping):
+                found = _range(reader, name, NUMBERS[section][name])
+                if found is not None:
+                    ranges[reader.key(name)] = found
+                    branch[name] = middle(*found)
+    if problems.lines:
+        raise RigError("\n".join(problems.lines))
+    rig = parse_rig(filled, str(path), folders=(path.parent,), must_reach=False)
+    return PartialRig(_with_guesses(rig, missing), ranges, frozenset(missing))
+
+
+def middle(low: float, high: float) -> float:
+    """Geometric mean of a range above 0, else the mean."""
+    return math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
+
+
+def _sections(tree: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Dotted place and kind of every section that may be incomplete."""
+    yield "", ""
+    joints = [name for name in _names(tree.get("joints")) if isinstance(tree.get(name), dict)]
+    muscles = list(_names(tree.get("bench_muscles")))
+    for joint in joints:
+        yield joint, "joint"
+        muscles += _names(tree[joint].get("muscles"))
+    for muscle in muscles:
+        if isinstance(tree.get(muscle), dict):
+            yield muscle, "muscle"
+            yield f"{muscle}.valve", "valve"
+
+
+def _names(given: object) -> Sequence[str]:
+    is_list = isinstance(given, Sequence) and not isinstance(given, str)
+    return [name for name in given if isinstance(name, str)] if is_list else []  # type: ignore[union-attr]
+
+
+def _branch(tree: dict[str, Any], where: str) -> dict[str, Any] | None:
+    branch: Any = tree
+    for step in where.split(".") if where else ():
+        branch = branch.get(step)
+        if not isinstance(branch, dict):
+            return None
+    return branch if isinstance(branch, dict) else None
+
+
+def _range(section: Section, name: str, key: Key) -> tuple[float, float] | None:
+    """The range under a key; else None, and a problem is added."""
+    given = section.tree[name]
+    ends = given.get(BETWEEN)
+    is_pair = isinstance(ends, Sequence) and not isinstance(ends, str) and len(ends) == 2
+    if set(given) != {BETWEEN} or not is_pair:
+        unit = "" if key.unit == "-" else f" in {key.unit}"
+        text = f": must be a number{unit}, or a range as {{{BETWEEN}: [1.0, 2.0]}}"
+        section.add(name, text)
+        return None
+    low, high = (section.check(name, end, key) for end in ends)
+    if low is None or high is None:
+        return None
+    if not low < high:
+        section.add(name, f" = between {low:g} and {high:g} {key.unit}: lower must be below upper")
+        return None
+    return low, high
+
+
+def _with_guesses(rig: Rig, missing: set[str]) -> Rig:
+    """The rig with guesses of inertia and friction that suit the torque of its muscles."""
+    guesses = {"inertia": INERTIA_PER_TORQUE, "viscous_friction": FRICTION_PER_TORQUE}
+    for joint in rig.joints:
+        muscle = rig.muscle(joint.agonist)
+        model = rig.force_model(muscle.name)
+        torque = joint.pulley_radius * model.force(muscle.max_pressure, muscle.neutral_length)
+        changes = {
+            name: per_torque * float(torque)
+            for name, per_torque in guesses.items()
+            if f"{joint.name}.{name}" in missing and torque > 0.0
+        }
+        rig = rig.with_joint(replace(joint, **changes))
+    return rig

@@ -1,0 +1,125 @@
+"""A rig file in which numbers are missing or given as ranges, and who reads it."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from pam_model.errors import RigError
+from pam_model.rig import load_rig, save_rig
+from pam_model.rig.partial import MISSING, STATED, load_partial_rig
+
+ELBOW = Path(__file__).parents[2] / "config" / "elbow.yaml"
+
+
+def _tree() -> dict[str, Any]:
+    tree: dict[str, Any] = yaml.safe_load(ELBOW.read_text(encoding="utf-8"))
+    return tree["/**"]["ros__parameters"]
+
+
+def _write(tree: dict[str, Any], path: Path) -> Path:
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tree}}), encoding="utf-8")
+    return path
+
+
+def _places() -> list[tuple[str, str, bool]]:
+    """Dotted section, key, and whether the key may be missing, of every calibrated number."""
+    where = {"": "", "joint": "elbow", "muscle": "elbow_flexor", "valve": "elbow_flexor.valve"}
+    return [
+        (where[section], key, section in MISSING and key in MISSING[section])
+        for section in where
+        for key in (*MISSING.get(section, ()), *STATED.get(section, ()))
+    ]
+
+
+def _branch(tree: dict[str, Any], where: str) -> dict[str, Any]:
+    for step in where.split(".") if where else ():
+        tree = tree[step]
+    return tree
+
+
+def test_a_complete_rig_file_is_read_as_it_is() -> None:
+    partial = load_partial_rig(ELBOW)
+    assert partial.rig == load_rig(ELBOW)
+    assert not partial.ranges
+    written = _tree()
+    assert all(
+        key.rpartition(".")[2] not in _branch(written, key.rpartition(".")[0])
+        for key in partial.missing
+    )
+
+
+@pytest.mark.parametrize(("where", "key", "may_miss"), _places())
+def test_every_calibrated_number_may_be_a_range(
+    tmp_path: Path, where: str, key: str, may_miss: bool
+) -> None:
+    tree = _tree()
+    value = load_partial_rig(ELBOW).rig.to_parameters()
+    number = float(_branch(value, where)[key]) or 0.1
+    ends = sorted((0.9 * number, 1.1 * number))
+    _branch(tree, where)[key] = {"between": ends}
+    path = _write(tree, tmp_path / "rig.yaml")
+    partial = load_partial_rig(path)
+    full = f"{where}.{key}".lstrip(".")
+    assert partial.ranges == {full: tuple(ends)}
+    found = float(_branch(partial.rig.to_parameters(), where)[key])
+    assert ends[0] <= found <= ends[1]
+    with pytest.raises(RigError, match=rf"{full}: a range.*gap calibrate"):
+        load_rig(path)
+
+
+@pytest.mark.parametrize(("where", "key", "may_miss"), _places())
+def test_what_no_log_determines_must_be_stated(
+    tmp_path: Path, where: str, key: str, may_miss: bool
+) -> None:
+    tree = _tree()
+    _branch(tree, where).pop(key, None)
+    path = _write(tree, tmp_path / "rig.yaml")
+    full = f"{where}.{key}".lstrip(".")
+    if may_miss:
+        assert full in load_partial_rig(path).missing
+    else:
+        with pytest.raises(RigError, match=rf"{full}: missing"):
+            load_partial_rig(path)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"between": [0.1]}, "a range as"),
+        ({"between": 0.1}, "a range as"),
+        ({"from": 0.1}, "a range as"),
+        ({"between": [0.2, 0.1]}, "lower must be below upper"),
+        ({"between": [0.1, 5000.0]}, "must be from"),
+        ({"between": ["a", "b"]}, "must be a number"),
+    ],
+)
+def test_a_wrong_range_is_named_with_its_key(tmp_path: Path, given: object, words: str) -> None:
+    tree = copy.deepcopy(_tree())
+    tree["elbow"]["inertia"] = given
+    with pytest.raises(RigError, match=rf"rig\.yaml: elbow\.inertia.*{words}"):
+        load_partial_rig(_write(tree, tmp_path / "rig.yaml"))
+
+
+def test_a_number_that_is_not_calibrated_is_no_range(tmp_path: Path) -> None:
+    tree = _tree()
+    tree["elbow"]["max_velocity"] = {"between": [1.0, 2.0]}
+    with pytest.raises(RigError, match=r"elbow\.max_velocity: a range"):
+        load_partial_rig(_write(tree, tmp_path / "rig.yaml"))
+
+
+def test_comments_stand_behind_their_numbers(tmp_path: Path) -> None:
+    rig = load_rig(ELBOW)
+    path = tmp_path / "rig.yaml"
+    notes = {"elbow.inertia": "first", "elbow_extensor.valve.time_constant": "second\nline"}
+    save_rig(rig, path, comments=notes)
+    assert load_rig(path) == rig
+    lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines()]
+    commented = [line for line in lines if "  # " in line]
+    assert len(commented) == 2
+    assert commented[0].startswith("inertia:") and commented[0].endswith("# first")
+    assert commented[1].startswith("time_constant:") and commented[1].endswith("# second line")
