@@ -10,6 +10,7 @@ numbers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -91,7 +92,7 @@ class Knowledge:
         """Deviation of the logarithm of one number less a weighted sum of those of others."""
         row = -weights.copy()
         row[place] += 1.0
-        return float(np.sqrt(max(row @ self.covariance @ row, 0.0)))
+        return math.sqrt(max(float(row @ self.covariance @ row), 0.0))
 
     def about(self, place: int, value: float, deviation: float) -> tuple[float, float]:
         """The 90 % interval of one number about a value, within its bounds."""
@@ -156,7 +157,7 @@ def knowledge(
         known = counted & np.isfinite(e) & np.isfinite(d).all(axis=1)
         hessian += weights[channel] * d[known].T @ d[known]
         inside = known & (folds.score_block >= 0)
-        share = known.sum() / max(inside.sum(), 1)
+        share = int(known.sum()) / max(int(inside.sum()), 1)
         pulls = np.sqrt(share) * weights[channel] * d[inside] * e[inside, None]
         np.add.at(slopes, folds.score_block[inside], pulls)
     score = long_run_covariance(slopes - slopes.mean(axis=0), rules.lags) + hessian
