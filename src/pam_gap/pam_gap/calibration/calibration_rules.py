@@ -41,6 +41,9 @@ class CalibrationRules:
         that an error of a valve does not pass on to the body.
     tolerance : float
         Decrease of the mean log error in one step below which the fit of all numbers ends.
+    difference, fine_step : float
+        Step of the differences for the intervals, in typical changes of a number, and longest step
+        of the integration for them [s].
     lags : int
         Seconds up to which errors are correlated: a supply wanders, friction depends on the motion.
     correlation : float
@@ -76,8 +79,10 @@ class CalibrationRules:
     rounds: int = 2
     horizon: float = 0.06
     tolerance: float = 2e-4
+    difference: float = 0.4
+    fine_step: float = 5e-4
     lags: int = 4
-    correlation: float = 25.0
+    correlation: float = 50.0
     discrepancy: float = 1.5
     determined: float = 0.05
     determined_angle: float = 0.02
