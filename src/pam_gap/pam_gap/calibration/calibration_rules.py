@@ -83,7 +83,7 @@ class CalibrationRules:
     fine_step: float = 5e-4
     lags: int = 4
     correlation: float = 50.0
-    discrepancy: float = 1.5
+    discrepancy: float = 2.0
     determined: float = 0.05
     determined_angle: float = 0.02
     narrowed: float = 0.7
