@@ -15,8 +15,8 @@ from pam_check.calibration.drawn_rig import (
     OF_LENGTH,
     THIRD,
     DrawnRig,
-    _exchange,
     draw_rig,
+    exchange,
 )
 from pam_gap.calibration.calibration import DETERMINED, KEPT, CalibratedNumber
 
@@ -62,9 +62,9 @@ def test_the_log_is_as_the_pages_ask_for(drawn: DrawnRig) -> None:
 
 @pytest.mark.parametrize("what", EXCHANGES)
 def test_an_exchange_changes_the_log_and_undoes_itself(drawn: DrawnRig, what: str) -> None:
-    once = _exchange(drawn.log, what)
+    once = exchange(drawn.log, what)
     assert not once[sorted(once)].equals(drawn.log[sorted(drawn.log)])
-    twice = _exchange(once, what)
+    twice = exchange(once, what)
     assert twice[sorted(twice)].equals(drawn.log[sorted(drawn.log)])
 
 
@@ -82,10 +82,12 @@ def test_the_comparison_sees_errors_and_ratios(drawn: DrawnRig) -> None:
     assert rows["elbow.inertia"].ratio_error == pytest.approx(0.1)
     assert math.isnan(rows["elbow_flexor.turns"].ratio_error)
     rigs = [{"exchanged": "", "refused": False, "told": False, "before": 1.0, "after": 0.1,
+             "tried": [True, False],
              "seconds": 1.0}]  # fmt: skip
     result = score(list(rows.values()), rigs)
     assert result["determined"] < 0.01
     assert result["relative"] == pytest.approx(0.1)
+    assert result["exchanges_tried"] == [1, 2]
 
 
 def test_the_torque_per_pressure_grows_with_the_pulley(drawn: DrawnRig) -> None:

@@ -135,12 +135,14 @@ def test_the_conductance_begins_in_the_right_valley(rig: Rig, log: Recording) ->
     assert conductance["valve.sonic_conductance"] == pytest.approx(true, rel=0.15)
 
 
-@pytest.mark.parametrize("turned", ["sign", "hoses"])
+@pytest.mark.parametrize("turned", ["sign", "hoses", "valve"])
 def test_an_exchange_is_named_and_gives_no_rig_file(rig: Rig, log: Recording, turned: str) -> None:
     values = dict(log.values)
     first, second = rig.joints[0].muscles
     if turned == "sign":
         values["joint_states.elbow.position"] = -values["joint_states.elbow.position"]
+    elif turned == "valve":
+        values[f"valve_commands.{second}"] = -values[f"valve_commands.{second}"]
     else:
         for kind in ("valve_commands.", "pressure_states."):
             pair = (kind + first, kind + second)

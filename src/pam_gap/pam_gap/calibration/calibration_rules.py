@@ -58,6 +58,9 @@ class CalibrationRules:
         The same for an angle [rad].
     narrowed : float
         Deviation of a number over that before the log, above which the log has said nothing of it.
+    slow_band : float
+        Upper end of the band in which a pressure follows its command, and a force its pressure
+        [Hz].
     withheld : float
         Share of a single recording that takes no part in the fit.
     misfit : float
@@ -87,6 +90,7 @@ class CalibrationRules:
     determined: float = 0.05
     determined_angle: float = 0.02
     narrowed: float = 0.7
+    slow_band: float = 5.0
     withheld: float = 0.2
     misfit: float = 0.15
 
