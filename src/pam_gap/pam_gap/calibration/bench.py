@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from pam_gap.answer.improved_rig import with_number
-from pam_gap.calibration.calibration import Calibration, conclusion, misfit
+from pam_gap.calibration.calibration import KEPT, Calibration, conclusion, misfit
 from pam_gap.calibration.calibration_rules import DEFAULT, CalibrationRules
 from pam_gap.calibration.free_numbers import (
     GAS,
@@ -247,6 +247,8 @@ def calibrate_bench_muscle(
     names = {one.key: one.name for one in numbers}
     after, calibrated = problem.base.values.copy(), rig
     for what in result.numbers:
+        if what.status == KEPT:
+            continue
         after[INDEX[names[what.key]]] = what.value
         calibrated = with_number(calibrated, rig.joints[0].name, names[what.key], what.value)
     result.after = after

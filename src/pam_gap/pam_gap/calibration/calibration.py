@@ -173,7 +173,8 @@ def calibrate_joint(
     names = {one.key: one.name for one in numbers}
     calibrated = rig
     for what in found:
-        calibrated = with_number(calibrated, result.joint, names[what.key], what.value)
+        if what.status != KEPT:
+            calibrated = with_number(calibrated, result.joint, names[what.key], what.value)
     result.numbers, result.problem, result.before = found, problem, problem.base.values
     progress("withheld recordings", 0.9)
     after = problem_of(calibrated, recordings)
@@ -218,6 +219,11 @@ def conclusion(
     known = knowledge(fitter, make_folds(fitter.problem), joint.fitted, rules)
     stated = [place for place, one in enumerate(numbers) if not one.is_ordinary]
     kept = known.kept(rules.narrowed, stated)
+    for place, one in enumerate(numbers):  # a sensor is taken for right if it may be
+        deviation = float(np.sqrt(known.covariance[place, place]))
+        low, high = known.about(place, float(known.values[place]), deviation)
+        if one.is_sensor and place not in kept and low <= one.free.centre <= high:
+            kept.append(place)
     values = known.values.copy()
     values[kept] = [known.free[place].centre for place in kept]
     values = fit_beside_kept(fitter, kept, known.given(kept, values), rules)
